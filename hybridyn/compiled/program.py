@@ -235,6 +235,12 @@ class Program:
     own: int
     notes: tuple[str, ...] = field(default=())
 
+    @property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """The numbers of given, result, shared and own."""
+        given, result = (sum(size for _, size in ends) for ends in (self.inputs, self.outputs))
+        return given, result, self.shared, self.own
+
 
 def stored(parts: Sequence[tuple[str, int]]) -> list[tuple[str, int, int]]:
     """Return name, length and start of parts that are stored one after the other."""

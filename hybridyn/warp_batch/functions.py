@@ -16,12 +16,11 @@ from importlib import import_module, resources
 from importlib.util import find_spec
 from typing import Any
 
-from ..compiled.code.across_lanes import across_samples
-from ..compiled.code.drivers import Tables
+from ..compiled.code.drivers import HEAD as SAMPLES
+from ..compiled.code.drivers import MOVES, Tables, across_samples
 from ..compiled.code.kernels import kernel_graph, kernel_text
-from ..compiled.code.plain_c import FUNCTIONS, MOVES, SINES
 from ..compiled.code.rules import check, trimmed
-from ..compiled.code.scalars import GUARD_LIMIT, REAL, text_of
+from ..compiled.code.scalars import GUARD_LIMIT, REAL, SINES, arithmetic
 from ..compiled.program import Program, stored
 from ..description.names import did_you_mean
 
@@ -42,11 +41,12 @@ _numbers = itertools.count()
 
 #: Mark of a function of the device.
 ON_DEVICE = "CUDA_CALLABLE "
-#: What the C of programs needs before it, beside `plain_scalar.h`.
+#: What the C of programs needs before it, beside `scalar.h`.
 HEAD = """#define restrict __restrict__
 #if defined(__CUDA_ARCH__) || defined(__FMA__)
 #define FAST_FMA
-#endif"""
+#endif
+#define INLINE static CUDA_CALLABLE inline"""
 #: Run a program for one sample: its guard, NaN where a number that is not finite comes in or out.
 RUN = """static S {name}_run(const S *given, S *result) {{
     S shared[{shared}], own[{own}], guard = 0;
@@ -97,12 +97,10 @@ def native(
     """
     inputs, outputs = (tuple(end) for end in ends)
     members = "\n".join([*_programs(programs, dtype), more])
-    used = [word for word in FUNCTIONS if re.search(rf"\b{word}\(", members)]
     head = [
-        f"#define FUNCTION(name) name{'##f' if dtype == 'float32' else ''}",
+        f"#define SCALAR(name) name{'##f' if dtype == 'float32' else ''}",
         HEAD,
-        text_of("plain_scalar.h"),
-        *(f"#define {word} FUNCTION({word.lower()})" for word in used),
+        arithmetic(1),
     ]
     given, result = (max(sum(size for _, size in end), 1) for end in (inputs, outputs))
     read = "\n".join(_moved(n, size, f"given[{at} + k] = {{}}") for n, size, at in stored(inputs))
@@ -154,14 +152,13 @@ def _programs(programs: Mapping[str, Program], dtype: str) -> list[str]:
             kernels.setdefault(text, f"kernel_{len(kernels)}")
         drivers.append(_driver(called, program, [kernels[text] for text in texts], dtype))
     code = "\n".join([*(f"static void {name}{text}" for text, name in kernels.items()), *drivers])
-    moves = [text for word, text in MOVES.items() if re.search(rf"\b{word}\(", code)]
-    return [*moves, SINES, code]
+    return [MOVES, SINES, code]
 
 
 def _driver(name: str, program: Program, kernels: list[str], dtype: str) -> str:
     """Return the C of a program that calls its kernels, and runs for one sample."""
     tables = Tables(dtype)
-    head = f"static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard)"
+    head = SAMPLES.format(name=name)
     first, rest = across_samples(program, kernels, tables, head=head).split("\n", 1)
     gathered = [
         f"for (int k = 0; k < {size}; k++) given[{at} + k] = in[{n}][k];"

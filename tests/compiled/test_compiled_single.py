@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from hybridyn.compiled.code import alone
-from hybridyn.compiled.code.alone import plain_kernels
 from hybridyn.compiled.code.library_source import library_source
 from hybridyn.compiled.code.scalars import Scalar, text_of
 from hybridyn.compiled.library.building import find_compiler, run_one
@@ -26,35 +24,27 @@ def program_of(copies: int) -> Program:
 
 
 @pytest.mark.parametrize(
-    ("program", "statements", "some", "all_"),
-    [
-        (program_of(1), 10, True, True), (program_of(6), 10, True, False), (toy(3, 1), 10, False, False),
-        (program_of(1), 10_000, False, False),
-    ],
-)  # fmt: skip
+    ("program", "kernels"),
+    [(program_of(1), 4), (program_of(6), 2), (toy(3, 1), 0)],
+    ids=["one", "six", "else"],
+)
 def test_what_has_no_copies_runs_on_plain_numbers_where_it_is_called_alone(
-    program: Program, statements: int, some: bool, all_: bool
+    program: Program, kernels: int
 ) -> None:
-    names = [f"k{n}" for n, _ in enumerate(program.kernels)]
-    found = plain_kernels(program, names, dict.fromkeys(names, statements))
-    assert bool(found) == some
-    assert (set(found) == set(names)) == all_
+    units = library_source([program], Scalar("float64", 8)).units
+    assert sum(len(re.findall(r"^IN_SECTION\(\w+\) void n\w{12}\(", unit, re.M)) for unit in units) == kernels
 
 
-@pytest.mark.parametrize(("plain", "quick"), [(True, False), (True, True), (False, True)])
+@pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("copies", [1, 10])
 @pytest.mark.parametrize(
     ("number", "lanes"), [("float64", 8), pytest.param("float32", 16, marks=pytest.mark.slow)]
 )
 def test_single_calls_give_the_bits_of_a_batch(
-    number: str, lanes: int, copies: int, plain: bool, quick: bool,
-    empty_cache: Path, monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    if not plain:
-        monkeypatch.setattr(alone, "SECOND_STATEMENTS", 0)
+    number: str, lanes: int, copies: int, quick: bool, empty_cache: Path
+) -> None:
     program = program_of(copies)
     source = library_source([program], Scalar(number, lanes))
-    assert any(re.search(r"^\S* *void n\w{12}\(", unit, re.M) for unit in source.units) == plain
     library = Library(cached("single", lambda: source, quick=quick))
     given = [x.astype(number) for x in inputs(program, SAMPLES)]
     parts, guard = library.batch("idm", *given)

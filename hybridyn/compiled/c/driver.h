@@ -1,4 +1,4 @@
-/* Sums of the drivers, and what they fetch; `drivers.moves` has their moves. */
+/* Sums of the drivers, and what they fetch; `drivers.MOVES` has their moves. */
 
 typedef long long Long;
 
@@ -13,8 +13,6 @@ typedef long long Long;
         for (Long k = lines * (t) / (parts); k < lines * ((t) + 1) / (parts); k++) \
             __builtin_prefetch((const char *)(from) + k * LINE, write);            \
     } while (0)
-
-INLINE V worst(V a, V b) { return SELECT(OR(LE(b, a), NE(a, a)), a, b); } /* a NaN stays */
 
 /* Zero where all numbers are finite, else a NaN; four sums, so that they need not wait for each other. */
 INLINE V none(const V *x, int n) {

@@ -1,4 +1,4 @@
-/* Rows of samples to the lanes of vectors, and back. */
+/* Rows of samples, of numbers of type B, to the lanes of vectors, and back. */
 #include <string.h>
 
 #if defined(__has_builtin) && W == 8 && defined(DOUBLE)
@@ -23,15 +23,13 @@ INLINE void transpose(const V *r, V *c) {
         c[j + 6] = MIX(high, high2, 4, 5, 6, 7, 12, 13, 14, 15);
     }
 }
+typedef V Row __attribute__((aligned(sizeof(S)), may_alias)); /* anywhere in memory */
 #endif
 #endif
-
-/* A vector anywhere in memory. */
-typedef V Row __attribute__((aligned(sizeof(S)), may_alias));
 
 /* Read rows; zero where all numbers are finite, else a NaN. The last block of columns overlaps the one before. */
-INLINE V from_rows(V *to, const S *from, Long width, int valid) {
-    const S *row[W];
+INLINE V from_rows(V *to, const B *from, Long width, int valid) {
+    const B *row[W];
     Long k = 0;
     V sum = C(0);
     for (int l = 0; l < W; l++) row[l] = from + (l < valid ? l : valid - 1) * width;
@@ -52,7 +50,7 @@ INLINE V from_rows(V *to, const S *from, Long width, int valid) {
     return sum;
 }
 /* Write rows that begin `apart` numbers apart; zero where all numbers are finite, else a NaN. */
-INLINE V to_rows_apart(S *to, const V *from, Long width, Long apart, int valid) {
+INLINE V to_rows_apart(B *to, const V *from, Long width, Long apart, int valid) {
     Long done = 0;
 #ifdef TRANSPOSE
     for (; width >= W && done < width; done += W) {
@@ -63,9 +61,9 @@ INLINE V to_rows_apart(S *to, const V *from, Long width, Long apart, int valid) 
     }
 #endif
     for (int l = 0; l < valid; l++)
-        for (Long k = done; k < width; k++) to[l * apart + k] = from[k][l];
+        for (Long k = done; k < width; k++) to[l * apart + k] = (B)LANE(from[k], l);
     return none(from, (int)width);
 }
-INLINE V to_rows(S *to, const V *from, Long width, int valid) {
+INLINE V to_rows(B *to, const V *from, Long width, int valid) {
     return to_rows_apart(to, from, width, width, valid);
 }

@@ -7,19 +7,13 @@
 
 #ifdef SINGLE
 typedef float S;
-#define FUNCTION(name) name##f
-#ifdef FP_FAST_FMAF
-#define FAST_FMA
-#endif
+#define SCALAR(name) name##f
 #else
 typedef double S;
 #define DOUBLE
-#define FUNCTION(name) name
-#ifdef FP_FAST_FMA
-#define FAST_FMA
+#define SCALAR(name) name
 #endif
-#endif
-#if !defined(FAST_FMA) && defined(__GNUC__) && (defined(__FMA__) || defined(__aarch64__))
+#if defined(FP_FAST_FMA) || (defined(__GNUC__) && (defined(__FMA__) || defined(__aarch64__)))
 #define FAST_FMA
 #endif
 
@@ -29,6 +23,8 @@ typedef double S;
 #if __FLT_EVAL_METHOD__ == 0
 #define EXACT /* every operation rounds to its type: the sines below count on it */
 #endif
+#else
+#define INLINE static inline
 #endif
 #if defined(EXACT) && defined(__AVX__) && !defined(HYBRIDYN_SCALAR) /* shorter vectors gain nothing */
 #define VECTORS

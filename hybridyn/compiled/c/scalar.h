@@ -1,29 +1,29 @@
-/* The same names for plain numbers. Needs S (float, double, long double, __float128). */
-typedef S V;
-typedef int M;
-
+/* Plain numbers: the code of every compiler, and of -DHYBRIDYN_SCALAR. */
+#define V S
+#define M int
 #define W 1
 #define C(x) ((S)(x))
 #define LANE(x, i) (x)
-
-#if defined(__FMA__) && defined(SCALAR_FMA)
-INLINE V FMA(V a, V b, V c) { return SCALAR_FMA(a, b, c); }
+#define ALIGNED
+#ifdef FAST_FMA
+#define FMA(a, b, c) SCALAR(fma)(a, b, c)
 #else
-INLINE V FMA(V a, V b, V c) { return a * b + c; }
+#define FMA(a, b, c) ((a) * (b) + (c))
 #endif
-INLINE V FMS(V a, V b, V c) { return FMA(a, b, -c); }
-INLINE V FNMA(V a, V b, V c) { return FMA(-a, b, c); }
-INLINE V FNMS(V a, V b, V c) { return FMA(-a, b, -c); }
-
-INLINE V CHOOSE(M m, V x) { return m ? x : C(0); }
-INLINE V SELECT(M m, V a, V b) { return m ? a : b; }
-INLINE V NUMBER(M m) { return C(m); }
-#define TRUE(x) ((x) != C(0))
+#define FMS(a, b, c) FMA(a, b, -(c))
+#define FNMA(a, b, c) FMA(-(a), b, c)
+#define LT(a, b) ((a) < (b))
+#define LE(a, b) ((a) <= (b))
+#define EQ(a, b) ((a) == (b))
+#define NE(a, b) ((a) != (b))
 #define NOT(m) (!(m))
 #define AND(a, b) ((a) && (b))
 #define OR(a, b) ((a) || (b))
-#define ANY(m) (m)
-#define LANES1(name, function) \
-    INLINE V name(V x) { return function(x); }
-#define LANES2(name, function) \
-    INLINE V name(V x, V y) { return function(x, y); }
+#define ANY(m) ((m) != 0)
+#define TRUE(x) ((x) != 0)
+#define NUMBER(m) C(m)
+#define CHOOSE(m, x) ((m) ? (x) : C(0))
+#define SELECT(m, a, b) ((m) ? (a) : (b))
+#define FMIN(a, b) ((a) < (b) || (b) != (b) ? (a) : (b))
+#define FMAX(a, b) ((b) < (a) || (b) != (b) ? (a) : (b))
+#define SIGN(x) ((x) > 0 ? C(1) : (x) < 0 ? C(-1) : (x))

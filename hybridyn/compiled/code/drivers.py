@@ -1,23 +1,31 @@
-"""Parts shared by both drivers: tables, the sequence of steps, and a call with copies before and after it."""
+"""Generate the drivers of a program: one whose lanes hold samples, and one whose lanes hold copies.
+
+With samples in the lanes, calls and copies run one after the other; with one lane it is the scalar program
+of one sample. With copies in the lanes, one sample computes equal legs in parallel. Numbers that the copies
+share are plain numbers. Lanes without a copy repeat the first copy. Sums add the copies in their order, with
+the same additions as the other driver. What has one copy runs on plain numbers where there is code for it:
+vectors would compute it in all lanes alike, with more memory, and longer divisions and roots. All ways give
+the same bits.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Mapping
+from itertools import accumulate
+from types import MappingProxyType
 
 import numpy as np
 
 from ...spatial import Array, Index
-from ..program import Call, Program, Source, Start, Target
+from ..program import Add, Call, Constants, Each, Own, Program, Shared, Source, Target, Worst
 from .kernels import literal
 from .rules import overlap
 
-
-def moves(kind: str) -> dict[str, str]:
-    """Return the C functions that move numbers, by their names; `kind`: how C declares them."""
-    return {
-        name: f"{kind} void {name}({given}, int n) {{\n    int k;\n    for (k = 0; k < n; k++) {move};\n}}"
+#: The C functions that move numbers.
+MOVES = "INLINE V worst(V a, V b) { return SELECT(OR(LE(b, a), NE(a, a)), a, b); } /* a NaN stays */\n" + (
+    "\n".join(
+        f"INLINE void {name}({given}, int n) {{\n    int k;\n    for (k = 0; k < n; k++) {move};\n}}"
         for name, given, move in (
             ("set_all", "V *to, const S *from", "to[k] = C(from[k])"),
             ("copy", "V *to, const V *from", "to[k] = from[k]"),
@@ -25,7 +33,30 @@ def moves(kind: str) -> dict[str, str]:
             ("scatter", "V *to, const int *at, const V *from", "to[at[k]] = from[k]"),
             ("add", "V *to, const V *from", "to[k] += from[k]"),
         )
-    }
+    )
+)
+
+#: First lines of the drivers.
+HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard)"
+COPIES_HEAD = "static void {name}_copies(const S *given, S *result, S *shared, V *own, S *guard) {{"
+
+#: Models whose single calls matter: what has no copies is compiled for plain numbers, too, and all code of a
+#: call lies in one section, which a call with cold caches fetches.
+CALLED_ALONE = ("idm", "ddm")
+
+#: Least share of sums in the instructions of legs whose kernels are compiled a second time to add them in
+#: place: 7 % in direct models, whose batches then take a tenth less; 2 % in inverse models.
+SUMMED = 0.05
+
+
+def section(program: Program, prefix: str = "") -> str:
+    """Return the name of the section with the code of a program's single calls."""
+    return f"{prefix}code_of_{program.name}"
+
+
+def placed(program: Program, prefix: str = "") -> str:
+    """Return what puts a function into that section; nothing for models that are not `CALLED_ALONE`."""
+    return f"IN_SECTION({section(program, prefix)}) " if program.name in CALLED_ALONE else ""
 
 
 class Tables:
@@ -43,77 +74,219 @@ class Tables:
 
     def places(self, index: Index) -> str:
         """Return the name of a table of indices, of any shape."""
-        return self._named(
-            "int {}" + _shape(index) + " = {{" + ", ".join(map(str, index.ravel().tolist())) + "}}"
-        )
+        return self._named("int {}", "", map(str, index.ravel().tolist()), index.size)
 
     def numbers(self, values: Array) -> str:
         """Return the name of a table of numbers, of any shape."""
-        body = ", ".join(map(literal, values.astype(self._dtype).ravel().tolist()))
-        return self._named("S {} " + _shape(values) + " ALIGNED = {{" + body + "}}")
+        entries = map(literal, values.astype(self._dtype).ravel().tolist())
+        return self._named("S {} ", " ALIGNED", entries, values.size)
 
-    def _named(self, head: str) -> str:
-        if head not in self._known:
-            self._known[head] = f"d{hashlib.sha256(head.encode()).hexdigest()[:12]}"
-        return self._known[head]
-
-
-def _shape(array: Array | Index) -> str:
-    """Return the C dimension of a flattened table."""
-    return f"[{max(array.size, 1)}]"
+    def _named(self, head: str, tail: str, entries: Iterable[str], size: int) -> str:
+        """Return the name of a table."""
+        text = f"{head}[{max(size, 1)}]{tail} = {{{{{', '.join(entries)}}}}}"
+        return self._known.setdefault(text, f"d{hashlib.sha256(text.encode()).hexdigest()[:12]}")
 
 
-#: Least share of sums in the instructions of legs whose kernels are compiled a second time to add them in
-#: place: 7 % in direct models, whose batches then take a tenth less; 2 % in inverse models.
-SUMMED = 0.05
-
-
-@dataclass
-class Block:
-    """C block of one call of a kernel.
+class _Block:
+    """C block of one call of a kernel, for one copy after the other, on V or on plain numbers.
 
     Attributes:
         before: Lines before the call: local vectors, and gathering into them.
-        arguments: Arguments of the call.
         after: Lines after the call: copying from local vectors to their targets.
-        type: C type of the entries of local vectors.
     """
 
-    type: str = "V"
-    before: list[str] = field(default_factory=list)
-    arguments: list[str] = field(default_factory=list)
-    after: list[str] = field(default_factory=list)
+    head, type, suffix = "{", "V", ""
 
-    @classmethod
-    def of(
-        cls,
-        call: Call,
-        source: Callable[[int, Source, Block], str],
-        target: Callable[[int, Target, bool, Block], str],
-        type: str = "V",
-    ) -> Block:
-        """Build the block of a call from functions that return an argument that is read, or written.
+    def __init__(self, call: Call, tables: Tables, sums: Collection[int] = (), between: str = "") -> None:
+        """Prepare a call. `sums`: outputs that the kernel adds in place; `between`: a first statement."""
+        self.call, self.tables, self.sums = call, tables, sums
+        self.before = [between] if between else []
+        self.after: list[str] = []
+        if call.copies > 1:
+            self.head = f"for (int i = 0; i < {call.copies}; i++) {{"
 
-        They take its number, the source, or the target and whether it may be written in place, and the block.
+    def lines(self, kernel: str) -> list[str]:
+        """Return the lines of the block.
+
         An argument without numbers is the null pointer: a local vector would never be set, which compilers
         warn of.
         """
-        block = cls(type)
-        for n, read in enumerate(call.sources):
-            block.arguments.append(source(n, read, block) if read.at(call.copies).size else "0")
+        call = self.call
+        arguments = [
+            self.source(n, read) if read.at(call.copies).size else "0" for n, read in enumerate(call.sources)
+        ]
         for n, (written, free) in enumerate(zip(call.targets, in_place(call), strict=True)):
-            block.arguments.append(target(n, written, free, block))
-        return block
+            size = written.at(call.copies).shape[1]
+            arguments.append(self.target(n, written, size, free) if size else self.vector(f"y{n}", 0))
+        body = [*self.before, f"{kernel}({', '.join(arguments)});", *self.after]
+        return [f"    {self.head}", *(f"        {line}" for line in body), "    }"]
 
     def vector(self, name: str, size: int) -> str:
         """Declare a local vector and return its name."""
         self.before.append(f"{self.type} {name}[{max(size, 1)}];")
         return name
 
-    def lines(self, kernel: str, head: str = "{") -> list[str]:
-        """Return the lines of the block."""
-        body = [*self.before, f"{kernel}({', '.join(self.arguments)});", *self.after]
-        return [f"    {head}", *(f"        {line}" for line in body), "    }"]
+    def place(self, end: Source | Target) -> str:
+        """Return the place of the first of some numbers; plain ones of `own` begin where its vector does."""
+        place = f"{end.memory} + {end.begin(self.call.copies, self.tables)}"
+        return f"(S *)({place})" if self.type == "S" and end.memory == "own" else place
+
+    def entries(self, index: Index) -> str:
+        """Return the places of the copy's numbers."""
+        row = f" + i * {index.shape[1]}" if self.call.copies > 1 else ""
+        return self.tables.places(index) + row
+
+    def source(self, n: int, source: Source) -> str:
+        """Return an argument that is read; entries that are not contiguous are gathered first."""
+        if source.handed:
+            return self.place(source)
+        index = source.at(self.call.copies)
+        if isinstance(source, Constants):
+            if self.type == "S":
+                return self.tables.numbers(source.values)
+            row = f" + i * {index.shape[1]}" if self.call.copies > 1 else ""
+            move, at = "set_all", f"{self.tables.numbers(source.values)}{row}"
+        else:
+            move, at = f"gather{self.suffix}", f"{source.memory}, {self.entries(index)}"
+        x = self.vector(f"x{n}", index.shape[1])
+        self.before.append(f"{move}({x}, {at}, {index.shape[1]});")
+        return x
+
+    def target(self, n: int, target: Target, size: int, free: bool) -> str:
+        """Return an argument that is written; what cannot be written in place is copied afterwards."""
+        y = f"y{n}"
+        if isinstance(target, Worst):
+            self.after.append(f"*guard = worst{self.suffix and '_number'}(*guard, {y}[0]);")
+        elif not target.handed or (target.memory == "result" and not free):
+            at = self.entries(target.at(self.call.copies))
+            self.after.append(f"scatter{self.suffix}(result, {at}, {y}, {size});")
+        elif n in self.sums or (free and not target.adds):
+            return self.place(target)
+        else:
+            move = f"{'add' if target.adds else 'copy'}{self.suffix}"
+            self.after.append(f"{move}({self.place(target)}, {y}, {size});")
+        return self.vector(y, size)
+
+
+class _Plain(_Block):
+    """C block of a call of one copy, on plain numbers among vectors."""
+
+    type, suffix = "S", "_numbers"
+
+
+class _Pack(_Block):
+    """C block of a call for one pack of copies, as many as there are lanes."""
+
+    def __init__(self, call: Call, tables: Tables, pack: int, lanes: int) -> None:
+        super().__init__(call, tables)
+        self.head, self.pack, self.first = "{", pack, pack * lanes
+        self.valid = min(lanes, call.copies - self.first)  # lanes with a copy of their own
+        self.copies = np.arange(self.first, self.first + lanes)
+        self.copies[self.valid :] = 0
+
+    def source(self, n: int, source: Source) -> str:
+        """Return an argument that is read; numbers are first spread over the lanes, or gathered into them."""
+        alone, tables = self.call.copies == 1, self.tables
+        match source:
+            case Own(start, size):
+                return f"own + {start + self.pack * size}"
+            case Constants(values) if not alone:
+                return f"(const V *){tables.numbers(values[self.copies].T)}"
+        index = source.at(self.call.copies)
+        if isinstance(source, Constants):
+            move, at = "set_lanes", tables.numbers(source.values)
+        elif isinstance(source, Shared) or (alone and source.handed):
+            move, at = "set_lanes", f"{source.memory} + {source.begin(1, tables)}"
+        elif alone:
+            move, at = "gather_all", f"{source.memory}, {tables.places(index)}"
+        else:
+            move, at = "gather_lanes", f"{source.memory}, {tables.places(index[self.copies].T)}"
+        x = self.vector(f"x{n}", index.shape[1])
+        self.before.append(f"{move}({x}, {at}, {index.shape[1]});")
+        return x
+
+    def target(self, n: int, target: Target, size: int, free: bool) -> str:
+        """Return an argument that is written; all but the copies' own numbers are moved on afterwards."""
+        y, valid = f"y{n}", self.valid
+        rows = target.at(self.call.copies)[self.first : self.first + valid]
+        match target:
+            case Worst():
+                self.after.append(f"*guard = worst_of_lanes(*guard, {y}[0], {valid});")
+            case Own(start, _):
+                place = f"own + {start + self.pack * size}"
+                if free:
+                    return place
+                self.after.append(f"copy_lanes({place}, {y}, {size});")
+            case Add(start, _):
+                self.after.append(f"add_lanes(shared + {start}, {y}, {size}, {valid});")
+            case Shared() | Each():
+                self.after.append(f"spread_lanes(shared + {rows[0, 0]}, {y}, {size}, {valid});")
+            case _:
+                along = valid > 1 and (np.diff(rows, axis=0) == 1).all()
+                move, at = ("store", rows[0]) if along else ("scatter", rows)
+                self.after.append(f"{move}_lanes(result, {self.tables.places(at)}, {y}, {size}, {valid});")
+        return self.vector(y, size)
+
+
+def across_samples(
+    program: Program, names: list[str], tables: Tables, head: str = HEAD, between: str = "",
+    sums: Mapping[int, Collection[int]] = MappingProxyType({}),
+) -> str:  # fmt: skip
+    """Return the C function `<program>_samples`, or the one that `head` declares.
+
+    Args:
+        program: The program.
+        names: C name of each kernel.
+        tables: Collects the tables of the function.
+        head: Its declaration.
+        between: C statement before each kernel, in which {t} stands for the number of kernels before it.
+        sums: Outputs that kernels add in place (`summed`), by kernel.
+    """
+    starts = iter(accumulate((step.copies for step in program.steps if isinstance(step, Call)), initial=0))
+
+    def call(step: Call) -> list[str]:
+        """Return the lines of a call."""
+        t = f"{next(starts)}{' + i' if step.copies > 1 else ''}"
+        return _Block(step, tables, sums.get(step.kernel, ()), between.format(t=t)).lines(names[step.kernel])
+
+    return _driver(program, f"{head.format(name=program.name)} {{", tables, call, "set_all")
+
+
+def across_copies(
+    program: Program, names: list[str], lanes: int, tables: Tables, head: str, plain: Mapping[str, str]
+) -> str:
+    """Return the C function that `head` declares.
+
+    Args:
+        program: The program.
+        names: C name of each kernel.
+        lanes: Number of lanes.
+        tables: Collects the tables of the function.
+        head: Its declaration.
+        plain: C names of kernels on plain numbers, for calls of one copy, by the names of the others.
+    """
+
+    def call(step: Call) -> list[str]:
+        """Return the lines of C that call a kernel for all copies: on plain numbers, or in packs of lanes."""
+        name = names[step.kernel]
+        if step.copies == 1 and name in plain:
+            return _Plain(step, tables).lines(plain[name])
+        packs = range(-(-step.copies // lanes))
+        return [line for pack in packs for line in _Pack(step, tables, pack, lanes).lines(name)]
+
+    return _driver(program, head.format(name=program.name), tables, call, "copy_numbers")
+
+
+def _driver(program: Program, head: str, tables: Tables, call: Callable[[Call], list[str]], move: str) -> str:
+    """Return the C function that runs a program's steps in order; `move` sets shared numbers."""
+    lines = [head, "    (void)given, (void)result, (void)shared, (void)own, (void)guard;"]
+    for step in program.steps:
+        if isinstance(step, Call):
+            lines += call(step)
+        elif len(step.values):
+            table = tables.numbers(step.values)
+            lines.append(f"    {move}(shared + {step.start}, {table}, {len(step.values)});")
+    return "\n".join([*lines, "}"])
 
 
 def summed(program: Program) -> dict[int, set[int]]:
@@ -130,45 +303,6 @@ def summed(program: Program) -> dict[int, set[int]]:
     functions = {k: program.kernels[k].function for k in sums}
     least = {k: max(1, SUMMED * f.n_instructions()) for k, f in functions.items()}
     return {k: x for k, x in sums.items() if sum(functions[k].nnz_out(n) for n in x) >= least[k]}
-
-
-def driver(
-    program: Program, head: str, names: list[str], tables: Tables, call: Callable[[Call, str], list[str]],
-    move: str = "set_all",
-) -> str:  # fmt: skip
-    """Return the C function that runs a program's steps in order.
-
-    Args:
-        head: First line of the function.
-        names: C name of each kernel.
-        tables: Collects its tables.
-        call: Returns the lines of a call from the call and its kernel's name.
-        move: C function that sets shared numbers.
-    """
-    lines = [head, "    (void)given, (void)result, (void)shared, (void)own, (void)guard;"]
-    for step in _joined(program):
-        if isinstance(step, Call):
-            lines += call(step, names[step.kernel])
-        elif len(step.values):
-            table = tables.numbers(step.values)
-            lines.append(f"    {move}(shared + {step.start}, {table}, {len(step.values)});")
-    return "\n".join([*lines, "}"])
-
-
-def _joined(program: Program) -> list[Start | Call]:
-    """Return the steps, with starts in a row that set numbers in a row as one."""
-    steps: list[Start | Call] = []
-    for step in program.steps:
-        last = steps[-1] if steps else None
-        if (
-            isinstance(step, Start)
-            and isinstance(last, Start)
-            and step.start == last.start + len(last.values)
-        ):
-            steps[-1] = Start(last.start, np.concatenate([last.values, step.values]))
-        else:
-            steps.append(step)
-    return steps
 
 
 def in_place(call: Call) -> list[bool]:

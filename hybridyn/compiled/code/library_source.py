@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from ..program import Call, Program, stored
-from .across_lanes import COPIES_HEAD, HEAD, across_copies, across_samples
-from .alone import CALLED_ALONE, in_sections, memory, plain_kernels, section
-from .drivers import Tables, moves, summed
+from .drivers import (
+    CALLED_ALONE,
+    COPIES_HEAD,
+    HEAD,
+    MOVES,
+    Tables,
+    across_copies,
+    across_samples,
+    placed,
+    section,
+    summed,
+)
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import GUARD_LIMIT, Scalar, text_of
@@ -41,6 +51,55 @@ class Source:
         return hashlib.sha256("\0".join(self.units).encode()).hexdigest()
 
 
+class _Printed:
+    """A program and its kernels in C, arguments and body by name.
+
+    Attributes:
+        names: Name of each kernel.
+        adding: Name of each kernel in batches, where legs add their sums in place.
+        sums: These sums, by kernel; none on one lane.
+        bodies: The kernels.
+        plain: Those that single calls run on plain numbers, too: their names there, by their names.
+        parts: C that puts kernels into the section of the program's single calls, by name.
+    """
+
+    def __init__(self, program: Program, lanes: int) -> None:
+        self.program = program = trimmed(program)
+        check(program)
+        self.sums = summed(program) if lanes > 1 else {}
+        graphs = [kernel_graph(kernel) for kernel in program.kernels]
+        texts = [kernel_text(graph) for graph in graphs]
+        adding = [kernel_text(graph, self.sums.get(k, ())) for k, graph in enumerate(graphs)]
+        self.names, self.adding = ([_named(text) for text in every] for every in (texts, adding))
+        self.bodies = dict(zip([*self.names, *self.adding], [*texts, *adding], strict=True))
+        single = lanes > 1 and program.name in CALLED_ALONE
+        called = [(self.names[step.kernel], step.copies) for step in self.calls if single]
+        self.plain = {name: f"n{name[1:]}" for name, copies in called if copies == 1}
+        own = [*self.plain.values(), *(name for name, copies in called if copies > 1)]
+        self.parts = dict.fromkeys(own, placed(program))
+
+    @property
+    def calls(self) -> list[Call]:
+        """The calls of kernels."""
+        return [step for step in self.program.steps if isinstance(step, Call)]
+
+    def about(self, size: int) -> dict[str, Any]:
+        """Return the description of the program for its callers; `size` of a vector [bytes]."""
+        lengths = [self.bodies[name].count("\n") for name in self.names]
+        return {
+            "inputs": [list(x) for x in self.program.inputs],
+            "outputs": [list(x) for x in self.program.outputs],
+            "work": (sum(self.program.sizes) + 1) * size,
+            "statements": sum(call.copies * lengths[call.kernel] for call in self.calls),
+            "notes": list(self.program.notes),
+        }
+
+
+def _named(text: str) -> str:
+    """Return the name of a kernel from its arguments and body."""
+    return f"k{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
 def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> Source:
     """Generate the sources of programs.
 
@@ -49,123 +108,74 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
         scalar: Number type and lanes; with several lanes, single calls spread copies over them.
         more: C that calls the programs.
     """
-    bodies: dict[str, str] = {}
-    names: dict[str, list[str]] = {}
-    adding: dict[str, list[str]] = {}  # in batches, where legs add their sums in place
-    added: dict[str, dict[int, set[int]]] = {}  # these sums, by kernel; none on one lane
-    programs = [trimmed(program) for program in programs]
-    for program in programs:
-        check(program)
-        sums = added[program.name] = summed(program) if scalar.lanes > 1 else {}
-        names[program.name], adding[program.name] = [], []
-        for k, kernel in enumerate(program.kernels):
-            graph = kernel_graph(kernel)
-            name = _named(kernel_text(graph), bodies)
-            names[program.name].append(name)
-            adding[program.name].append(_named(kernel_text(graph, sums[k]), bodies) if k in sums else name)
-    lengths = {name: text.count("\n") for name, text in bodies.items()}
-    alone = programs if scalar.lanes > 1 else []
-    plain = {p.name: plain_kernels(p, names[p.name], lengths) for p in alone}
-    units = _kernel_units(bodies, scalar, in_sections(alone, names))
-    units += [_batch_unit(p, adding[p.name], added[p.name], bodies, scalar) for p in programs]
-    if alone or more:
-        units.append(_driver_unit(programs, plain, names, adding, added, bodies, scalar, more))
-    for program in alone:
-        again = {called: bodies.pop(name) for name, called in plain[program.name].items() if name in bodies}
-        texts = _kernel_units(again, Scalar(scalar.name, 1), dict.fromkeys(again, section(program)))
-        units += [f"#ifndef QUICK\n{text}\n#endif\n" for text in texts]
+    every = [_Printed(program, scalar.lanes) for program in programs]
+    bodies = {name: text for printed in every for name, text in printed.bodies.items()}
+    parts = {name: part for printed in every for name, part in printed.parts.items()}
+    units = _kernel_units(bodies, scalar, parts)
+    units += [_batch_unit(printed, scalar) for printed in every]
+    if scalar.lanes > 1 or more:
+        units.append(_driver_unit(every, bodies, scalar, more))
+    again = {plain: bodies[name] for printed in every for name, plain in printed.plain.items()}
+    texts = _kernel_units(again, Scalar(scalar.name), parts)
+    units += [f"#ifndef QUICK\n{text}\n#endif\n" for text in texts]
     about = {
         "number": scalar.name,
         "lanes": scalar.lanes,
-        "programs": {p.name: _about(p, scalar, [lengths[k] for k in names[p.name]]) for p in programs},
+        "programs": {printed.program.name: printed.about(scalar.bytes) for printed in every},
         "steps": steps_in_c(programs, scalar),
     }
     return Source(tuple(units), about)
 
 
-def _named(text: str, bodies: dict[str, str]) -> str:
-    """Return the name of a kernel, and add its arguments and body to those known."""
-    name = f"k{hashlib.sha256(text.encode()).hexdigest()[:12]}"
-    bodies[name] = text
-    return name
-
-
-def _about(program: Program, scalar: Scalar, lengths: list[int]) -> dict[str, Any]:
-    """Return the description of a program for its callers."""
-    calls = [step for step in program.steps if isinstance(step, Call)]
-    return {
-        "inputs": [list(x) for x in program.inputs],
-        "outputs": [list(x) for x in program.outputs],
-        "work": (sum(_sizes(program)) + 1) * scalar.bytes,
-        "statements": sum(call.copies * lengths[call.kernel] for call in calls),
-        "notes": list(program.notes),
-    }
-
-
-def _sizes(program: Program) -> tuple[int, int, int, int]:
-    """Return the numbers of vectors in given, result, shared and own."""
-    given, result = (sum(size for _, size in x) for x in (program.inputs, program.outputs))
-    return given, result, program.shared, program.own
-
-
-def _kernel_units(bodies: dict[str, str], scalar: Scalar, sections: dict[str, str]) -> list[str]:
+def _kernel_units(bodies: Mapping[str, str], scalar: Scalar, parts: Mapping[str, str]) -> list[str]:
     """Distribute the kernels, longest first, over files of about `STATEMENTS_PER_UNIT` statements."""
-    prelude = "\n".join([scalar.prelude(), text_of("driver.h"), text_of("fetching.h")])
-    parts: list[list[str]] = []
+    units: list[list[str]] = []
     room = 0
     for name, text in sorted(bodies.items(), key=lambda item: -item[1].count("\n")):
         length = text.count("\n")
-        if not parts or room + length > STATEMENTS_PER_UNIT:
-            parts.append([])
+        if not units or room + length > STATEMENTS_PER_UNIT:
+            units.append([scalar.prelude(), text_of("driver.h"), text_of("fetching.h")])
             room = 0
-        place = f"IN_SECTION({sections[name]}) " if name in sections else ""
-        parts[-1].append(f"{place}void {name}{text}")
+        units[-1].append(f"{parts.get(name, '')}void {name}{text}\n")
         room += length
-    return ["\n\n".join([prelude, *part]) + "\n" for part in parts]
+    return ["\n".join(unit) for unit in units]
 
 
-def _batch_unit(
-    program: Program, called: list[str], sums: dict[int, set[int]], bodies: dict[str, str], scalar: Scalar
-) -> str:
+def _batch_unit(printed: _Printed, scalar: Scalar) -> str:
     """Return the file with a program's batches; a file of its own is compiled beside the others."""
-    tables = Tables()
+    tables, program = Tables(), printed.program
     between = f"{program.name}_ahead(in, out, s + W, {{t}});"
-    rows = across_samples(program, called, tables, BATCH, between, sums)
-    kernels = {name: bodies[name] for name in called}
-    parts = [driver_prelude(kernels, scalar), tables.text, _ahead(program), rows, _batch(program)]
-    return "\n\n".join(parts) + "\n"
+    rows = across_samples(program, printed.adding, tables, BATCH, between, printed.sums)
+    head = driver_prelude({name: printed.bodies[name] for name in printed.adding}, scalar)
+    return "\n\n".join([head, tables.text, _ahead(program), rows, _batch(program)]) + "\n"
 
 
-def _driver_unit(
-    programs: list[Program], plain: dict[str, dict[str, str]], names: dict[str, list[str]],
-    adding: dict[str, list[str]], added: dict[str, dict[int, set[int]]], bodies: dict[str, str],
-    scalar: Scalar, more: str,
-) -> str:  # fmt: skip
-    """Return the file with single calls and `more`; they use the kernels `plain` on plain numbers."""
+def _driver_unit(every: Iterable[_Printed], bodies: Mapping[str, str], scalar: Scalar, more: str) -> str:
+    """Return the file with single calls and `more`; they use kernels on plain numbers, too."""
     tables = Tables()
-    drivers = []
-    for program in programs:
-        called, sums = adding[program.name], added[program.name]
+    drivers, numbers = [], []
+    for printed in every:
+        program = printed.program
         if more:
-            drivers.append(across_samples(program, called, tables, sums=sums))
+            drivers.append(across_samples(program, printed.adding, tables, sums=printed.sums))
         if scalar.lanes > 1:
-            place = f"IN_SECTION({section(program)}) " if program.name in CALLED_ALONE else ""
-            head = place + COPIES_HEAD
-            called = names[program.name]
+            head = placed(program) + COPIES_HEAD
             quick, full = (
-                across_copies(program, called, scalar.lanes, tables, head, on)
-                for on in ({}, plain[program.name])
+                across_copies(program, printed.names, scalar.lanes, tables, head, plain)
+                for plain in ({}, printed.plain)
             )
             drivers.append(full if quick == full else f"#ifdef QUICK\n{quick}\n#else\n{full}\n#endif")
             drivers.append(_single(program))
+        numbers += [
+            f"void {plain}{_arguments(bodies[name]).replace('V *', 'S *')};"
+            for name, plain in printed.plain.items()
+        ]
+    programs = [printed.program for printed in every]
     if steps_in_c(programs, scalar):
         drivers.append(_steps(programs))
-    if more:
-        drivers.append(more)
-    again = {called: name for kernels in plain.values() for name, called in kernels.items()}
-    numbers = [f"void {x}{_arguments(bodies[name]).replace('V *', 'S *')};" for x, name in again.items()]
     arrays = text_of("numpy_array.h") if scalar.lanes > 1 else ""
-    return "\n\n".join([driver_prelude(bodies, scalar), arrays, *numbers, tables.text, *drivers]) + "\n"
+    before = [driver_prelude(bodies, scalar), arrays, *numbers]
+    return "\n\n".join([*before, tables.text, *drivers, more]) + "\n"
 
 
 def _arguments(text: str) -> str:
@@ -192,25 +202,20 @@ def _steps(programs: list[Program]) -> str:
     return "\n".join([*defines, STEPS, *map(text_of, ("laws.h", "lift.h", "steps.h")), STEPS_WORK])
 
 
-def driver_prelude(bodies: dict[str, str], scalar: Scalar) -> str:
+def driver_prelude(bodies: Mapping[str, str], scalar: Scalar) -> str:
     """Return the C before the drivers: definitions, copying functions, and declarations of the kernels."""
-    border = "double" if scalar.name == "float128" else "S"
     lines = [
         scalar.prelude(),
-        f"#define B {border}",
+        f"#define B {'double' if scalar.name == 'float128' else 'S'}",
         f"#define GUARD_LIMIT {GUARD_LIMIT}",
         '#define EXPORT __attribute__((visibility("default")))',
         "#include <string.h>",
         text_of("driver.h"),
-        *moves("INLINE").values(),
+        MOVES,
         text_of("fetching.h"),
+        scalar.moves(),
     ]
-    if scalar.lanes > 1:
-        lines.append(scalar.moves())
-    else:
-        lines.append(text_of("rows_scalar.h"))
-    lines += [f"void {name}{_arguments(text)};" for name, text in bodies.items()]
-    return "\n".join(lines)
+    return "\n".join([*lines, *(f"void {name}{_arguments(text)};" for name, text in bodies.items())])
 
 
 def _ahead(program: Program) -> str:
@@ -227,15 +232,17 @@ def _ahead(program: Program) -> str:
 
 def _batch(program: Program) -> str:
     """Return the C function that runs samples `from` to `to`; the caller provides the memory `work`."""
-    given, result, shared, _ = _sizes(program)
-    reads = [
-        f"        worst_yet += from_rows(given + {at}, in[{n}] + s * {size}, {size}, valid);"
-        for n, (_, size, at) in enumerate(stored(program.inputs))
-    ]
-    writes = [
-        f"        worst_yet += to_rows(out[{n}] + s * {size}, result + {at}, {size}, valid);"
-        for n, (_, size, at) in enumerate(stored(program.outputs))
-    ]
+    given, result, shared, _ = program.sizes
+    reads, writes = (
+        [
+            f"        worst_yet += {move.format(n=n, size=size, at=at)}, {size}, valid);"
+            for n, (_, size, at) in enumerate(stored(ends))
+        ]
+        for move, ends in (
+            ("from_rows(given + {at}, in[{n}] + s * {size}", program.inputs),
+            ("to_rows(out[{n}] + s * {size}, result + {at}", program.outputs),
+        )
+    )
     return "\n".join(
         [
             f"EXPORT void {program.name}_batch(Long from, Long to, const B *const *in, B *const *out,",
@@ -257,21 +264,15 @@ def _batch(program: Program) -> str:
 
 def _single(program: Program) -> str:
     """Return the C functions that run one sample, from NumPy arrays and from pointers."""
-    given = _sizes(program)[0]
-    count = sum(size for _, size in program.outputs)
-    arguments = [f"const Array *a{n}" for n, _ in enumerate(program.inputs)]
-    checks, copies, moves = [], [], []
-    fetch = [f"    FETCH({section(program)}, m->given, m->own);"] * (program.name in CALLED_ALONE)
-    for n, (_, size, at) in enumerate(stored(program.inputs)):
-        checks.append(f"    const S *in{n} = numbers(a{n}, {size});")
-        copies.append(f"    memcpy({program.name}_memory.given + {at}, in{n}, sizeof(S[{size}]));")
-        moves.append(f"    memcpy({program.name}_memory.given + {at}, in[{n}], sizeof(S[{size}]));")
-    handed = [f"a[{n}]" for n in range(len(program.inputs) + 1)]
-    all_there = " && ".join([f"in{n}" for n, _ in enumerate(program.inputs)] + ["out"])
-    name = program.name
+    name, last = program.name, len(program.inputs)
+    given, count, shared, own = program.sizes
+    inputs = list(enumerate(stored(program.inputs)))
+    fetch = [f"    FETCH({section(program)}, m->given, m->own);"] * (name in CALLED_ALONE)
+    there = " && ".join([*(f"in[{n}]" for n, _ in inputs), "out"])
     return "\n".join(
         [
-            memory(program),
+            f"static struct {{ S given[{max(given, 1)}], shared[{max(shared, 1)}]; V own[{max(own, 1)}]; }}",
+            f"{name}_memory ALIGNED;",
             f"static int {name}_run(S *out, S *guard) {{",
             "    S worst_yet = 0;",
             f"    __typeof__({name}_memory) *m = &{name}_memory;",
@@ -282,22 +283,21 @@ def _single(program: Program) -> str:
             "    if (guard) *guard = worst_yet;",
             "    return worst_yet <= GUARD_LIMIT ? 0 : 2;",
             "}",
-            f"EXPORT int {name}_single({', '.join([*arguments, 'const Array *result', 'S *guard'])}) {{",
-            *checks,
-            f"    S *out = numbers(result, {count});",
-            f"    if (!({all_there})) return 1;",
-            *copies,
+            f"INLINE int {name}_at(const S *const *in, S *out, S *guard) {{",
+            *(
+                f"    memcpy({name}_memory.given + {at}, in[{n}], sizeof(S[{size}]));"
+                for n, (_, size, at) in inputs
+            ),
             f"    return {name}_run(out, guard);",
             "}",
-            f"EXPORT int {name}_single_at(const S *const *in, S *out) {{",
-            *moves,
-            f"    return {name}_run(out, 0);",
-            "}",
+            f"EXPORT int {name}_single_at(const S *const *in, S *out) {{ return {name}_at(in, out, 0); }}",
             f"EXPORT const void *{name}_call(const void *self, const Array *const *a, Long count) {{",
             "    (void)self; /* a function of Python, METH_FASTCALL */",
-            f"    S *guard = count == {len(handed) + 1} ? numbers(a[{len(handed)}], 1) : 0;",
-            f"    if (count != {len(handed)} && !guard) return answered(1);",
-            f"    return answered({name}_single({', '.join([*handed, 'guard'])}));",
+            f"    S *guard = count == {last + 2} ? numbers(a[{last + 1}], 1) : 0;",
+            f"    if (count != {last + 1} && !guard) return answered(1);",
+            f"    const S *const in[] = {{{', '.join(f'numbers(a[{n}], {x[1]})' for n, x in inputs)}}};",
+            f"    S *out = numbers(a[{last}], {count});",
+            f"    return answered({there} ? {name}_at(in, out, guard) : 1);",
             "}",
         ]
     )

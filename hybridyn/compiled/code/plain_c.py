@@ -6,38 +6,28 @@ for processors with AVX, others take the plain numbers, with the same bits.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..program import Call, Program, stored
-from .across_lanes import HEAD, across_copies, across_samples
-from .alone import CALLED_ALONE
-from .drivers import Tables, moves
+from .drivers import CALLED_ALONE, HEAD, MOVES, Tables, across_copies, across_samples, placed, section
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
-from .scalars import OF_ONE, OF_TWO, REAL, functions, moves_of_copies, own_sines, text_of
+from .scalars import FUNCTIONS, REAL, SINES, arithmetic, moves_of_copies, single, text_of
 
 if TYPE_CHECKING:
     import casadi as ca
 
-#: Functions of kernels that have the same name in the C library.
-FUNCTIONS = ("SQRT", "FABS", *OF_ONE, *OF_TWO)
-
 #: Names of the arithmetic of plain numbers that become those of vectors; and new names beside the old ones.
 PLAIN = (
-    "C ALIGNED FMA FMS FNMA FNMS NOT AND OR TRUE NUMBER CHOOSE FMIN FMAX SIGN LANE ROOM D MD CD LANES FMA_D "
-    "SELECT_D BEYOND ANY_D"
+    "V M W C ALIGNED FMA FMS FNMA LT LE EQ NE NOT AND OR ANY TRUE NUMBER CHOOSE SELECT FMIN FMAX SIGN LANE "
+    "ROOM D MD TO"
 )
-BESIDE = {"V": "Vector", "M": "Mask", "far_away": "far_away_lanes", "SINCOS_D": "SINCOS_LANES"}
+BESIDE = {"far_away": "far_away_lanes", "SINCOS": "SINCOS_LANES"}
 
 #: First line of the drivers in lanes: the arguments of those on plain numbers, where V is S.
 COPIES = "static void {name}_samples(const S *given, S *result, S *shared, V *own, S *guard) {{"
-
-#: Functions that drivers and kernels call; only those in use are printed.
-MOVES = {"worst": "static V worst(V a, V b) { return b <= a || a != a ? a : b; }", **moves("static")}
-
 
 #: Mark in every exported file; a file without it is never overwritten.
 WRITTEN = "Written by hybridyn"
@@ -50,17 +40,9 @@ LANES = 4
 #: Where equal legs save fewer statements, the source has no vectors.
 VECTOR_STATEMENT = 1.5
 
-#: Sine and cosine of the C library, of a number and of each lane.
-SINES = """static void SINCOS(V x, V *s, V *c) {
-    *s = FUNCTION(sin)(x);
-    *c = FUNCTION(cos)(x);
-}"""
-SINES_OF_LANES = """SELDOM void SINCOS(V x, V *s, V *c) {
-    for (int i = 0; i < W; i++) {
-        (*s)[i] = FUNCTION(sin)(x[i]);
-        (*c)[i] = FUNCTION(cos)(x[i]);
-    }
-}"""
+#: Start of the vectors in a workspace: aligned, where they are not plain numbers.
+PLAIN_ROOM = "#define ROOM(x) (x)"
+ROOM = "#define ROOM(x) ((V *)(((__UINTPTR_TYPE__)(x) + sizeof(V) - 1) / sizeof(V) * sizeof(V)))"
 
 
 def plain_source(
@@ -89,10 +71,10 @@ def plain_source(
             kernels.setdefault(text, kernel.name)
         names.append([kernels[text] for text in texts])
     places = {
-        called: _place(program, name)
+        called: placed(program, f"{name}_")
         for program, its in zip(every, names, strict=True)
-        if program.name in CALLED_ALONE
         for called in its
+        if program.name in CALLED_ALONE
     }
     plain, each = (
         "\n\n".join(
@@ -101,37 +83,33 @@ def plain_source(
         for legs in (False, True)
     )
     alone = {called: called for (_, of), called in kernels.items() if not of}
-    own = [_place(program, name) for program in every]
-    drivers = _drivers(every, names, dtype, own)
+    tables, tables_in_lanes = Tables(dtype), Tables(dtype)
+    drivers, in_lanes_too = [], []
+    for program, called in zip(every, names, strict=True):
+        head = placed(program, f"{name}_")
+        drivers.append(across_samples(program, called, tables, head + HEAD))
+        if lanes:
+            in_lanes_too.append(across_copies(program, called, LANES, tables_in_lanes, head + COPIES, alone))
+    every_driver = "\n\n".join([MOVES, tables.text, *drivers])
+    own = f"#ifdef EXACT\n{text_of('sines.h')}#else\n{SINES}\n#endif" if dtype == "float64" else SINES
     vectors = ""
     if lanes:
-        in_vectors = _drivers_in_lanes(every, names, dtype, own, alone)
-        vectors = f"#ifdef VECTORS\n{_vectors(plain + each, dtype)}\n#endif"
-        drivers = f"#ifdef VECTORS\n{in_vectors}\n#else\n{drivers}\n#endif"
-    single = "#define SINGLE\n" if dtype == "float32" else ""
-    parts = [
+        vectors = f"#ifdef VECTORS\n{_vectors(own)}\n#endif"
+        in_vectors = "\n\n".join([tables_in_lanes.text, *in_lanes_too])
+        every_driver = f"#ifdef VECTORS\n{in_vectors}\n#else\n{every_driver}\n#endif"
+    sections = [
         f'/* {WRITTEN}. What it offers stands in {name}.h. */\n#include <math.h>\n\n#include "{name}.h"',
-        single + text_of("plain.h").strip(),
+        single(dtype) + text_of("plain.h").strip(),
         text_of("fetching.h").strip(),
-        _arithmetic(plain + each, dtype),
+        "\n".join([arithmetic(1), PLAIN_ROOM, own]),
         plain,
         vectors,
         each,
-        drivers,
+        every_driver,
         *(_call(program, name, dtype) for program in programs),
         calling,
     ]
-    return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def _section(program: Program, name: str) -> str:
-    """Return the name of the section with the code of a program's single calls."""
-    return f"{name}_{program.name}_code"
-
-
-def _place(program: Program, name: str) -> str:
-    """Return the attribute of the functions of a program whose code a call fetches."""
-    return f"IN_SECTION({_section(program, name)}) " if program.name in CALLED_ALONE else ""
+    return "\n\n".join(text for text in sections if text) + "\n"
 
 
 def prototype(program: Program, name: str, dtype: str = "float64") -> str:
@@ -144,7 +122,7 @@ def prototype(program: Program, name: str, dtype: str = "float64") -> str:
 
 def work_type(program: Program, name: str, dtype: str = "float64", *, lanes: bool = False) -> str:
     """Return the C type of the workspace of a program's function; `lanes` as from `in_lanes`."""
-    given, result, shared, own = _sizes(program)
+    given, result, shared, own = program.sizes
     vectors = LANES * (own + 1) if lanes else own  # from an aligned place on
     room = f"{REAL[dtype]} numbers[{given + result + shared + vectors}]"
     return f"typedef struct {{\n    {room};\n}} {name}_{program.name}_work;"
@@ -168,75 +146,25 @@ def _calls(programs: list[Program]) -> list[tuple[ca.Function, int]]:
     ]
 
 
-def _functions(code: str) -> list[str]:
-    """Return the functions of the C library that kernels call."""
-    return [word for word in FUNCTIONS if re.search(rf"\b{word}\(", code)]
-
-
-def _arithmetic(code: str, dtype: str) -> str:
-    """Return the C source of the arithmetic of kernels on plain numbers."""
-    parts = [text_of("plain_scalar.h"), *(f"#define {x} FUNCTION({x.lower()})" for x in _functions(code))]
-    if "SINCOS(" in code:
-        own = dtype == "float64"
-        parts.append(f"#ifdef EXACT\n{own_sines(1)}#else\n{SINES}\n#endif" if own else SINES)
-    return "\n".join(part.strip() for part in parts)
-
-
-def _vectors(code: str, dtype: str) -> str:
+def _vectors(sines: str) -> str:
     """Return the C source of the arithmetic of kernels in lanes, after that on plain numbers."""
-    vector = text_of("vector.h").replace("/* intrinsics.h */\n\n", "")
     parts = ["/* From here on, the names of arithmetic are those of vectors. */"]
-    parts += [f"#undef {word}" for word in PLAIN.split()]
+    parts += [f"#undef {word}" for word in (*PLAIN.split(), *FUNCTIONS)]
     parts += [f"#define {word} {other}" for word, other in BESIDE.items()]
-    parts += [*(f"#undef {word}" for word in _functions(code)), f"#define W {LANES}"]
-    parts += [text_of("plain_vector.h"), vector, functions(), moves_of_copies(LANES)]
-    if "SINCOS(" in code:
-        own = dtype == "float64"
-        parts.append(own_sines(LANES) if own else f"#define SINCOS SINCOS_LANES\n{SINES_OF_LANES}")
-    return "\n".join(part.strip() for part in parts)
-
-
-def _drivers(programs: list[Program], names: list[list[str]], dtype: str, places: list[str]) -> str:
-    """Return the tables and drivers of programs on plain numbers, and what they call."""
-    tables = Tables(dtype)
-    drivers = [
-        across_samples(program, called, tables, place + HEAD)
-        for program, called, place in zip(programs, names, places, strict=True)
-    ]
-    code = "\n\n".join(drivers)
-    moves = [text for word, text in MOVES.items() if re.search(rf"\b{word}\(", code)]
-    return "\n\n".join(part for part in (*moves, tables.text, code) if part)
-
-
-def _drivers_in_lanes(
-    programs: list[Program], names: list[list[str]], dtype: str, places: list[str], alone: dict[str, str]
-) -> str:
-    """Return the tables and drivers of programs in lanes; the kernels `alone` are on plain numbers."""
-    tables = Tables(dtype)
-    drivers = [
-        across_copies(program, called, LANES, tables, place + COPIES, alone)
-        for program, called, place in zip(programs, names, places, strict=True)
-    ]
-    return "\n\n".join([tables.text, *drivers])
-
-
-def _sizes(program: Program) -> tuple[int, int, int, int]:
-    """Return the sizes of given, result, shared and own; shared and own are at least 1."""
-    given, result = (sum(size for _, size in x) for x in (program.inputs, program.outputs))
-    return given, result, max(program.shared, 1), max(program.own, 1)
+    return "\n".join([*parts, arithmetic(LANES), ROOM, moves_of_copies(LANES), sines])
 
 
 def _call(program: Program, name: str, dtype: str) -> str:
     """Return the public C function of a program."""
-    given, result, shared, _ = _sizes(program)
+    given, result, shared, _ = program.sizes
     each = "    for (k = 0; k < {}; k++) {};"
     lines = [
-        f"{_place(program, name)}{prototype(program, name, dtype)} {{",
+        f"{placed(program, f'{name}_')}{prototype(program, name, dtype)} {{",
         f"    S guard = 0, *given = work->numbers, *result = given + {given};",
         f"    S *shared = result + {result};",
         f"    V *own = ROOM(shared + {shared});",
         "    int k;",
-        *[f"    FETCH({_section(program, name)}, work, work + 1);"] * (program.name in CALLED_ALONE),
+        *[f"    FETCH({section(program, f'{name}_')}, work, work + 1);"] * (program.name in CALLED_ALONE),
         *(each.format(n, f"given[{at} + k] = {word}[k]") for word, n, at in stored(program.inputs)),
         f"{each.format(given, 'guard += given[k] * (S)0')} /* not finite: NaN */",
         f"    {program.name}_samples(given, result, shared, own, &guard);",
@@ -264,7 +192,7 @@ class ControlStep:
         self._close, self.inverse = close, replace(inverse, name="idm_of_closed", kernels=kernels)
         outputs = (*close.outputs, *inverse.outputs)
         near = close.inputs[0][1]
-        own = near + max(_room(close), _room(inverse))
+        own = near + max(sum(close.sizes), sum(inverse.sizes))
         self.form = Program("idm_from_motors", close.inputs, outputs, (), (), 1, own)
 
     def text(self, name: str, dtype: str) -> str:
@@ -275,12 +203,12 @@ class ControlStep:
         states = [n for n, _ in close.outputs]
         read = [*zip(states, (size for _, size in self.inverse.inputs), strict=False)]
         read += [(n, size) for n, size in self.inverse.inputs[len(states) :]]
-        given, result = (sum(size for _, size in x) for x in (self.inverse.inputs, self.inverse.outputs))
+        given, result, shared, _ = self.inverse.sizes
         lines = [
             f"{prototype(self.form, name, dtype)} {{",
             f"    {real} *from = work->numbers, *given = from + {near}, *result = given + {given};",
             f"    {real} *shared = result + {result};",
-            f"    V *own = ROOM(shared + {max(self.inverse.shared, 1)});",
+            f"    V *own = ROOM(shared + {shared});",
             f"    {real} guard = 0;",
             "    int k, n;",
             f"    for (k = 0; k < {near}; k++) from[k] = near[k];",
@@ -298,9 +226,3 @@ class ControlStep:
         lines.append(f"    for (k = 0; k < {result}; k++) guard += result[k] * 0; /* not finite: NaN */")
         lines += [f"    for (k = 0; k < {size}; k++) {n}[k] = result[k];" for n, size in self.inverse.outputs]
         return "\n".join([*lines, "    return guard;", "}"])
-
-
-def _room(program: Program) -> int:
-    """Return the size of a program's workspace."""
-    sizes = (size for x in (program.inputs, program.outputs) for _, size in x)
-    return sum(sizes) + max(program.shared, 1) + max(program.own, 1)

@@ -31,7 +31,6 @@ Numbers = NDArray[Any]
 BORDER = {
     "float64": np.float64,
     "float32": np.float32,
-    "longdouble": np.longdouble,
     "float128": np.float64,  # NumPy has no such type: inputs are exact, outputs are rounded
 }
 
@@ -196,7 +195,7 @@ def load(
 
     Args:
         programs: The programs.
-        dtype: "float64" or "float32"; for studies, with one lane, also "longdouble" or "float128".
+        dtype: "float64" or "float32"; for studies, with one lane, also "float128".
         lanes: Numbers in a vector; None chooses what suits this machine.
         key: Text that determines the programs; None takes the hash of their source.
     """

@@ -1,8 +1,6 @@
 /* What `laws.h` and `steps.h` of compiled models need here: one step of four stages, and programs by their names. The direct
    model reads parameters after its states. */
-#undef ROOM
 #define STAGES 4
-#define SCALAR(name) FUNCTION(name)
 #define LAW(name) name##_single_at
 #define DDM(in, out) ddm_with(law->v, in, out)
 typedef long long Long;

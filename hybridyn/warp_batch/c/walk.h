@@ -8,12 +8,12 @@
 #define SETTLED 1e-3 /* guard: rates and accelerations belong to the posture before the last step */
 #define SHORTEST_PART 0.00390625 /* of the way */
 
-static S position_of(const S *q, int m) { return turns(m) ? FUNCTION(atan2)(q[at(m) + 1], q[at(m)]) : q[at(m)]; }
+static S position_of(const S *q, int m) { return turns(m) ? SCALAR(atan2)(q[at(m) + 1], q[at(m)]) : q[at(m)]; }
 
 static void place(S *given, int m, S x) {
     S *q = given + at(m);
     if (POSED) given[NQ + m] = x;
-    if (turns(m)) q[0] = FUNCTION(cos)(x), q[1] = FUNCTION(sin)(x);
+    if (turns(m)) q[0] = SCALAR(cos)(x), q[1] = SCALAR(sin)(x);
     else q[0] = x;
 }
 
@@ -48,8 +48,8 @@ static S walk(const S *start, const S *goal, S *result) {
     for (int m = 0; m < SIDE; m++) {
         from[m] = position_of(here, m);
         way[m] = goal[m] - from[m];
-        if (turns(m)) way[m] -= (S)6.283185307179586 * FUNCTION(floor)(way[m] / (S)6.283185307179586 + (S)0.5);
-        if (!(FUNCTION(fabs)(way[m]) * longest <= farthest(m))) longest = farthest(m) / FUNCTION(fabs)(way[m]);
+        if (turns(m)) way[m] -= (S)6.283185307179586 * SCALAR(floor)(way[m] / (S)6.283185307179586 + (S)0.5);
+        if (!(SCALAR(fabs)(way[m]) * longest <= farthest(m))) longest = farthest(m) / SCALAR(fabs)(way[m]);
     }
     for (;;) {
         if (part > longest) part = longest;

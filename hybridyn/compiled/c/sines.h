@@ -1,4 +1,4 @@
-/* Sine and cosine of D (vectors or numbers of doubles) with an error under one unit in the last place.
+/* Sine and cosine of doubles D, numbers or lanes, with an error under one unit in the last place.
 
    x = n pi/2 + (hi + lo) by Cody and Waite: pi/2 in parts of 33 bits, so that n times a part is exact for
    n < 2^20; lo keeps what rounding takes from hi. Polynomials in z = hi^2, by Remez' exchange on
@@ -6,9 +6,34 @@
    number, is left to the C library; the other lanes do not see it. */
 #define LIMIT 1e6
 #define ROUND 0x1.8p52 /* adding and subtracting it rounds to an integer, left in the low bits between */
+#if W == 1
+#define D double
+#define MD unsigned long long
+#define TO(type, x) ((type)(x))
+#else
+typedef double D __attribute__((vector_size(W * 8)));
+typedef long long MD __attribute__((vector_size(W * 8)));
+#define TO(type, x) __builtin_convertvector(x, type)
+#endif
+#define CD(x) ((double)(x) - (D){0})
+#define BITS_OF(x) (((union { D number; MD bits; }){.number = (x)}).bits)
+#define WITH_BITS(k) (((union { D number; MD bits; }){.bits = (k)}).number)
+#define SELECT_D(m, a, b) WITH_BITS(((m) & BITS_OF(a)) | (~(m) & BITS_OF(b)))
+#ifdef DOUBLE
+#define SINCOS_D SINCOS
+#define FMA_D FMA
+#define ANY_D ANY
+#else
+#define FMA_D(a, b, c) ((a) * (b) + (c))
+INLINE int ANY_D(MD m) {
+    int any = 0;
+    for (int i = 0; i < W; i++) any |= LANE(m, i) != 0;
+    return any;
+}
+#endif
 
 SELDOM void far_away(const D *x, D *s, D *c) {
-    for (int i = 0; i < LANES; i++) {
+    for (int i = 0; i < W; i++) {
         const double u = LANE(*x, i);
         if (!(__builtin_fabs(u) <= LIMIT)) {
             LANE(*s, i) = __builtin_sin(u);
@@ -43,11 +68,18 @@ INLINE void SINCOS_D(D x, D *s, D *c) {
     const D sine = hi + FMA_D(hi * z, p, lo * one);
     const D cosine = one + (((CD(1.0) - one) - half) + FMA_D(z * z, q, -(hi * lo)));
 
-    const MD k = BITS_OF(t);
-    const MD odd = -(k & 1);
+    const MD k = BITS_OF(t), odd = -(k & 1);
     const D u = SELECT_D(odd, cosine, sine), v = SELECT_D(odd, sine, cosine);
     *s = WITH_BITS(BITS_OF(u) ^ ((k & 2) << 62));
     *c = WITH_BITS(BITS_OF(v) ^ (((k + 1) & 2) << 62));
-    const MD far = BEYOND(x);
+    const MD far = (BITS_OF(x) & ~BITS_OF(CD(-0.0))) > BITS_OF(CD(LIMIT)); /* so are numbers that are none */
     if (__builtin_expect(ANY_D(far), 0)) far_away(&x, s, c);
 }
+#ifndef DOUBLE
+SELDOM void SINCOS(V x, V *s, V *c) {
+    D a, b;
+    SINCOS_D(TO(D, x), &a, &b);
+    *s = TO(V, a);
+    *c = TO(V, b);
+}
+#endif
