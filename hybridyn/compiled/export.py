@@ -16,18 +16,18 @@ from ..structure.parameters.slots import Slot, values_of
 from ..structure.robot import HybridRobot
 from .failures import WITHOUT_CASADI, as_compile_error
 from .programs.sources import asked_for
-from .verifying import check_trusted
+from .verifying import verify
 
 try:
     from .code.plain_c import WRITTEN, ControlStep, plain_source, prototype
     from .equations.request import request
-    from .export_reference import SAMPLES, guards_of, test_text
+    from .export_reference import SAMPLES, test_text
     from .program import Program
     from .programs.c_header import header_text
     from .programs.closing.platform_program import close_platforms_program
     from .programs.inverse import inverse_program
     from .programs.map_programs import map_programs
-    from .programs.whole_robot import programs
+    from .programs.whole_robot import Interpreted, programs
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
 
@@ -63,8 +63,8 @@ def export(
         ModelError: A parameter is unknown, or together with `map_joints`; an effect is not available in
             compiled models, `dtype` is invalid, `name` is not a C identifier, no joint moves, or a file of
             the same name exists that hybridyn did not write.
-        CompileError: casadi is not installed, the models cannot be generated, or their guards are above 1 at
-            every random state.
+        CompileError: casadi is not installed, the models cannot be generated, they differ from the general
+            path, or their guards are above 1 at every random state.
         SingularityError, TrajectoryError: The output joints do not fit their modules, or are unknown.
     """
     name = checked_name(robot, name)
@@ -78,7 +78,7 @@ def export(
         asked = request(robot, on, dtype=dtype)
         posed = None if slots else close_platforms_program(asked)
         models += [] if posed is None else [posed]
-        check_trusted(guards_of(models, values), robot, on)
+        verify(Interpreted(models, dtype), robot, on, design=values if slots else None)
         models += map_programs(asked, map_joints) if map_joints else []
         step = _control_step(robot, on, models, dtype, slots)
         public = [*models, step.form] if step else models

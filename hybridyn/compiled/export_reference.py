@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import reduce
 
 import numpy as np
@@ -148,30 +148,6 @@ def _references(
             values["parameters"] = np.tile(parameters, (SAMPLES, 1))
         out.append(values)
     return out
-
-
-def guards_of(programs: list[Program], parameters: Array) -> Callable[..., dict[str, Array]]:
-    """Return a function of q, v, a, tau that computes the guards of the models, for `check_trusted`.
-
-    Args:
-        parameters: Values of the input "parameters", shape (slots,).
-    """
-    from .programs.whole_robot import function_of
-
-    models = {program.name: program for program in programs if program.name in ("idm", "ddm")}
-    functions = {name: function_of(program) for name, program in models.items()}
-
-    def guards(q: Array, v: Array, a: Array, tau: Array) -> dict[str, Array]:
-        """Return the guards of the samples by model, shape (T,) each."""
-        known = {"q": q, "v": v, "a": a, "tau": tau, "base_acceleration": np.zeros((len(q), 6))}
-        known["parameters"] = np.tile(parameters, (len(q), 1))
-        given = {name: [known[n] for n, _ in program.inputs] for name, program in models.items()}
-        return {
-            name: np.array([float(function(*sample)[-1]) for sample in zip(*given[name], strict=True)])
-            for name, function in functions.items()
-        }
-
-    return guards
 
 
 def rates_read(program: Program) -> Array:

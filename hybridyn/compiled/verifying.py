@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from ..dynamics.direct import ddm
-from ..dynamics.inverse import idm
-from ..effects.choice import Effects
+from ..effects.choice import Effects, choose
 from ..errors import CompileError, HybridynError
 from ..manifold.manifold import Manifold
 from ..spatial import Array, Mask
 from ..structure.robot import HybridRobot
 from .code.scalars import GUARD_LIMIT
 from .failures import BUG, check_agreement, difference
-from .library.calls import Numbers
-from .programs.general import body_rows
+from .programs.general import general
 
 log = logging.getLogger("hybridyn.compiled")
 
@@ -52,18 +46,8 @@ AWAY = 1e-3
 NEWTON_STEPS = 8
 
 
-class Built(Protocol):
-    """Interface to a robot's programs."""
-
-    dtype: Any
-    programs: Any
-
-    def batch(self, name: str, *inputs: Array) -> tuple[tuple[Numbers, ...], Numbers]:
-        """Compute outputs, shapes (T, n), and guards, shape (T,)."""
-
-
 def verify(
-    library: Built,
+    library: Any,
     robot: HybridRobot,
     effects: Effects,
     *,
@@ -73,6 +57,7 @@ def verify(
     """Compare models with the general path on random states that the models compute themselves.
 
     Args:
+        library: A `Library`, or what calls programs like one, as `whole_robot.Interpreted`.
         effects: Effects in the models.
         required: Whether a model must compute some of the states itself.
         design: The robot's numbers in the input "parameters" of the models, shape (slots,), if they have it.
@@ -80,8 +65,7 @@ def verify(
     Raises:
         CompileError: They differ by more than `MODEL_AGREES`, or no model computes any of the states itself.
     """
-    without = replace(effects, limits=None)  # limits act outside the models
-    comparison = _Comparison(library, robot, without, design)
+    comparison = _Comparison(library, robot, effects.without("limits"), design)  # they act outside the models
     for seed in range(ROUNDS):
         comparison.draw(seed)
         if min(comparison.computed.values()) >= SAMPLES:
@@ -99,7 +83,7 @@ def verify(
         )  # fmt: skip
 
 
-def warn_of_handed_over(library: Built, robot: HybridRobot, effects: Effects) -> None:
+def warn_of_handed_over(library: Any, robot: HybridRobot, effects: Effects) -> None:
     """Log a warning for each new model that hands most of `SAMPLES` random states to the general path.
 
     The accelerations are any that keep the loops closed, as tables have them. States that the general path
@@ -110,47 +94,19 @@ def warn_of_handed_over(library: Built, robot: HybridRobot, effects: Effects) ->
     if robot.base == "moving":
         return
     q, v, tau = moving_states(robot, SAMPLES)
-    a = any_accelerations(robot, q, v)
-    for name, model, last in (("idm", idm, a), ("ddm", ddm, tau)):
+    for name, last in (("idm", {"a": any_accelerations(robot, q, v)}), ("ddm", {"tau": tau})):
         if name not in library.programs:
             continue
-        doubtful = np.flatnonzero(~(library.batch(name, q, v, last)[1] <= GUARD_LIMIT))
-        if len(doubtful) <= SAMPLES // 2:
-            continue
-        good = 0
-        for t in doubtful:
+        given, good = {"q": q, "v": v, **last}, 0
+        for t in np.flatnonzero(~(library.batch(name, *given.values())[1] <= GUARD_LIMIT)):
             with contextlib.suppress(HybridynError):
-                model(robot, q[t], v[t], last[t], effects=replace(effects, limits=None))
+                general(robot, effects.without("limits"), name, {key: x[t] for key, x in given.items()})
                 good += 1
         if good > SAMPLES // 2:
             log.warning(
                 "robot '%s': the compiled '%s' hands %d of %d random states to the general path%s",
                 robot.description.name, name, good, SAMPLES, _reason(robot),
             )  # fmt: skip
-
-
-def check_trusted(guards: Callable[..., dict[str, Array]], robot: HybridRobot, effects: Effects) -> None:
-    """Check that one of the models can be trusted at one random state at least.
-
-    Args:
-        guards: Function of q, v, a, tau, each of shape (T, n), that returns the guards of each model, (T,).
-        effects: Effects in the models.
-
-    Raises:
-        CompileError: No model can be trusted at any of the states.
-    """
-    from .equations.states import moving_states
-
-    reason = ""
-    for seed in range(ROUNDS):
-        q, v, tau = moving_states(robot, SAMPLES, seed)
-        try:
-            a = ddm(robot, q, v, tau, effects=replace(effects, limits=None))
-        except HybridynError as error:
-            reason, a = f", which refuses them ({error})", np.zeros_like(v)
-        if any((guard <= GUARD_LIMIT).any() for guard in guards(q, v, a, tau).values()):
-            return
-    raise _trusted_nowhere(robot, ROUNDS * SAMPLES, reason)
 
 
 def _trusted_nowhere(robot: HybridRobot, drawn: int, reason: str) -> CompileError:
@@ -183,14 +139,12 @@ class _Comparison:
         reason: Why the general path refused states, empty if it refused none.
     """
 
-    def __init__(self, library: Built, robot: HybridRobot, effects: Effects, design: Array | None) -> None:
-        self._library, self._robot = library, robot
-        self._more = [] if design is None else [np.tile(design, (SAMPLES, 1))]
+    def __init__(self, library: Any, robot: HybridRobot, effects: Effects, design: Array | None) -> None:
+        self._library, self._robot, self._effects = library, robot, effects
+        self._design = [] if design is None else [np.tile(design, (SAMPLES, 1))]
         loops = [module.mechanism for module in robot.modules if module.mechanism.reduction.rounded]
         rounding = max((m.rounding for m in loops), default=0.0)
         self._agree = max(MODEL_AGREES[str(library.dtype)], ROUNDINGS * rounding)
-        models = {"ddm": partial(ddm, effects=effects), "idm": partial(idm, effects=effects)}
-        self._general: dict[str, Callable[..., Array]] = {**models, "kinematics": body_rows}
         self.computed, self.reason = {x: 0 for x in ("ddm", "idm") if x in library.programs}, ""
         self._lifted = "lift" not in library.programs
 
@@ -206,43 +160,42 @@ class _Comparison:
         """
         from .equations.states import moving_states
 
-        robot = self._robot
-        q, v, tau = moving_states(robot, SAMPLES, seed)
-        still = [np.zeros((SAMPLES, 6))] if robot.base == "moving" else []
-        good = self._compare("ddm", (q, v, tau), still)
+        robot, effects = self._robot, self._effects
+        state = dict(zip(("q", "v", "tau"), moving_states(robot, SAMPLES, seed), strict=True))
+        if robot.base == "moving":
+            state["base_acceleration"] = np.zeros((SAMPLES, 6))
+        good = self._compare("ddm", state)
         try:
-            a = self._general["ddm"](robot, q, v, tau)
+            a = general(robot, effects, "ddm", state)
         except HybridynError as error:  # correct, as long as it refuses none of the good samples
             self.reason = f", which refuses them ({error})"
+            if good.any():
+                state = {name: x[good] for name, x in state.items()}
             try:
-                model = self._general["ddm"] if good.any() else ddm
-                q, v, tau = (x[good] if good.any() else x for x in (q, v, tau))
-                a = model(robot, q, v, tau)
+                a = general(robot, effects if good.any() else choose(robot, None), "ddm", state)
             except HybridynError:
                 return
-        self._compare("kinematics", (q, v, a))
+        motion = {"q": state["q"], "v": state["v"], "a": a}
+        self._compare("kinematics", motion)
         if not self._lifted:
-            self._lifted = _lift(self._library, robot, q, v, self._agree)
-        self._compare("idm", (q, v, a))
+            self._lifted = _lift(self._library, robot, motion["q"], motion["v"], self._agree)
+        self._compare("idm", motion)
 
-    def _compare(self, name: str, given: tuple[Array, ...], still: Sequence[Array] = ()) -> Mask:
+    def _compare(self, name: str, given: dict[str, Array]) -> Mask:
         """Compare a model on the samples that it computes itself, and return which these are.
 
         No difference may exceed both `MODEL_AGREES` and `ROUNDINGS` of the general path's own.
-
-        Args:
-            still: Further arguments of the compiled model, zero in the general path.
         """
+        samples = len(given["q"])
         if name not in self._library.programs:
-            return np.zeros(len(given[0]), dtype=bool)
-        more = [x[: len(given[0])] for x in (*still, *self._more)]
-        (result,), guard = self._library.batch(name, *given, *more)
+            return np.zeros(samples, dtype=bool)
+        (result,), guard = self._library.batch(name, *given.values(), *(x[:samples] for x in self._design))
         good: Mask = np.asarray(guard <= GUARD_LIMIT)
-        given = tuple(x[good] for x in given)
-        if not len(given[0]):
+        given = {key: x[good] for key, x in given.items()}
+        if not good.any():
             return good
         try:
-            wanted = self._general[name](self._robot, *given)
+            wanted = general(self._robot, self._effects, name, given)
         except HybridynError as error:
             raise CompileError(
                 f"the compiled '{name}' of the robot '{self._robot.description.name}' computes a state that "
@@ -256,7 +209,7 @@ class _Comparison:
             check_agreement(self._robot, f"'{name}'", off, np.maximum(allowed, rounding))
         return good
 
-    def _rounding(self, name: str, given: tuple[Array, ...], wanted: Array) -> Array:
+    def _rounding(self, name: str, given: dict[str, Array], wanted: Array) -> Array:
         """Compute the relative change of the general path's results by rounding, shape (T,).
 
         The inputs and the masses of the links are rounded, each its own way. The change exceeds
@@ -266,15 +219,15 @@ class _Comparison:
         rng, worst = np.random.default_rng(0), np.zeros(len(wanted))
         masses = {f"mass:{link.name}": link.mass for link in self._robot.description.links if link.mass}
         for _ in range(DRAWS):
-            rounded = [x * (1 + 2.0**-52 * rng.uniform(-1.0, 1.0, x.shape)) for x in given]
+            rounded = {key: x * (1 + 2.0**-52 * rng.uniform(-1.0, 1.0, x.shape)) for key, x in given.items()}
             robot = self._robot.with_parameters(
                 {mass: value * (1 + 2.0**-52 * rng.uniform(-1.0, 1.0)) for mass, value in masses.items()}
             )
-            worst = np.maximum(worst, difference(self._general[name](robot, *rounded), wanted))
+            worst = np.maximum(worst, difference(general(robot, self._effects, name, rounded), wanted))
         return worst
 
 
-def _lift(library: Built, robot: HybridRobot, q: Array, v: Array, agree: float) -> bool:
+def _lift(library: Any, robot: HybridRobot, q: Array, v: Array, agree: float) -> bool:
     """Check that Newton's steps close slightly open loops, and that the rates keep them closed.
 
     Returns:

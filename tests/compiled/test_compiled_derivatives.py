@@ -92,7 +92,7 @@ def test_where_pivots_vanish_the_general_path_judges(interpreted: None) -> None:
     q = near_a_lost_pivot(robot, 1e-4)
     v, tau = np.zeros(robot.nv), np.array([0.3, -0.2])
     derive = Derivatives(robot, "ddm")
-    assert float(derive._flat.call([q, v, tau])[-1]) > GUARD_LIMIT
+    assert derive._interpreted.batch("ddm_jacobian", q[None], v[None], tau[None])[1] > GUARD_LIMIT
     linear = hybridyn.ddm(robot, q, v, 2 * tau) - hybridyn.ddm(robot, q, v, tau)
     np.testing.assert_allclose(
         derive(q, v, tau)["tau"] @ tau, linear, atol=DERIVATIVE_AGREES * np.abs(linear).max()
@@ -122,8 +122,8 @@ def test_batches_and_casadi(robot: hybridyn.HybridRobot, model: str, coordinates
     many, one = derive(*given.values()), {name: x[1] for name, x in given.items()}
     assert many["q"].shape[:2] == (3, len(robot.motors))
     same_bits(derive(*one.values()), {name: block[1] for name, block in many.items()})
-    found = [np.array(x).ravel() for x in derive._flat.call([*one.values()])[1:-1]]
-    close_to(tuple(found), tuple(many[name][1].ravel() for name in one), EXACT)
+    (_, *found), _ = derive._interpreted.batch(derive._name, *(x[None] for x in one.values()))
+    close_to(tuple(x[0] for x in found), tuple(many[name][1].ravel() for name in one), EXACT)
 
 
 def test_without_a_compiler_casadi_runs_them(monkeypatch: pytest.MonkeyPatch) -> None:

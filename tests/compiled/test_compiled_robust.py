@@ -14,7 +14,7 @@ from hybridyn.compiled import verifying
 from hybridyn.compiled.equations.states import moving_states, random_states
 from hybridyn.compiled.equations.static_elimination import choose_pivots
 from hybridyn.compiled.export import export
-from hybridyn.compiled.programs.general import body_rows
+from hybridyn.compiled.programs.general import GENERAL, body_rows
 from hybridyn.compiled.verifying import MODEL_AGREES, SAMPLES, difference, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.effects.choice import Effects, choose
@@ -422,7 +422,7 @@ def test_models_that_trust_themselves_nowhere_are_not_exported(tmp_path: Path) -
 def test_rounding_is_allowed_for(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the general path's own rounding is 1e-11, a difference of 2e-10 is no error; of 2e-8 it is."""
     robot, effects = door(), choose(door(), None)
-    general, size = getattr(verifying, name), 1e-11
+    general, size = GENERAL[name], 1e-11
 
     def rounding(r: hybridyn.HybridRobot, q: np.ndarray, *given: Any, **more: Any) -> np.ndarray:
         return general(r, q, *given, **more) * (1 + size * np.where(q[:, :1] == known(q), 0.0, 1.0))
@@ -433,7 +433,7 @@ def test_rounding_is_allowed_for(name: str, monkeypatch: pytest.MonkeyPatch) -> 
         seen.update(q[:, 0] if not any(np.isclose(x, list(seen), rtol=1e-14).any() for x in q[:, 0]) else ())
         return np.array([[x] if x in seen else [np.nan] for x in q[:, 0]])
 
-    monkeypatch.setattr(verifying, name, rounding)
+    monkeypatch.setitem(GENERAL, name, rounding)
     for off, wrong in ((2e-10, False), (2e-8, True)):
 
         def shifted(model: str, outputs: Any, guard: np.ndarray, off: float = off) -> Any:

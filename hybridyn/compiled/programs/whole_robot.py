@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ...effects.choice import Choice
+from ...spatial import Array
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..equations.request import Request, request
@@ -84,6 +85,28 @@ def function_of(program: Program) -> ca.Function:
         [name for name, _ in program.inputs],
         [*(name for name, _ in program.outputs), "guard"],
     )
+
+
+class Interpreted:
+    """Programs that CasADi runs, called like those of a `Library`: slow, and without a compiler.
+
+    Attributes:
+        programs: The programs by name.
+        dtype: Type for which their guards are made; CasADi computes in double precision.
+    """
+
+    def __init__(self, programs: Sequence[Program], dtype: str = "float64") -> None:
+        self.programs, self.dtype = {program.name: program for program in programs}, np.dtype(dtype)
+        self._functions = {name: function_of(program) for name, program in self.programs.items()}
+
+    def batch(self, name: str, *inputs: Array) -> tuple[tuple[Array, ...], Array]:
+        """Run a program sample after sample; return outputs, shapes (T, n), and guards, shape (T,)."""
+        function = self._functions[name]
+        new = [np.empty((len(inputs[0]), function.size1_out(i))) for i in range(function.n_out())]
+        for t, row in enumerate(zip(*inputs, strict=True)):
+            for out, found in zip(new, function.call([*row]), strict=True):
+                out[t] = np.array(found).ravel()
+        return tuple(new[:-1]), new[-1][:, 0]
 
 
 def run(program: Program, given: list[Any]) -> tuple[list[Any], list[Any]]:

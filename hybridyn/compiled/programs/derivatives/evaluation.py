@@ -10,7 +10,6 @@ from math import prod
 from threading import Thread
 from typing import Any, ClassVar
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -34,7 +33,7 @@ from ...library.direct_calls import refuse
 from ...program import Program
 from ..general import GENERAL, as_batches, general, named
 from ..sources import robot_key
-from ..whole_robot import function_of
+from ..whole_robot import Interpreted
 from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
 
 
@@ -235,10 +234,10 @@ class Derivatives:
         return BUILDERS[self._model, self._motors](request(self.robot, self._effects))
 
     @cached_property
-    def _flat(self) -> ca.Function:
-        """The program as one CasADi function."""
+    def _interpreted(self) -> Interpreted:
+        """The program, run by CasADi."""
         with as_compile_error(self.robot):
-            return function_of(self.program)
+            return Interpreted([self.program])
 
     def __call__(self, *given: ArrayLike) -> Jacobians:
         """Evaluate at one sample or many.
@@ -258,21 +257,11 @@ class Derivatives:
             raise TrajectoryError(f"expected the arrays {', '.join(self._inputs)}; {len(given)} were given")
         arguments = named(self.robot, dict(zip(self._inputs, given, strict=True)))
         arrays = as_batches(arguments, self._inputs)
-        (values, *found), guard = self._run(arrays)
+        (values, *found), guard = (self.library or self._interpreted).batch(self._name, *arrays.values())
         self._check_doubtful(arrays, values, guard)
         samples = () if np.ndim(arguments["q"]) == 1 else (len(values),)
         pairs = zip(self._blocks, found, strict=True)
         return {name: block.reshape(*samples, *shape) for (name, _, shape), block in pairs}
-
-    def _run(self, arrays: dict[str, Array]) -> tuple[tuple[Array, ...], Array]:
-        """Return the program's outputs, shapes (T, size), and the samples' guards, shape (T,)."""
-        if self.library is not None:
-            return self.library.batch(self._name, *arrays.values())
-        new = [np.empty((len(arrays["q"]), size)) for size in (*self._outputs.values(), 1)]
-        for t, row in enumerate(zip(*arrays.values(), strict=True)):
-            for out, found in zip(new, self._flat.call([*row]), strict=True):
-                out[t] = np.array(found).ravel()
-        return tuple(new[:-1]), new[-1][:, 0]
 
     def _check_doubtful(self, arrays: dict[str, Array], values: Array, guard: Array) -> None:
         """Compare samples whose guard is above its limit with the general path.
