@@ -246,11 +246,6 @@ class ChosenNumbers:
         """Number of arguments."""
         return len(self.slots)
 
-    @property
-    def decisions(self) -> tuple[Decision, ...]:
-        """Comparisons of arguments that decided the structure."""
-        return self.traced.decisions
-
     @cached_property
     def column(self) -> ca.SX:
         """Symbols of the numbers."""

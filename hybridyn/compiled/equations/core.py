@@ -243,10 +243,7 @@ def write_core(
     positions = split_positions(list(parts.links), tree_q)
     rates = np.concatenate([V_base, twists])
     weights = [plan.scale.weight(size) for size in sizes]
-    rows = write_rows(
-        chain, parts.closures, parts.couplings, positions, rates, tree_a, plan.scale, weights, parts.checked,
-        parts.rods,
-    )  # fmt: skip
+    rows = write_rows(chain, parts, positions, rates, tree_a, plan.scale, weights)
     if plan.column is not None:
         rows.guard = rows.guard + _spin_guard(plan, rows)
     for spin in parts.spins:  # the rows do not feel the freedoms that stand for spins

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...dynamics.guards import SINGULAR_MOTOR_MAP, UNDRIVEN
 from ...spatial import Array
+from ...structure.module import Module
 from ..code.scalars import GUARD_LIMIT
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, Plan, motions_of, own_inertia, rank_guard, write_core
@@ -23,6 +24,7 @@ from .legs import PlatformMotion, write_leg
 from .request import Options
 from .rigid import classical, crf, crm, momentum, resting, to_child, to_parent
 from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
+from .states import generic_positions
 from .static_elimination import TRUSTED_PIVOT, Pivots, choose_pivots, solve
 
 
@@ -237,11 +239,10 @@ def write_inverse_legs(plan: Plan, n: int, options: Options) -> tuple[list[Stage
     return cut([inputs], [outputs]), written.folding.table(len(group))
 
 
-def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivots | None:
+def motor_pivots(plan: Plan, module: Module, motors: tuple[int, ...]) -> Pivots | None:
     """Choose the pivots of a module's motor map at generic positions of its spanning tree.
 
     Args:
-        positions: Positions of its spanning tree, shape (samples, nq).
         motors: Freedoms of the tree after the cuts that are driven and can move.
 
     Returns:
@@ -272,7 +273,7 @@ def motor_pivots(plan: Plan, positions: Array, motors: tuple[int, ...]) -> Pivot
                 columns[int(col)] = dot(Psi[np.array(at) - 6].T, wrench)
     B = np.stack([columns[c] for c in motors], axis=1)
     function = ca.Function("B", [column], [pack(B), guard])
-    maps = [function(x) for x in positions]
+    maps = [function(x) for x in generic_positions(module)]
     good = np.array(
         [float(worst) <= GUARD_LIMIT for _, worst in maps]
     )  # B is no better than what it comes from

@@ -6,9 +6,8 @@ spanning tree are for Newton's method: unlike the rows, they also hold for open 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -37,7 +36,7 @@ from .expressions import (
 )
 from .guards import Scale, weighed
 from .legs import fold_links, turned_apart
-from .parts import UNFELT, Rod
+from .parts import UNFELT, Parts, Rod
 from .rigid import links_of, motion_to_parent, to_parent, units_of
 from .states import generic_positions
 from .static_elimination import Pivots, choose_pivots
@@ -176,17 +175,14 @@ def _side(chain: Chain, body: int, R: Expression, p: Expression) -> _Side:
 
 def write_rows(
     chain: Chain,
-    closures: tuple[TreeClosure, ...],
-    couplings: tuple[TreeCoupling, ...],
+    parts: Parts,
     q: list[Expression],
     rates: Expression,
     accelerations: Expression | None,
     scale: Scale,
     weights: list[Any],
-    checked: int,
-    rods: Mapping[int, Rod] = MappingProxyType({}),
 ) -> Rows:
-    """Write the rows of closures and couplings.
+    """Write the rows of a core's closures and couplings.
 
     Args:
         chain: Motion of the core.
@@ -195,28 +191,26 @@ def write_rows(
         accelerations: Accelerations of the joints, for the inverse model.
         scale: Scales of closure residuals.
         weights: Weights of squared residuals of rates and, if given, of accelerations (`Scale.weight`).
-        checked: How many of the closures the guard compares, the first ones.
-        rods: Rods at the ends of closures, by the closure's number.
     """
     K, gamma = [zeros(0, 6 + chain.nv)], [zeros(0)]
     guard = ca.SX(0.0)
-    for k, c in enumerate(closures):
+    for k, c in enumerate(parts.closures):
         a = _side(chain, c.body_a, numbers(c.R_a), numbers(c.p_a))
         b = _side(chain, c.body_b, numbers(c.R_b), numbers(c.p_b))
         turned = None
-        if k in rods:
-            near, far = ((c.body_a, c.p_a, -1.0), b) if rods[k].on_a else ((c.body_b, c.p_b, 1.0), a)
-            turned = _rod_rows(chain, rods[k], near, far)
+        if rod := parts.rods.get(k):
+            near, far = ((c.body_a, c.p_a, -1.0), b) if rod.on_a else ((c.body_b, c.p_b, 1.0), a)
+            turned = _rod_rows(chain, rod, near, far)
         rows, drift, open_by, slip = _closure(c, a, b, accelerations is not None, turned)
         K, gamma = [*K, rows], [*gamma, drift]
-        if k >= checked:
+        if k >= parts.checked:
             continue
         along, units = len(c.translations), (scale.length, 1.0)
         guard = guard + weighed(list(zip(open_by, units, strict=True)), scale.weight_of_positions)
         slip = dot(rows, rates) if accelerations is None else slip  # the same, from the bodies' twists
         for weight, values in zip(weights, (slip, drift), strict=False):
             guard = guard + weighed(list(zip((values[:along], values[along:]), units, strict=True)), weight)
-    for coupling in couplings:
+    for coupling in parts.couplings:
         opened, row = coupling_row(chain, coupling, q, coupling.offset)
         # The unit of its residual is the largest of a radian, or the length, in its terms.
         unit = max(abs(k) * float(units_of(chain.links[j], scale.length)[0]) for j, k in coupling.terms)

@@ -90,21 +90,14 @@ class Request:
             key = (id(module.mechanism), self.marks(module))
             if key not in known:
                 own = None if inertias is None else inertias[k]
-                positions = self.positions(module)
-                plan = plan_module(self._parts(module, own), positions, self.dtype, compared=self.compared)
+                parts = self._parts(module, own)
+                plan = plan_module(parts, generic_positions(module), self.dtype, compared=self.compared)
                 if own is not None:
                     outputs = tuple(own.own[o - 1] for o in own.spec.outputs)
                     plan = replace(plan, inertias=outputs, column=own.column)
                 known[key] = plan
             out.append(known[key])
         return out
-
-    def positions(self, module: Module) -> Array:
-        """Return generic assembled positions of a module's spanning tree, shape (samples, nq)."""
-        key = id(module.mechanism)
-        if key not in self._positions:
-            self._positions[key] = generic_positions(module)
-        return self._positions[key]
 
     def parameter_index(self, k: int) -> Index:
         """Return the places of the arguments of module k in the input "parameters"."""
@@ -116,10 +109,6 @@ class Request:
     def parameter_inputs(self) -> list[tuple[str, int]]:
         """The input "parameters" of programs and its size, or nothing."""
         return [] if self.arguments is None else [("parameters", self.arguments.size)]
-
-    @cached_property
-    def _positions(self) -> dict[int, Array]:
-        return {}
 
     def marks(self, module: Module) -> tuple[str, ...]:
         """Return for each freedom of a module's tree after the cuts the motor and laws that act on it."""

@@ -81,8 +81,7 @@ def moving_states(
             "tij,tj->ti", basis.Psi, u / np.linalg.norm(basis.Psi / m.reduction.col_scale[:, None], axis=1)
         )
         out = m.cut.to_spanning(rates)
-        if m.spec.wrists:
-            m.wrists.recover(own, out, None, m.tree.sweep(x, rates))
+        m.wrists.recover(own, out, None, m.tree.sweep(x, rates))
         v[:, module.v_index] = out
     tau = rng.normal(size=(count, len(robot.motors))) * _weight(robot)
     return q, v, tau
@@ -97,9 +96,8 @@ def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0) -> 
         u_dot = rng.normal(size=basis.Psi.shape[::2])
         x_ddot = np.einsum("tij,tj->ti", basis.Psi, u_dot) + basis.drift
         own = m.cut.to_spanning(x_ddot)
-        if m.spec.wrists:
-            target = m.tree.sweep(state.q, state.v, x_ddot)
-            m.wrists.recover(q[:, state.module.q_index], v[:, at], own, target)
+        target = m.tree.sweep(state.q, state.v, x_ddot)
+        m.wrists.recover(q[:, state.module.q_index], v[:, at], own, target)
         out[:, at] = own
     return out
 

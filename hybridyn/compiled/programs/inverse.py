@@ -107,8 +107,8 @@ class _Sweeps:
     def _motor_pivots(self, k: int, options: Options) -> Pivots | None:
         """Return the pivots of the motor map of module k; equal modules share them."""
         plan, motors = self.request.constant_plans[k], tuple(options.motors[i] for i in options.moving)
-        positions = self.request.positions(self.request.robot.modules[k])
-        return self.w.once(("pivots", id(plan), motors), motor_pivots, plan, positions, motors)
+        module = self.request.robot.modules[k]
+        return self.w.once(("pivots", id(plan), motors), motor_pivots, plan, module, motors)
 
     def _legs_outwards(self, calls: ModuleCalls, n: int) -> None:
         """Add the forces of a group of legs, summed by platform."""

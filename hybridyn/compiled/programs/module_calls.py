@@ -183,9 +183,9 @@ def unit_base(request: Request, w: Writer) -> None:
 def same_structure(request: Request, w: Writer) -> None:
     """Add a guard that rejects arguments with which the robot has another structure."""
     chosen = request.arguments
-    if not isinstance(chosen, ChosenNumbers) or not chosen.decisions:
+    if not isinstance(chosen, ChosenNumbers) or not chosen.traced.decisions:
         return
-    column, guard = chosen.column, decided_alike(chosen.decisions)
+    column, guard = chosen.column, decided_alike(chosen.traced.decisions)
     kernel = w.kernel("structure", ca.Function("structure", [column], [guard]), "parameters")
     w.call(kernel, 1, [w.from_given("parameters", np.arange(chosen.size))], [Worst()])
 

@@ -148,7 +148,7 @@ class MotorMotion:
         """Return the pivots of the motor map; equal modules share them."""
         request, module = self._module.request, self._module.module
         plan = request.constant_plans[self._module.k]
-        found = motor_pivots(plan, request.positions(module), tuple(module.motor_columns.tolist()))
+        found = motor_pivots(plan, module, tuple(module.motor_columns.tolist()))
         if found is None:
             raise SingularityError(
                 f"module '{module.name}': its motors do not determine its motion at any posture, so "
