@@ -224,36 +224,24 @@ class Folding:
         size = np.max(plain_values, initial=0.0)
         out = np.empty(stacked.shape[1:], dtype=object)
         for at in np.ndindex(*out.shape):
-            values = settled(stacked[(slice(None), *at)])
-            out[at] = self._argument(values) if values.dtype == object else self._scalar(values, size)
+            out[at] = self._one(settled(stacked[(slice(None), *at)]), size)
         return out
 
-    def _argument(self, values: Expression) -> ca.SX:
-        """Return the symbol of a number that is an argument in some copies; equal numbers share one."""
+    def _one(self, values: Expression, size: float) -> Any:
+        """Return the expression of a number of all copies, which equal and opposite numbers share."""
+        constant = values.dtype != object
+        if constant and np.ptp(values) <= FOLDED_ALIKE * size:
+            return float(values[0])
         for column, known in zip(self.columns, self.values, strict=True):
-            if known.dtype == object and all(
-                ca.is_equal(ca.SX(x), ca.SX(y)) for x, y in zip(values, known, strict=True)
-            ):
+            if known.dtype != values.dtype:
+                continue
+            if (known == values).all() if constant else all(map(_equal, known, values)):
                 return column
+            if constant and (known == -values).all():
+                return -column
         self.columns.append(ca.SX.sym(f"number_{len(self.columns)}"))
         self.values.append(values)
         return self.columns[-1]
-
-    def _scalar(self, values: Array, size: float) -> Any:
-        """Return one expression that represents a number of all copies."""
-        if np.ptp(values) <= FOLDED_ALIKE * size:
-            return float(values[0])
-        for column, known in zip(self.columns, self.values, strict=True):
-            if known.dtype == object:
-                continue
-            if (known == values).all():
-                return column
-            if (known == -values).all():
-                return -column
-        column = ca.SX.sym(f"number_{len(self.columns)}")
-        self.columns.append(column)
-        self.values.append(values)
-        return column
 
     def symbol(self) -> ca.SX:
         """Return all symbols as one column."""
@@ -262,6 +250,11 @@ class Folding:
     def table(self, copies: int) -> Array:
         """Return the copies' numbers, shape (copies, symbols); an object array if some are arguments."""
         return np.array(self.values).T.reshape(copies, len(self.values))
+
+
+def _equal(x: Any, y: Any) -> bool:
+    """Return whether two scalars are the same expression."""
+    return bool(ca.is_equal(ca.SX(x), ca.SX(y)))
 
 
 def scalar(x: Any) -> Expression:

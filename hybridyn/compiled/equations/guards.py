@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from .expressions import Expression, is_zero, plus, times
 
@@ -60,8 +61,7 @@ def squares(values: Expression) -> Any:
     """Compute the sum of the squares of values."""
     out: Any = ca.SX(0.0)
     for value in values.ravel():
-        if not is_zero(value):
-            out = plus(out, times(value, value))
+        out = plus(out, times(value, value))
     return out
 
 
@@ -81,13 +81,10 @@ def weighed(residuals: list[tuple[Expression, float]], weight: Any) -> Any:
 def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:
     """Compute the size of rates (or accelerations) of joints and of 6-D motions, without units."""
     size: Any = 0.0
-    for value, unit in zip(joints, units, strict=True):
+    per = [*(1.0 / np.asarray(units)), *([1.0 / length] * 3 + [1.0] * 3) * len(motions)]
+    for value, weight in zip(np.concatenate([joints, *motions]), per, strict=True):
         if not is_zero(value):
-            size = plus(size, times(ca.fabs(value), 1.0 / unit))
-    for motion in motions:
-        for k, value in enumerate(motion):
-            if not is_zero(value):
-                size = plus(size, times(ca.fabs(value), 1.0 / length if k < 3 else 1.0))
+            size = plus(size, times(ca.fabs(value), weight))
     return size
 
 

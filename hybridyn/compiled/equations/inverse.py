@@ -189,7 +189,7 @@ def _without_rates(
 def _motor_map(core: Core, plan: Plan, options: Options, Psi: Expression, received: Given) -> Expression:
     """Compute the motor map B, the work of each motor along each motion, shape (N, motors)."""
     parts = plan.parts
-    columns: dict[int, Expression] = {int(col): Psi[k] for k, col in enumerate(parts.tree_v)}
+    columns: dict[int, Expression] = dict(zip(parts.tree_v.tolist(), Psi, strict=True))
     for n, group in enumerate(parts.groups):
         at = np.array(core.chain.columns_of(group[0].platform + 1)) - 6
         driven = [j for j, c in enumerate(group[0].tree_v) if int(c) in options.motors]
@@ -256,21 +256,18 @@ def motor_pivots(plan: Plan, module: Module, motors: tuple[int, ...]) -> Pivots 
     core = write_core(plan, q, zeros(m.spanning.nv), zeros(6))
     X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
     Psi, guard = X[:, 1 + len(parts.spins) :], squares(doubts)
-    columns: dict[int, Expression] = {}
-    for k, col in enumerate(parts.tree_v):
-        columns[int(col)] = Psi[k]
+    columns: dict[int, Expression] = dict(zip(parts.tree_v.tolist(), Psi, strict=True))
     for n, group in enumerate(parts.groups):
         for leg in group:
-            platform = core.platforms[leg.platform]
+            platform, base = core.platforms[leg.platform], (zeros(6), zeros(6))
             written = write_leg(
-                (leg,), q[leg.q], zeros(len(leg.v)), (zeros(6), zeros(6)), platform, loose, plan.leg_pivots[n]
+                (leg,), q[leg.q], zeros(len(leg.v)), base, platform, loose, plan.leg_pivots[n]
             )
             guard = ca.fmax(guard, written.guard)
-            at = core.chain.columns_of(leg.platform + 1)
-            P = motion_map(core.chain, leg.platform + 1)[:, at]
-            for k, col in enumerate(leg.tree_v):
-                wrench = dot(P.T, written.wrench(written.X[k]))
-                columns[int(col)] = dot(Psi[np.array(at) - 6].T, wrench)
+            delta = Psi[np.array(core.chain.columns_of(leg.platform + 1)) - 6].T
+            columns |= {
+                int(c): dot(delta, written.wrench(x)) for c, x in zip(leg.tree_v, written.X, strict=True)
+            }
     B = np.stack([columns[c] for c in motors], axis=1)
     function = ca.Function("B", [column], [pack(B), guard])
     maps = [function(x) for x in generic_positions(module)]
@@ -283,11 +280,9 @@ def motor_pivots(plan: Plan, module: Module, motors: tuple[int, ...]) -> Pivots 
     size = np.where(
         size > SINGULAR_MOTOR_MAP * size.max(), size, size.max()
     )  # motions without a motor: rounding
-    unit = np.abs(samples / np.where(size > 0, size, 1.0)[:, None]).max(axis=(0, 1))
-    size = np.where(
-        size > SINGULAR_MOTOR_MAP * size.max(), size, size.max()
-    )  # of a motion that no motor drives: rounding
-    rows, cols = 1.0 / np.where(size > 0, size, 1.0), 1.0 / np.where(unit > 0, unit, 1.0)
+    size = np.where(size > 0, size, 1.0)
+    unit = np.abs(samples / size[:, None]).max(axis=(0, 1))
+    rows, cols = 1.0 / size, 1.0 / np.where(unit > 0, unit, 1.0)
     s = np.linalg.svd(samples * rows[:, None] * cols, compute_uv=False)
     regular = np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0)  # dead centres: zero maps
     if np.median(regular) < SINGULAR_MOTOR_MAP:
