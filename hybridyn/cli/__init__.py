@@ -65,10 +65,6 @@ class Commands(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command, or None if there is none of this name."""
-        if cmd_name == "cost":
-            from .cost import command
-
-            return command
         from . import words  # `--version` does without
 
         return getattr(words, cmd_name) if cmd_name in COMMANDS else None

@@ -10,30 +10,28 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from ..description.shipped import own_trajectory
 from ..errors import TrajectoryError
 from ..studies.cost.points import (
     ADVISED,
     OURS,
-    QUANTITIES,
-    SECONDS,
+    Point,
     Study,
+    Worth,
     advice,
     cheapest,
     error_words,
     front,
     time_words,
 )
-from .common.figures import chart_file, save
-from .common.files import complete_robot, existing_file, report_file, robot_file, scene_file, write_report
-from .common.options import RobotChoice, RobotCommand, split_names
+from .common.figures import save
+from .common.files import write_report
+from .common.options import RobotChoice, refuse
 from .common.text import aligned_rows
-
-if TYPE_CHECKING:
-    from ..studies.cost.points import Point, Worth
 
 #: Number of characters of a line of progress, and half of those of a remark.
 WIDTH = 120
@@ -42,64 +40,11 @@ WIDTH = 120
 MOST_ROWS = 12
 
 
-def _source(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Return the file of a scene or robot; both may be shipped ones, given by name."""
-    return (scene_file if value.endswith(".toml") else robot_file)(ctx, param, value)
-
-
-@click.command(
-    "cost",
-    cls=RobotCommand,
-    robot=click.Argument(["robot"], callback=_source, metavar="ROBOT|SCENE", shell_complete=complete_robot),
-    short_help="Measure what accuracy costs in time, for your robot.",
-)
-@click.argument("trajectory", required=False, callback=existing_file, type=click.Path())
-@click.option(
-    "--target",
-    type=click.FloatRange(0, min_open=True),
-    help="Print only the fastest setting with this error, as lines for a scene; exit status 1 if none.",
-)
-@click.option(
-    "--quantity", type=click.Choice([*QUANTITIES]), default="idm", show_default=True,
-    help="What is computed along a trajectory.",
-)  # fmt: skip
-@click.option(
-    "--with", "engines", metavar="NAMES", callback=split_names,
-    help="Engines whose settings are swept, too: pinocchio,mujoco. They compute rigid bodies alone, and "
-    "accelerations along a scene.",
-)  # fmt: skip
-@click.option("--all", "every", is_flag=True, help="Print every setting, not only those worth having.")
-@click.option(
-    "--seconds", type=click.FloatRange(0, min_open=True), default=SECONDS, show_default=True,
-    help="Time that the runs of a scene take together [s], besides building C.",
-)  # fmt: skip
-@click.option(
-    "--until", type=click.FloatRange(0, min_open=True), help="Simulate a scene to this time [s] only."
-)
-@click.option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    callback=report_file,
-    help="Write all measurements, .csv or .json.",
-)
-@click.option(
-    "--plot", metavar="FILE", callback=chart_file, help="Error against time: .png, .svg, .pdf or .html."
-)
-def command(
+def run(
     load: RobotChoice, trajectory: str | None, target: float | None, every: bool, output: str | None,
     plot: str | None, **given: Any,
 ) -> int:  # fmt: skip
-    """Measure what accuracy costs in time: 'cost ROBOT TRAJECTORY' or 'cost SCENE'.
-
-    The command measures error and time of settings, and what each effect is worth. For a robot and a
-    trajectory the settings are compiled or general path, float32 or float64, batch or single calls, effects,
-    and the source of rates. For a scene they are methods, steps and tolerances. Errors are relative to a
-    reference, whose own error is shown. Times are measured on this machine. Ctrl-C prints what was measured.
-    """
-    from ..description.shipped import own_trajectory
-
+    """Measure settings and effects, print them, and return the exit status."""
     scene = load.robot.endswith(".toml")
     trajectory = trajectory or (None if scene else own_trajectory(load.robot))
     _refuse_misuse(load, trajectory, **given)
@@ -134,7 +79,7 @@ def _refuse_misuse(
 ) -> None:  # fmt: skip
     """Refuse options that do not belong together, in words that say what to type."""
     source, scene = load.robot, load.robot.endswith(".toml")
-    for wrong, said in (
+    refuse(
         (
             trajectory is not None and trajectory.lower().endswith(".toml"),
             f"'{trajectory}' is a scene, which names its robot: 'hybridyn cost {trajectory}'",
@@ -153,9 +98,7 @@ def _refuse_misuse(
             scene and quantity != "idm",
             "--quantity is for a robot and a trajectory; --with compares accelerations along a scene",
         ),
-    ):
-        if wrong:
-            raise click.UsageError(said)
+    )
 
 
 def _show(study: Study, started: float, result: Point | Worth) -> None:

@@ -1,4 +1,4 @@
-"""The words of all commands but `cost`: arguments, options and help. What a command does is in its module."""
+"""The words of all commands: arguments, options and help. What a command does is in its module."""
 
 from functools import partial
 from importlib import import_module
@@ -7,8 +7,18 @@ from typing import Any
 import click
 
 from ..description.shipped import own_trajectory
+from ..studies.cost.points import QUANTITIES, SECONDS
 from .common.figures import chart_file, plot_option
-from .common.files import complete_robot, ends_in, existing_file, result_file, robot_file, scene_file, several
+from .common.files import (
+    complete_robot,
+    ends_in,
+    existing_file,
+    report_file,
+    result_file,
+    robot_file,
+    scene_file,
+    several,
+)
 from .common.options import (
     PACKAGES,
     XACRO,
@@ -64,6 +74,11 @@ def _own_table(ctx: click.Context, param: click.Parameter, value: str | None) ->
 def _tables(ctx: click.Context, param: click.Parameter, value: str) -> str:
     """Check a table, or let a folder or a glob of several pass."""
     return value if several(value) else existing_file(ctx, param, value)
+
+
+def _robot_or_scene(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    """Return the file of a scene or robot; both may be shipped ones, given by name."""
+    return (scene_file if value.endswith(".toml") else robot_file)(ctx, param, value)
 
 
 def _size(ctx: click.Context, param: click.Parameter, value: str) -> tuple[int, ...]:
@@ -202,6 +217,54 @@ simulate = Command(
         PYTHON,
         ENGINE,
         QUIET,
+    ],
+)  # fmt: skip
+
+cost = RobotCommand(
+    "cost",
+    callback=partial(_run, "cost"),
+    robot=click.Argument(
+        ["robot"], callback=_robot_or_scene, metavar="ROBOT|SCENE", shell_complete=complete_robot
+    ),
+    short_help="Measure what accuracy costs in time, for your robot.",
+    help="""Measure what accuracy costs in time: 'cost ROBOT TRAJECTORY' or 'cost SCENE'.
+
+    The command measures error and time of settings, and what each effect is worth. For a robot and a
+    trajectory the settings are compiled or general path, float32 or float64, batch or single calls, effects,
+    and the source of rates. For a scene they are methods, steps and tolerances. Errors are relative to a
+    reference, whose own error is shown. Times are measured on this machine. Ctrl-C prints what was measured.
+    """,
+    params=[
+        click.Argument(["trajectory"], required=False, callback=existing_file, type=click.Path()),
+        option(
+            "--target", type=click.FloatRange(0, min_open=True),
+            help="Print only the fastest setting with this error, as lines for a scene; exit status 1 if "
+            "none.",
+        ),
+        option(
+            "--quantity", type=click.Choice([*QUANTITIES]), default="idm", show_default=True,
+            help="What is computed along a trajectory.",
+        ),
+        option(
+            "--with", "engines", metavar="NAMES", callback=split_names,
+            help="Engines whose settings are swept, too: pinocchio,mujoco. They compute rigid bodies alone, "
+            "and accelerations along a scene.",
+        ),
+        option("--all", "every", is_flag=True, help="Print every setting, not only those worth having."),
+        option(
+            "--seconds", type=click.FloatRange(0, min_open=True), default=SECONDS, show_default=True,
+            help="Time that the runs of a scene take together [s], besides building C.",
+        ),
+        option(
+            "--until", type=click.FloatRange(0, min_open=True),
+            help="Simulate a scene to this time [s] only.",
+        ),
+        PYTHON,
+        option(
+            "-o", "--output", metavar="FILE", callback=report_file,
+            help="Write all measurements, .csv or .json.",
+        ),
+        plot_option("error against time", page=True),
     ],
 )  # fmt: skip
 
