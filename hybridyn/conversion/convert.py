@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -97,6 +99,8 @@ WRITERS: dict[str, Callable[[Request, Losses], Written]] = {
     ".usda": write_usd,
     ".usd": write_usd,
 }
+#: Names that no file holds so that they come back: empty, with blanks at their ends, or control characters.
+UNWRITABLE = re.compile(r"|\s.*|.*\s|.*[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff].*", re.DOTALL)
 #: Ending of the model file.
 MODEL = ".model.toml"
 #: Ending of the side-car of a URDF.
@@ -217,7 +221,21 @@ def _sayable(d: Description, losses: Losses) -> Description:
 
     Args:
         losses: Receives what is left out.
+
+    Raises:
+        ModelError: No file can hold a name.
     """
+    d = replace(d, name=d.name or "robot")
+    named: list[Any] = [d, *d.links, *d.joints, *d.closures, *d.couplings]
+    for one in named:
+        if UNWRITABLE.fullmatch(one.name):
+            what = "robot" if one is d else type(one).__name__.lower()
+            raise ModelError(
+                f"the name {one.name!r} of a {what} cannot be written: it is empty, or has blanks at its "
+                "ends or a tab, line break or control character; rename it",
+                file=d.source,
+                element=one.name,
+            )
     rowless = [c.name for c in d.closures if not words_of_rows(c.translations, c.rotation)]
     for reason, names in (
         ("position limits of which the lower is above the upper", d.crossed),
@@ -228,7 +246,6 @@ def _sayable(d: Description, losses: Losses) -> Description:
             losses.add(reason, name)
     return replace(
         d,
-        name=d.name or "robot",
         closures=tuple(closure for closure in d.closures if closure.name not in rowless),
         couplings=tuple(
             replace(c, terms=tuple((name, factor) for name, factor in c.terms if factor)) for c in d.couplings

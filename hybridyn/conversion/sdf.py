@@ -166,8 +166,8 @@ def write_sdf(request: Request, losses: Losses) -> Written:
 
 
 def _name(name: str) -> str:
-    """Return a name without `::` that is none of SDF's own."""
-    new = name.replace("::", "__")
+    """Return a name without `::` and repeated blanks that is none of SDF's own."""
+    new = " ".join(name.replace("::", "__").split())
     own = new == "world" or (new.startswith("__") and new.endswith("__"))
     return f"{new.strip('_')}_link" if own else new
 

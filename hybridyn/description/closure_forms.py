@@ -165,7 +165,7 @@ def apply_closing_frames(robot: RobotFile) -> None:
 def _mate(robot: RobotFile, title: str, ends: dict[str, str]) -> Closure:
     """Return the closure of one mate: a ball, or a hinge with z towards the second point of each side."""
     sides = [(ends[key], np.eye(4)) for key in ("1", "2")]
-    line = next(link.line for link in robot.links if link.name == ends["1"])
+    line = next((link.line for link in robot.links if link.name == ends["1"]), None)
     if len(ends) == 2:
         return closure_of(title, "spherical", sides, line=line)
     return closure_of(title, "revolute", sides, _turns(robot, title, ends), line=line)
@@ -184,7 +184,7 @@ def _turns(robot: RobotFile, title: str, ends: dict[str, str]) -> list[Array]:
 
     def wrong(key: str, message: str) -> ModelError:
         """Return the error of a frame, with its line."""
-        return ModelError(message, file=robot.file, line=lines[ends[key]], element=ends[key])
+        return ModelError(message, file=robot.file, line=lines.get(ends[key]), element=ends[key])
 
     for missing in {"1_z", "2_z"} - ends.keys():
         raise wrong(

@@ -1,9 +1,11 @@
 """The command and the function: which files are written, which loops are closed first, what is said."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import hybridyn
@@ -14,7 +16,7 @@ from tests import ROOT
 from tests.command_line import call
 from tests.comparing import refused
 from tests.conversion.facts import SINGLE
-from tests.conversion.features import coupled
+from tests.conversion.features import closed, coupled, renamed
 from tests.conversion.judge import needs_reader
 from tests.description.reading import save_all
 from tests.robot_texts import CLOSED_FOUR_BAR, FOUR_BAR, save
@@ -97,6 +99,34 @@ def test_what_is_refused_stays(target: str, options: dict[str, float], message: 
     for robot in (file, hybridyn.load(file)):
         refused(lambda robot=robot: convert(robot, tmp_path / target, **options), ModelError, message)
     assert {path.name: path.read_text() for path in tmp_path.iterdir() if path.is_file()} == texts
+
+
+NAMES = ("", " arm", "arm ", "a\tb", "a\nb", "a\x01b", "a\x7fb", "a\x85b", "a\ud800b", "a\ufffeb")
+
+
+@pytest.mark.parametrize("ending", [".urdf", ".xml", ".sdf", ".usda", ".usd"])
+@pytest.mark.parametrize("old", ["arm", "two", "loop"])
+def test_names_that_no_file_can_hold_are_refused(ending: str, old: str, tmp_path: Path) -> None:
+    robot, target = closed("revolute"), tmp_path / f"out{ending}"
+    for name in NAMES:
+        bad = build_robot(renamed(robot, old, name))
+        refused(lambda bad=bad: convert(bad, target), ModelError, re.escape(f"the name {name!r} of a "))
+    model = pin.buildSampleModelManipulator()
+    model.names[1] = "a\tb"
+    wrong = r"name 'a\\tb' of a \w+ cannot be written: .* line break or control character; rename it"
+    refused(lambda: convert(hybridyn.from_pinocchio(model), target), ModelError, wrong)
+    assert [*tmp_path.iterdir()] == []
+
+
+@pytest.mark.parametrize("ending", [".urdf", ".xml", ".sdf", ".usda"])
+@pytest.mark.parametrize("name", ["a  b", "a\u2028b", "a\u202eb", 'a&<">b', "\u00e9", "a::b"])
+def test_odd_names_come_back(ending: str, name: str, tmp_path: Path) -> None:
+    robot = renamed(renamed(closed("revolute"), "arm", name), "loop", f"{name}2")
+    done = convert(build_robot(robot), target := tmp_path / f"out{ending}")
+    needs_reader(target)
+    found = read(target)
+    kept = {one.name for one in (*found.links, *found.closures)} >= {name, f"{name}2"}
+    assert kept or any("are changed" in line for line in done.losses)
 
 
 @pytest.mark.parametrize("ending", [".urdf", ".xml", ".sdf", ".usda", ".usd"])

@@ -36,6 +36,10 @@ NO_ROBOTS = [
     ("<html/>", "not a robot file"),
     ('<robot name="a" name="b"><link name="l"/></robot>', "not well-formed XML"),
     ('<robot name="a"><!-- a -- b --><link name="l"></robot>', "not well-formed XML"),
+    *(
+        (f'<robot name="a" drake:b="c"><link name="l"/></robot>{more}', "something follows the root")
+        for more in ("<robot/>", "<loop>", "text")
+    ),
 ]
 MASS, ORIGIN = '<mass value="{}"/>', '<origin xyz="{}"/><parent link="crank"/>'
 WORDS = ["nan", "inf", "-inf", "1,5", "", " ", "1_0", "0x10", "1e400", "one", "\uff11", "1e", "--1"]

@@ -277,6 +277,10 @@ def test_sdf_joint_whose_zero_is_its_closed_posture(tmp_path: Path) -> None:
             "axis.2': should be a finite number",
         ),
         (lambda text: text, "constraint_axes': should be a valid list"),
+        *(
+            (lambda text, new=new: text.replace(*new), "'NUMERICAL' has no loop_constraints")
+            for new in (("loop_constraints", "lop_constraints"), ("tree: [drive, elbow, swing]\n  loop", ""))
+        ),
         (lambda _: "submechanisms: []", "submechanisms': List should have at least 1 item"),
         (lambda _: "submechanisms: 3", "submechanisms': should be a valid list"),
         (lambda _: "submechanisms:\n- 3", "submechanisms.0': should be a valid dictionary"),
@@ -313,6 +317,17 @@ def test_wrong_words_about_closing_frames(tmp_path: Path, said: str, message: st
         (
             mates("1", "2", "2_z@0.1") + frame("closing_tip_1_z", "rocker", "1 0 0.1"),
             "stand on two bodies",
+        ),
+        *(
+            (
+                "".join(
+                    f'<joint name="closing_tip_{end}" type="fixed"><parent link="coupler"/>'
+                    f'<child link="none{end}"/></joint>'
+                    for end in ends
+                ),
+                "unknown child link 'none1'",
+            )
+            for ends in (("1", "2"), ("1", "2", "3"))
         ),
         ('<link name="x"><drake:ball_constraint/></link>', "is not read inside <link>"),
         (GAZEBO.format("screw", "0 0 0", AXIS), "type 'screw' closes no loop"),

@@ -83,7 +83,8 @@ def _active(robot: RobotFile, document: YamlFile, place: Place, entry: Any) -> l
     """Return the active joints of a submechanism; none of HyRoDyn's free joint.
 
     Raises:
-        ModelError: A joint is unknown, or nothing closes its loop: it has passive joints that mimic no other.
+        ModelError: A joint is unknown, or nothing closes its loop: it is numerical, or has passive joints
+            that mimic no other.
     """
     known = [joint.name for joint in robot.joints]
     active: list[str] = entry.jointnames_active or []
@@ -94,13 +95,14 @@ def _active(robot: RobotFile, document: YamlFile, place: Place, entry: Any) -> l
     document.refuse_unknown((*place, "jointnames_active"), active, known, "joint")
     moved = {*active, *(coupling.name for coupling in robot.couplings)}
     passive = [name for name in spanning if name not in moved]
-    if entry.loop_constraints is None and passive:
+    if entry.loop_constraints is None and (passive or entry.type == "NUMERICAL"):
         name = entry.contextual_name or entry.name or entry.type
         raise document.error(
             (*place, "type"),
             f"submechanism '{name}' of type '{entry.type}' has no loop_constraints, so nothing closes its "
-            f"loop over the passive joints {listed(passive)}. Write type: NUMERICAL with loop_constraints "
-            "(predecessor_body, successor_body, constraint_axes), or <loop> or <mimic> in the URDF",
+            f"loop over the joints {listed(passive or spanning)}. Write type: NUMERICAL with "
+            "loop_constraints (predecessor_body, successor_body, constraint_axes), or <loop> or <mimic> in "
+            "the URDF",
         )
     return active
 

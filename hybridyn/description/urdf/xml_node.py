@@ -89,6 +89,12 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
     if wrong := next((entry for entry in errors if entry.type_name not in READ_ALIKE), None):
         message = f"not well-formed XML: {wrong.message.strip()}, column {wrong.column}"
         raise ModelError(message, file=file, line=wrong.line)
+    # After the first error, libxml2 leaves out what follows the root without a word.
+    if (
+        errors
+        and etree.fromstring(b"<all>%b</all>" % text, parser).xpath("count(*|text()[normalize-space()])") != 1
+    ):
+        raise ModelError("not well-formed XML: something follows the root element", file=file)
     first = {entry.type_name: entry.line for entry in reversed(errors)}
     notes = [
         f"{file}:{first[kind]}: {what} is not XML; it is read as Gazebo, Drake and MuJoCo do"
