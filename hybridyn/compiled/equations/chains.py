@@ -227,28 +227,30 @@ def mass_matrix(chain: Chain) -> tuple[Expression, Expression]:
 
 def _inwards(chain: Chain, i: int, F: Expression) -> Iterator[tuple[list[int], Expression]]:
     """Transform the wrenches F of joint i's freedoms inwards; yield indices of s and coupling blocks."""
-    slices, body = chain.v_slices, i + 1
-    while body != chain.root[i + 1]:
-        F = np.stack([to_parent(chain.R[body - 1], chain.p[body - 1], f) for f in F.T], axis=1)
-        body = chain.links[body - 1].parent
-        if body != chain.root[i + 1]:
-            at = slices[body - 1]
-            yield list(range(6 + at.start, 6 + at.stop)), dot(chain.S[body - 1].T, F)
-    if body:
-        F = np.stack([to_parent(chain.R0[body], chain.p0[body], f) for f in F.T], axis=1)
-    yield chain.columns_of(body), F
+    slices, root = chain.v_slices, chain.root[i + 1]
+    for joint in carriers(chain, i + 1):
+        if joint != i:
+            at = slices[joint]
+            yield list(range(6 + at.start, 6 + at.stop)), dot(chain.S[joint].T, F)
+        F = np.stack([to_parent(chain.R[joint], chain.p[joint], f) for f in F.T], axis=1)
+    if root:
+        F = np.stack([to_parent(chain.R0[root], chain.p0[root], f) for f in F.T], axis=1)
+    yield chain.columns_of(root), F
 
 
 def motion_map(chain: Chain, body: int) -> Expression:
     """Compute the map from s to a body's acceleration without `c`, base's frame, shape (6, 6 + nv)."""
     J, slices = zeros(6, 6 + chain.nv), chain.v_slices
     J[:, chain.columns_of(chain.root[body])] = eye(6)
-    while body != chain.root[body]:
-        i = body - 1
+    for i in carriers(chain, body):
         for k, col in enumerate(range(slices[i].start, slices[i].stop)):
-            J[:, 6 + col] = motion_to_parent(chain.R0[body], chain.p0[body], chain.S[i][:, k])
-        body = chain.links[i].parent
+            J[:, 6 + col] = motion_to_parent(chain.R0[i + 1], chain.p0[i + 1], chain.S[i][:, k])
     return J
+
+
+def carriers(chain: Chain, body: int) -> list[int]:
+    """Return the joints that carry a body, from its own to that on its root."""
+    return [] if body == chain.root[body] else [body - 1, *carriers(chain, chain.links[body - 1].parent)]
 
 
 def point_map(chain: Chain, body: int, point: Expression) -> Expression:
@@ -265,11 +267,7 @@ def point_map(chain: Chain, body: int, point: Expression) -> Expression:
 def own_columns(chain: Chain, body: int) -> dict[int, Expression]:
     """Return the twist of a body, in its own frame, at a unit rate of each freedom that carries it."""
     columns: dict[int, Expression] = {}
-    path, root = [], chain.root[body]
-    while body != root:
-        path.append(body - 1)
-        body = chain.links[body - 1].parent
-    for i in reversed(path):
+    for i in reversed(carriers(chain, body)):
         columns = {k: to_child(chain.R[i], chain.p[i], column) for k, column in columns.items()}
         columns |= {chain.v_slices[i].start + k: chain.S[i][:, k] for k in range(chain.links[i].nv)}
     return columns

@@ -85,17 +85,12 @@ def check_coefficients(robot: HybridRobot, effects: Effects, slots: tuple[Slot, 
         slot for law in effects.joints for i in range(len(law.columns)) for slot in slots_of(robot, law, i)
     }
     names = {field: name for name, field in OF_EFFECTS.items()}
+    names |= {"stiffness": "spring_stiffness", "rest": "spring_rest"}
     for slot in slots:
-        if slot.table == "springs" and slot not in used:
-            raise ModelError(
-                f"parameter 'spring_{slot.field}:{slot.name}': no spring acts on the joint; name the effect "
-                "in effects=",
-                element=slot.name,
-            )
         if slot.field in names and slot not in used:
             name = names[slot.field]
             raise ModelError(
-                f"parameter '{name}:{slot.name}': the effect '{name}' does not act on the joint with a "
-                "number of the robot's files; name it in effects=, or state a coefficient that is not zero",
+                f"parameter '{name}:{slot.name}': '{name}' does not act on the joint with a number of the "
+                "robot's files; name the effect in effects=, or state a coefficient that is not zero",
                 element=slot.name,
             )

@@ -101,11 +101,7 @@ class SpanningRows:
 
     def _path(self, body: int) -> set[int]:
         """Return the joints that carry a body."""
-        path = set()
-        while body:
-            path.add(body - 1)
-            body = self._chain.links[body - 1].parent
-        return path
+        return {body - 1} | self._path(self._chain.links[body - 1].parent) if body else set()
 
 
 def _turning(rotation: RotationKind, A: Expression, B: Expression) -> list[tuple[Any, Expression]]:

@@ -19,7 +19,7 @@ from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from .arguments import ChosenNumbers, Inertias, ModuleArguments
 from .core import Plan, path_of, plan_module
-from .expressions import settled
+from .expressions import Expression, settled
 from .parts import Parts, parts_of
 from .rigid import ten_expressions, ten_numbers
 from .states import generic_positions
@@ -57,7 +57,7 @@ class Request:
         """
         module, own = self.robot.modules[k], chosen.of_modules[k]
         spec = module.mechanism.spec if own is None else own.spec
-        moved_down = [[plans[i].parts.base for i in self.children(k, o)] for o in range(len(spec.outputs))]
+        moved_down = self._moved_down(k, plans)
         if own is None and all(base.dtype != object for bases in moved_down for base in bases):
             return plans[k]
         inertias = tuple(
@@ -137,13 +137,15 @@ class Request:
 
     def output_inertias(self, k: int) -> tuple[tuple[float, ...], ...]:
         """Return the ten numbers of each output of a module, including those moved down by regrouping."""
-        out = []
-        for o, body in enumerate(self.robot.modules[k].mechanism.spec.outputs_inertia):
-            total = ten_numbers(body) + sum(
-                (self.constant_plans[i].parts.base for i in self.children(k, o)), np.zeros(10)
-            )
-            out.append(tuple(total.tolist()))
-        return tuple(out)
+        moved_down = self._moved_down(k, self.constant_plans)
+        bodies = self.robot.modules[k].mechanism.spec.outputs_inertia
+        totals = [ten_numbers(x) + sum(y, np.zeros(10)) for x, y in zip(bodies, moved_down, strict=True)]
+        return tuple(tuple(total.tolist()) for total in totals)
+
+    def _moved_down(self, k: int, plans: list[Plan]) -> list[list[Expression]]:
+        """Return for each output of module k the ten numbers that the modules on it move to it."""
+        outputs = range(len(self.robot.modules[k].mechanism.spec.outputs))
+        return [[plans[i].parts.base for i in self.children(k, o)] for o in outputs]
 
     @property
     def gravity(self) -> Array:

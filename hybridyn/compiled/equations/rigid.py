@@ -58,10 +58,7 @@ def moved(inertia: Expression, R: Expression, p: Expression) -> Expression:
     """Transform an inertia (ten numbers) from the child's frame to the parent's."""
     m, h, turned = inertia[0], dot(R, inertia[1:4]), congruence(R.T, symmetric(inertia[4:], 3))
     cross_terms = dot(hat(p), hat(h)) + dot(hat(h), hat(p))
-    mass_terms = dot(hat(p), hat(p))
-    for i in range(3):
-        for j in range(3):
-            mass_terms[i, j] = times(m, mass_terms[i, j])
+    mass_terms = np.array([[times(m, x) for x in row] for row in dot(hat(p), hat(p))], dtype=object)
     at = np.array([times(m, x) for x in p], dtype=object)
     return np.concatenate([[m], h + at, upper(turned - cross_terms - mass_terms)])
 
@@ -69,8 +66,7 @@ def moved(inertia: Expression, R: Expression, p: Expression) -> Expression:
 def inertia_matrix(inertia: Expression) -> Expression:
     """Return an inertia as a spatial matrix, shape (6, 6)."""
     out = zeros(6, 6)
-    for i in range(3):
-        out[i, i] = inertia[0]
+    out[0, 0] = out[1, 1] = out[2, 2] = inertia[0]
     h = hat(inertia[1:4])
     out[:3, 3:], out[3:, :3], out[3:, 3:] = -h, h, symmetric(inertia[4:], 3)
     return out
