@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -458,6 +459,38 @@ def test_an_event_ends_every_run(tmp_path: Path) -> None:
     study = study_runs(stage(save(tmp_path, text + stop, "event.toml")), 2.0, seconds=3.0)
     assert "where an event ends it" in study.question
     assert next(p for p in study.points if p.use == "usual").error < 1e-3
+
+
+def test_no_beginning_is_proposed_where_no_run_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runs, "simulate", Mock(side_effect=hybridyn.HybridynError("q0 is singular")))
+    scene = Runner(stage(SWING), 2.0)
+    scene.compiled = False
+    said = "no reference: q0 is singular. Give more time"
+    refused(lambda: scene.find_reference(1.0), hybridyn.HybridynError, said)
+
+
+@pytest.mark.slow
+def test_the_beginning_that_is_proposed_has_a_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The runs of a scene of 20 s end at 0.3 s, where a platform is singular, say."""
+    needs("compiled")
+    monkeypatch.setattr(runs, "LADDER", (1e-8, 1e-10))
+    end = 0.3
+
+    def simulated(robot: Any, q: Any, v: Any, times: Any, *, output_times: Any, **words: Any) -> Any:
+        last = min(end, times[1])
+        there = [*output_times[output_times < last], last]
+        found = hybridyn.simulate(robot, q, v, (0.0, last), output_times=there, **words)
+        return replace(found, status="singular") if times[1] > end else found
+
+    monkeypatch.setattr(runs, "simulate", simulated)
+    said = str(
+        refused(lambda: Runner(stage(SWING), 20.0).find_reference(1e9), hybridyn.HybridynError, "--until")
+    )
+    until = float(said.partition("--until ")[2].partition(")")[0])
+    assert until == end / 2
+    scene = Runner(stage(SWING), until)
+    assert scene.find_reference(1e9).status == "finished"
+    assert scene.own_error < 1e-6
 
 
 def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(

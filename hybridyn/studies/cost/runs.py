@@ -119,6 +119,7 @@ class Runner:
         duration: Time to simulate [s].
         start: Positions and rates at the start.
         compiled: Whether there are compiled models.
+        came: How far the last run came [s].
         reference, exact, own_error: Setting and run of the reference, and its error.
         near: The looser settings that led to the reference, with their runs, until they are measured.
     """
@@ -142,10 +143,11 @@ class Runner:
         """
         ready, on = self.ready, self.ready.effects if effects is None else effects
         model = compile(ready.robot, on, wait=True) if setting.compiled else None
-        start = clock.process_time()
+        start, self.came = clock.process_time(), 0.0
 
         def after_step(t: float, end: float) -> None:
             """Stop a run that takes too long."""
+            self.came = t
             if clock.process_time() - start > limit:
                 raise KeyboardInterrupt
 
@@ -177,6 +179,7 @@ class Runner:
             HybridynError: There are no two runs to compare.
         """
         whole, why = self.duration, "two runs by dopri5 or the implicit method must finish"
+        came = 0.0
         for method in ("dopri5", "implicit"):
             found: list[tuple[Setting, Run]] = []
             try:
@@ -194,15 +197,16 @@ class Runner:
                         break
             except HybridynError as error:
                 why = str(error)
+            came = max(came, self.came)
             if len(found) > 1:
                 self.reference, (self.exact, _) = found.pop()
                 own = errors(self.ready.robot, found[-1][1][0], self.exact)["error"]
                 self.near, self.own_error = {one[0].fragment: one for one in found}, max(own, 2.0**-53)
                 return first
-        raise HybridynError(
-            f"no reference: {why}. Simulate only the beginning (--until {self.duration / 2:.2g}), or give "
-            "more time (--seconds)"
-        )
+        beginning = f"Simulate only the beginning (--until {came / 2:.2g}), or give"
+        if came <= BEGINNING * whole:
+            beginning = "Give"
+        raise HybridynError(f"no reference: {why}. {beginning} more time (--seconds)")
 
 
 def errors(robot: HybridRobot, found: Result, exact: Result) -> dict[str, Any]:
