@@ -112,8 +112,7 @@ def test_rows_of_coordinates_are_those_of_the_general_path() -> None:
     x = ca.SX.sym("x", tree.nq + 6)
     folding = Folding()
     trees, own = [extended(module.mechanism)], unpack(x)
-    z = [own[at] for at in tree.q_slices]
-    rows = rows_at(trees, given, folding, z, own[tree.nq :], robot.bodies.place)
+    rows = rows_at(trees, given, folding, own[: tree.nq], own[tree.nq :], robot.bodies.place)
     last = slice(loops - 6, loops)
     written = ca.Function("rows", [x, folding.symbol()], [pack(rows.K[last]), pack(rows.residual[last])])
     for posture in rng.uniform(-1.0, 1.0, (5, tree.nq)):

@@ -211,8 +211,9 @@ def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", tree.nq), symbols("v", tree.nv), symbols("a", tree.nv)
     K, residual = kernel.rows(q)
     step, v, doubts = kernel.step(K, residual, v)
-    drift, a = _drift(K, q_col, v, tree), kernel.independent(a)
-    a[kernel.dependent] = solve(K, (-dot(K, a) - drift)[:, None], kernel.pivots)[0][kernel.dependent, 0]
+    (w_col, w), a = symbols("w", tree.nv), kernel.independent(a)
+    right = -dot(K, a) - drift(dot(K, w), q_col, w_col, v, tree)
+    a[kernel.dependent] = solve(K, right[:, None], kernel.pivots)[0][kernel.dependent, 0]
     guard = ca.fmax(squares(doubts), largest(step / m.spanning_col_scale) / closed)
     if len(K) and (kernel.specs or len(K) > len(kernel.pivots.rows)):
         scale, unit = m.spanning_row_scale, m.spanning_col_scale
@@ -238,12 +239,10 @@ def _turning(kernel: LoopKernel) -> Kernel:
     return kernel.kernel("turning", [near_col, q_col], [turned / MOST_TURNING])
 
 
-def _drift(K: Expression, q: ca.SX, v: Expression, tree: Tree) -> Expression:
-    """Compute K_dot v, shape (rows,)."""
-    w_col, w = symbols("w", len(v))
-    rate = by_joint(tree, position_rate, unpack(q), w, positions=1)
-    drift = ca.jtimes(pack(dot(K, w)), q, pack(rate))
-    return unpack(ca.substitute(drift, w_col, pack(v)))
+def drift(rates: Expression, q: ca.SX, w: ca.SX, v: Expression, tree: Tree) -> Expression:
+    """Compute K_dot v, shape (rows,), from K w, shape (rows,); positions q and rates w are symbols."""
+    rate = by_joint(tree, position_rate, unpack(q), unpack(w), positions=1)
+    return unpack(ca.substitute(ca.jtimes(pack(rates), q, pack(rate)), w, pack(v)))
 
 
 #: Largest rounding of over-determined closures in the robot's file. Above it they can only be met in the

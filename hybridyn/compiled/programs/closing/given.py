@@ -149,20 +149,15 @@ def given_of(request: ModuleRequest) -> Given:
 def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Array]:
     """Return the prescribed numbers, shape (T, size), their rates and accelerations, shape (T, rates)."""
     tree, T = request.mechanism.tree, len(request.known)
-    positions, rates, accelerations = ([np.zeros((T, 0))] for _ in range(3))
+    levels: list[tuple[Array, ...]] = [(np.zeros((T, 0)),) * 3]
     for joint, kind in zip(given.joints, given.kinds, strict=True):
-        known = request.known[:, tree.q_slices[joint]]
-        positions.append(request.angles[joint][:, None] if kind == ANGLE else known)
-        rates.append(request.known_v[:, tree.v_slices[joint]])
-        accelerations.append(request.known_a[:, tree.v_slices[joint]])
-    for pose in (target for _, target in request.targets if isinstance(target, PoseTarget)):
-        goal = pose.goal
-        positions += [goal.p, quaternion_from_rotation(goal.R)]
-        rates += [goal.p_dot, goal.w]
-        accelerations += [goal.p_ddot, goal.w_dot]
+        at, to = tree.q_slices[joint], tree.v_slices[joint]
+        known = request.angles[joint][:, None] if kind == ANGLE else request.known[:, at]
+        levels.append((known, request.known_v[:, to], request.known_a[:, to]))
+    for goal in (target.goal for _, target in request.targets if isinstance(target, PoseTarget)):
+        pairs = (goal.p, quaternion_from_rotation(goal.R)), (goal.p_dot, goal.w), (goal.p_ddot, goal.w_dot)
+        levels.append(tuple(np.concatenate(pair, axis=1) for pair in pairs))
     for some in (target for _, target in request.targets if isinstance(target, CoordinateTarget)):
-        positions.append(some.value)
-        rates.append(some.rate)
-        accelerations.append(some.acceleration)
-    whole = [np.concatenate(parts, axis=1) for parts in (positions, rates, accelerations)]
-    return whole[0], whole[1], whole[2]
+        levels.append((some.value, some.rate, some.acceleration))
+    g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*levels, strict=True))
+    return g, g_dot, g_ddot

@@ -24,13 +24,13 @@ from ....linkage.reduction import Block
 from ....spatial import Array, Index
 from ....structure.module import Module
 from ...equations.arguments import ModuleArguments
-from ...equations.displacement import by_joint, joint_difference, moved_joint, position_rate
-from ...equations.expressions import Expression, Folding, dot, is_zero, pack, plus, symbols, unpack, zeros
+from ...equations.displacement import by_joint, joint_difference, moved_joint
+from ...equations.expressions import Expression, Folding, dot, is_zero, pack, plus, symbols, zeros
 from ...equations.guards import GUARD_CLOSED, Scale, largest, squares, weighed
 from ...equations.parts import Spin
 from ...equations.states import generic_positions, seen_postures
 from ...equations.static_elimination import Pivots, choose_pivots, largest_solutions, solve
-from ..close import Kernel
+from ..close import Kernel, drift
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
 from .rows import Places, Rows, row_scales, rows_at
@@ -109,9 +109,9 @@ class Unknowns:
         """Start of each prescribed position in g."""
         return [int(x) for x in np.cumsum([0, *(WIDTH[kind] for kind in self.given.all_kinds)])]
 
-    def positions(self, i: int, given: str = "g") -> list[Expression]:
-        """Return the positions of each joint: the given ones from g or g_0, the others from (q_i, p_i)."""
-        g, out = self.of(given), []
+    def positions(self, i: int, given: str = "g") -> Expression:
+        """Return the positions of all joints: the given ones from g or g_0, the others from (q_i, p_i)."""
+        g, out = self.of(given), [zeros(0)]
         for joint, source in enumerate(self.e.source):
             if joint in self.given.joints:
                 n = self.given.joints.index(joint)
@@ -123,15 +123,16 @@ class Unknowns:
                 out.append(self.of(f"p_{i}")[at : at + 7])
             else:
                 out.append(self.of(f"q_{i}")[self.m.spanning.q_slices[source]])
-        return out
+        return np.concatenate(out)
 
     def targets(self) -> Expression:
         """Return the prescribed poses and coordinates."""
         return self.of("g")[self.starts[len(self.given.joints)] :]
 
-    def outside(self, z: Sequence[Expression]) -> tuple[ca.SX, ca.SX]:
-        """Return positions of the spanning tree and of the platforms from those of each joint."""
-        return pack(*(z[i] for i in self._spanning)), pack(*(z[i] for i in self.platforms))
+    def outside(self, z: Expression) -> tuple[ca.SX, ca.SX]:
+        """Return positions of the spanning tree and of the platforms from those of all joints."""
+        at = self.e.tree.q_slices
+        return pack(*(z[at[i]] for i in self._spanning)), pack(*(z[at[i]] for i in self.platforms))
 
     def rates_outside(self, rates: Expression) -> ca.SX:
         """Return rates of the spanning tree from those of the extended tree."""
@@ -209,13 +210,18 @@ class ModuleKernels:
             turning, guard): how far the Jacobian has turned from the start, (q_1, p_1, g_0), at most.
         branch: From (q_0, p_0, g_0, q_1, p_1, q_2, p_2, g, numbers) to (off, turned, guard).
         """
-        folding, z = Folding(), self.u.positions(0)
-        rows = self._rows(z, folding, self.u.rates[1])
+        folding, z = Folding(), symbols("z", self.e.tree.nq)
+        rows = self._rows(z[1], folding, self.u.rates[1])
         functions = self._newton(rows, z, folding), self._settle(rows, z, folding), self._branch(folding)
         table = folding.table(len(self.u.modules))
         return {name: (x, table) for name, x in zip(("newton", "settle", "branch"), functions, strict=True)}
 
-    def _rows(self, z: list[Expression], folding: Folding, v: Expression | None = None) -> Rows:
+    def _at(self, z: ca.SX, folding: Folding, name: str, inputs: str, outputs: list[Any]) -> ca.Function:
+        """Return a kernel from what is computed at positions z, those of the first posture."""
+        found = ca.substitute([*map(ca.SX, outputs)], [z], [pack(self.u.positions(0))])
+        return ca.Function(name, [*self.u.symbols(*inputs.split()), folding.symbol()], found)
+
+    def _rows(self, z: Expression, folding: Folding, v: Expression | None = None) -> Rows:
         """Write the rows with arguments at positions of the joints, and at rates v."""
         trees, places = self.u.with_arguments, self.u.places_with_arguments
         return rows_at(trees, self.u.given, folding, z, self.u.targets(), places, v)
@@ -249,79 +255,54 @@ class ModuleKernels:
             )
         return out, doubts
 
-    def _newton(self, rows: Rows, z: list[Expression], folding: Folding) -> ca.Function:
+    def _newton(self, rows: Rows, z: tuple[ca.SX, Expression], folding: Folding) -> ca.Function:
         """Return the kernel of a Newton step, no longer than `LONGEST_STEP`."""
         step, doubts = self._solved(rows, -rows.residual[:, None])
         size, wrist = self._sizes(step[:, 0])
         factor = ca.fmin(1.0, LONGEST_STEP / ca.fmax(ca.fmax(size, wrist), 1e-300))
         limited = np.array([0.0 if is_zero(x) else factor * x for x in step[:, 0]], dtype=object)
-        moved = by_joint(self.e.tree, moved_joint, np.concatenate([zeros(0), *z]), limited, positions=1)
+        moved = by_joint(self.e.tree, moved_joint, z[1], limited, positions=1)
         own = (rows.residual * self.u.scale)[: self.u.loops]
-        far = ca.SX(sum((x * x for x in own if not is_zero(x)), ca.SX(0.0)))
-        outputs = [*self.u.outside([moved[at] for at in self.e.tree.q_slices]), size, wrist, far]
-        inputs = [*self.u.symbols("q_0", "p_0", "g"), folding.symbol()]
-        return ca.Function("newton", inputs, [*outputs, ca.SX(squares(doubts))])
+        far = sum((x * x for x in own if not is_zero(x)), ca.SX(0.0))
+        outputs = [*self.u.outside(moved), size, wrist, far, squares(doubts)]
+        return self._at(z[0], folding, "newton", "q_0 p_0 g", outputs)
 
-    def _settle(self, rows: Rows, z: list[Expression], folding: Folding) -> ca.Function:
+    def _settle(self, rows: Rows, z: tuple[ca.SX, Expression], folding: Folding) -> ca.Function:
         """Return the kernel of a last step and of the rates before it."""
-        given = self.u.given.columns(self.e.tree)
-        rate, acceleration = zeros(self.e.tree.nv), zeros(self.e.tree.nv)
+        given, tree = self.u.given.columns(self.e.tree), self.e.tree
+        rate, acceleration = zeros(tree.nv), zeros(tree.nv)
         g_dot, g_ddot = self.u.of("g_dot"), self.u.of("g_ddot")
         rate[given], acceleration[given] = g_dot[: len(given)], g_ddot[: len(given)]
         wanted = self._wanted(rows, g_dot[len(given) :])
         right = np.stack([-rows.residual, wanted - dot(rows.K, rate)], axis=1)
         solved, doubts = self._solved(rows, right)
         step, rate = solved[:, 0], rate + solved[:, 1]
-        drift = self._drift(rows.rates, z, rate)
-        wanted_dot = self._wanted(rows, g_ddot[len(given) :]) - drift
+        wanted_dot = self._wanted(rows, g_ddot[len(given) :]) - drift(
+            rows.rates, z[0], self.u.rates[0], rate, tree
+        )
         solved, _ = self._solved(rows, (wanted_dot - dot(rows.K, acceleration))[:, None])
         acceleration = acceleration + solved[:, 0]
-        moved = by_joint(self.e.tree, moved_joint, np.concatenate([zeros(0), *z]), step, positions=1)
         guard = ca.fmax(self._guard(doubts, rows), self._bounded(rate, given, wanted))
         left = dot(rows.K, rate) - wanted, dot(rows.K, acceleration) - wanted_dot
-        guard = ca.fmax(guard, self._kept(left, (rate, acceleration)))
         outputs = [
-            *self.u.outside([moved[at] for at in self.e.tree.q_slices]),
+            *self.u.outside(by_joint(tree, moved_joint, z[1], step, positions=1)),
             self.u.rates_outside(rate),
             self.u.rates_outside(acceleration),
             ca.fmax(*self._sizes(step)),
-            ca.SX(largest(rows.residual * self.u.scale)),
+            largest(rows.residual * self.u.scale),
             self._turning(rows.K, self._rows(self.u.positions(1, "g_0"), folding).K),
+            ca.fmax(guard, self._kept(left, (rate, acceleration))),
         ]
-        names = ("q_0", "p_0", "q_1", "p_1", "g_0", "g", "g_dot", "g_ddot")
-        inputs = [*self.u.symbols(*names), folding.symbol()]
-        return ca.Function("settle", inputs, [*outputs, ca.SX(guard)])
+        return self._at(z[0], folding, "settle", "q_0 p_0 q_1 p_1 g_0 g g_dot g_ddot", outputs)
 
     def _wanted(self, rows: Rows, targets: Expression) -> Expression:
         """Return the prescribed rates (or accelerations) of all rows, shape (rows,)."""
-        out = zeros(len(rows.residual))
-        poses = 6 * len(rows.frames)
-        coordinates = targets[poses:]
-        first = self.u.loops - poses - len(coordinates)
-        out[first + poses : self.u.loops] = coordinates
-        for i, A in enumerate(rows.frames):
-            own = targets[6 * i : 6 * i + 6]
-            at = first + 6 * i
-            out[at : at + 3], out[at + 3 : at + 6] = dot(A.T, own[:3]), dot(A.T, own[3:])
-        return out
-
-    def _drift(self, Kw: Expression, z: list[Expression], rate: Expression) -> Expression:
-        """Compute K_dot z_dot at target frames that stand still, shape (rows,)."""
-        w_col, w = self.u.rates
-        given, starts = self.u.given, self.u.starts
-        z_dot = by_joint(self.e.tree, position_rate, np.concatenate([zeros(0), *z]), w, positions=1)
-        rates = [z_dot[at] for at in self.e.tree.q_slices]
-        for n, joint in enumerate(given.joints):
-            if given.kinds[n] == ANGLE:  # the cosine and sine of an angle in g
-                rates[joint] = w[self.e.tree.v_slices[joint]]
-        g_dot = zeros(given.size)
-        for n, joint in enumerate(given.joints):
-            g_dot[starts[n] : starts[n + 1]] = rates[joint]
-            rates[joint] = z[joint]  # K does not read these entries of q and p
-        q_dot, p_dot = self.u.outside(rates)
-        columns = ca.vertcat(*self.u.symbols("q_0", "p_0", "g"))
-        drift = ca.jtimes(pack(Kw), columns, ca.vertcat(q_dot, p_dot, pack(g_dot)))
-        return unpack(ca.substitute(drift, w_col, pack(rate)))
+        turned = [
+            dot(A.T, targets[at : at + 3]) for i, A in enumerate(rows.frames) for at in (6 * i, 6 * i + 3)
+        ]
+        coordinates = targets[6 * len(rows.frames) :]
+        before = zeros(self.u.loops - 6 * len(rows.frames) - len(coordinates))
+        return np.concatenate([before, *turned, coordinates, zeros(len(rows.residual) - self.u.loops)])
 
     def _bounded(self, rate: Expression, given: Index, wanted: Expression) -> ca.SX:
         """Return a guard above 1 where rates exceed `BOUNDED_RATES` times the given ones."""
@@ -348,9 +329,7 @@ class ModuleKernels:
         """
         predicted, found = self.u.positions(1), self.u.positions(2)
         here, there = (self._rows(z, folding) for z in (self.u.positions(0, "g_0"), found))
-        tree = self.e.tree
-        both = (np.concatenate([zeros(0), *z]) for z in (predicted, found))
-        off = by_joint(tree, joint_difference, *both, positions=2)
+        off = by_joint(self.e.tree, joint_difference, predicted, found, positions=2)
         own = self.u.free[: self.u.own]
         J, J_there = (K[: self.u.loops, own] for K in (here.K, there.K))
         solved, doubts = solve(J, J_there - J, self._own_pivots)

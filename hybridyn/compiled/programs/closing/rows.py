@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -31,7 +30,6 @@ Places = Mapping[str, tuple[int, Any, Any]]
 LEAST_COSINE = 1e-6
 
 
-@dataclass
 class Rows:
     """Rows at one posture: first those of the tree after the cuts, then those of its wrists.
 
@@ -43,18 +41,72 @@ class Rows:
         rates: K times given rates, shape (rows,), from the twists of the bodies; empty if none were given.
     """
 
-    K: Expression
-    residual: Expression
-    upright: list[ca.SX]
-    frames: list[Expression]
-    rates: Expression
+    def __init__(self, chain: Chain, v: Expression | None) -> None:
+        """Begin without rows."""
+        self.K, self.residual, self.rates = zeros(0, chain.nv), zeros(0), zeros(0)
+        self.upright: list[ca.SX] = []
+        self.frames: list[Expression] = []
+        self.chain, self.writer, self._v = chain, SpanningRows(chain), v
+
+    def add(self, K: Expression, residual: Expression, rates: Expression | None = None) -> None:
+        """Add rows, by default with the rates K v."""
+        if self._v is not None:
+            own = dot(K, self._v) if rates is None else rates
+            self.rates = np.concatenate([self.rates, own])
+        self.K, self.residual = np.concatenate([self.K, K]), np.concatenate([self.residual, residual])
+
+    def close(self, closure: TreeClosure, frames: Frames) -> None:
+        """Add the rows of a closure."""
+        rates = None if self._v is None else self.writer.rates(closure, frames, self._v)
+        off, over = self.writer.closure(closure, frames)
+        self.add(over, off, rates)
+        if closure.rotation in ("fixed", "parallel"):
+            A, B = (
+                dot(self.chain.R0[body], axes)
+                for body, axes in ((closure.body_a, frames[0]), (closure.body_b, frames[2]))
+            )
+            cosines = [ca.SX(dot(A[:, i], B[:, i][:, None])[0]) for i in range(3)]
+            whole = cosines[0] + cosines[1] + cosines[2] - 1.0
+            self.upright.append(cosines[2] if closure.rotation == "parallel" else whole)
+
+    def prescribe(self, some: Coordinates, wanted: Expression, frames: Frames) -> None:
+        """Add the rows of coordinates of a link: x, y, z, roll, pitch and yaw as in `linkage.targets`.
+
+        Args:
+            wanted: Their prescribed values, shape (coordinates,).
+            frames: Axes and origin of the frame in which they are measured, and of the link in its body.
+        """
+        off, over = self.writer.closure(
+            _weld(some.body), frames
+        )  # the last three rates are angular velocities
+        R = dot(frames[0].T, dot(self.chain.R0[some.body], frames[2]))
+        squared = R[0, 0] ** 2 + R[1, 0] ** 2
+        cosine = ca.sqrt(squared)  # of the pitch
+        angles = [ca.atan2(R[2, 1], R[2, 2]), ca.atan2(-R[2, 0], cosine), ca.atan2(R[1, 0], R[0, 0])]
+        to_rates = plain(np.eye(3))
+        to_rates[0, :2] = R[0, 0] / squared, R[1, 0] / squared
+        to_rates[1, :2] = -R[1, 0] / cosine, R[0, 0] / cosine
+        to_rates[2, :2] = -R[2, 0] * to_rates[0, 0], -R[2, 0] * to_rates[0, 1]
+        values, rows = [*off[:3], *angles], [*over[:3], *dot(to_rates, over[3:])]
+        for row, kind, value in zip(some.rows, some.kinds, wanted, strict=True):
+            miss = values[row] - value
+            if kind == ANGLE:
+                miss = miss - 2 * np.pi * ca.floor(miss / (2 * np.pi) + 0.5)
+            self.add(rows[row][None], np.array([miss], dtype=object))
+        if ANGLE in some.kinds:
+            self.upright.append(ca.SX(cosine - LEAST_COSINE))
+
+
+def _weld(body: int) -> TreeClosure:
+    """Return the closure of a body's whole pose."""
+    return TreeClosure("", "", 0, np.eye(3), np.zeros(3), body, np.eye(3), np.zeros(3), (0, 1, 2), "fixed")
 
 
 def rows_at(
     trees: Sequence[Extended],
     given: Given,
     folding: Folding,
-    z: Sequence[Expression],
+    z: Expression,
     targets: Expression,
     places: Places,
     v: Expression | None = None,
@@ -64,44 +116,34 @@ def rows_at(
     Args:
         given: What is prescribed.
         folding: Collects the numbers in which they differ.
-        z: Positions of each joint.
+        z: Positions of the extended tree, shape (nq,).
         targets: Prescribed poses, then coordinates, shape (7 poses + coordinates,).
         places: Frames of the links whose coordinates are prescribed.
         v: Rates of the freedoms, for `Rows.rates`, or None.
     """
     links = fold_links(folding, [links_of(t.joints, [np.zeros(10)] * len(t.joints)) for t in trees])
     nv = trees[0].tree.nv
-    chain = sweep(links, np.concatenate([zeros(0), *z]), zeros(nv), zeros(6))
-    out = Rows(zeros(0, nv), zeros(0), [], [], zeros(0))
-    writer = SpanningRows(chain)
+    out, positions = Rows(sweep(links, z, zeros(nv), zeros(6)), v), [z[at] for at in trees[0].tree.q_slices]
     for k, same in enumerate(zip(*(t.closures for t in trees), strict=True)):
-        _add(out, chain, writer, same[0], _folded(folding, same), v)
+        out.close(same[0], _folded(folding, same))
         if k in trees[0].rods and not any(c.p_a.dtype == object for c in same):
             out.K[-1, list(trees[0].rods[k].turns)] = 0.0  # rounding
-    positions = list(z)
     for coupled in zip(*(t.couplings for t in trees), strict=True):
         offset = folding.array([scalar(c.offset) for c in coupled])[0]
-        miss, row = coupling_row(chain, coupled[0], positions, offset)
-        out.K = np.concatenate([out.K, row[None]])
-        out.residual = np.concatenate([out.residual, np.array([miss], dtype=object)])
-    _add_rates(out, v)
+        miss, row = coupling_row(out.chain, coupled[0], positions, offset)
+        out.add(row[None], np.array([miss], dtype=object))
     for i, body in enumerate(given.bodies):
         pose = targets[7 * i : 7 * i + 7]
         out.frames.append(quaternion_matrix(pose[3:]))
-        target = TreeClosure(
-            "", "", 0, np.eye(3), np.zeros(3), body, np.eye(3), np.zeros(3), (0, 1, 2), "fixed"
-        )
-        _add(out, chain, writer, target, (out.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)), v)
+        out.close(_weld(body), (out.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)))
     at = 7 * len(given.bodies)
     for some in given.coordinates:
         frames = [x for link in reversed(some.links) for x in places[link][1:]]
         other_R, other_p, R, p = (folding.array([x] * len(trees)) for x in frames)
-        wanted = targets[at : at + len(some.names)]
+        out.prescribe(some, targets[at : at + len(some.names)], (other_R, other_p, R, p))
         at += len(some.names)
-        _add_coordinates(out, chain, writer, some, wanted, (other_R, other_p, R, p))
-        _add_rates(out, v)
     for same in zip(*(t.welds for t in trees), strict=True):
-        _add(out, chain, writer, same[0], _folded(folding, same), v)
+        out.close(same[0], _folded(folding, same))
     return out
 
 
@@ -119,66 +161,6 @@ def _folded(folding: Folding, same: Sequence[TreeClosure]) -> Frames:
         folding.array([getattr(c, name) for c in same]) for name in ("R_a", "p_a", "R_b", "p_b")
     )
     return R_a, p_a, R_b, p_b
-
-
-def _add_rates(out: Rows, v: Expression | None) -> None:
-    """Add the rates of rows that have none yet."""
-    if v is not None:
-        out.rates = np.concatenate([out.rates, dot(out.K[len(out.rates) :], v)])
-
-
-def _add(
-    out: Rows, chain: Chain, writer: SpanningRows, closure: TreeClosure, frames: Frames, v: Expression | None
-) -> None:
-    """Add the rows of a closure, and their rates."""
-    if v is not None:
-        out.rates = np.concatenate([out.rates, writer.rates(closure, frames, v)])
-    off, over = writer.closure(closure, frames)
-    out.K, out.residual = np.concatenate([out.K, over]), np.concatenate([out.residual, off])
-    if closure.rotation in ("fixed", "parallel"):
-        A, B = (
-            dot(chain.R0[body], axes)
-            for body, axes in ((closure.body_a, frames[0]), (closure.body_b, frames[2]))
-        )
-        cosines = [ca.SX(dot(A[:, i], B[:, i][:, None])[0]) for i in range(3)]
-        out.upright.append(
-            cosines[2] if closure.rotation == "parallel" else cosines[0] + cosines[1] + cosines[2] - 1.0
-        )
-
-
-def _add_coordinates(
-    out: Rows, chain: Chain, writer: SpanningRows, some: Coordinates, wanted: Expression, frames: Frames
-) -> None:
-    """Add the rows of coordinates of a link: x, y, z, roll, pitch and yaw as in `linkage.targets`.
-
-    Args:
-        out: The rows so far.
-        chain: The tree's motion.
-        writer: Writes rows of closures.
-        wanted: Their prescribed values, shape (coordinates,).
-        frames: Axes and origin of the frame in which they are measured, and of the link in its body.
-    """
-    pose = TreeClosure(
-        "", "", 0, np.eye(3), np.zeros(3), some.body, np.eye(3), np.zeros(3), (0, 1, 2), "fixed"
-    )
-    off, over = writer.closure(pose, frames)  # the rates of the last three rows are angular velocities
-    R = dot(frames[0].T, dot(chain.R0[some.body], frames[2]))
-    squared = R[0, 0] ** 2 + R[1, 0] ** 2
-    cosine = ca.sqrt(squared)  # of the pitch
-    angles = [ca.atan2(R[2, 1], R[2, 2]), ca.atan2(-R[2, 0], cosine), ca.atan2(R[1, 0], R[0, 0])]
-    to_rates = plain(np.eye(3))
-    to_rates[0, :2] = R[0, 0] / squared, R[1, 0] / squared
-    to_rates[1, :2] = -R[1, 0] / cosine, R[0, 0] / cosine
-    to_rates[2, :2] = -R[2, 0] * to_rates[0, 0], -R[2, 0] * to_rates[0, 1]
-    values, rows = [*off[:3], *angles], [*over[:3], *dot(to_rates, over[3:])]
-    for row, kind, value in zip(some.rows, some.kinds, wanted, strict=True):
-        miss = values[row] - value
-        if kind == ANGLE:
-            miss = miss - 2 * np.pi * ca.floor(miss / (2 * np.pi) + 0.5)
-        out.K = np.concatenate([out.K, rows[row][None]])
-        out.residual = np.concatenate([out.residual, np.array([miss], dtype=object)])
-    if ANGLE in some.kinds:
-        out.upright.append(ca.SX(cosine - LEAST_COSINE))
 
 
 def place_program(robot: HybridRobot, parts: Sequence[Part]) -> Program:
@@ -218,7 +200,7 @@ def _kernel(parts: Sequence[Part]) -> tuple[ca.Function, Array]:
             z.append(np.concatenate([chain.p0[body], _quaternion(chain.R0[body])]))
         else:
             z.append(q[spanning.q_slices[source]])
-    rows = rows_at(trees, given, folding, z, zeros(0), {})
+    rows = rows_at(trees, given, folding, np.concatenate([zeros(0), *z]), zeros(0), {})
     off = ca.fmax(largest(rows.residual * row_scales(e, given)), _bent(spanning, q))
     g = [
         [ca.atan2(z[joint][1], z[joint][0])] if kind == ANGLE else z[joint]
