@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 
 from ...assembly.free_motions import IDLE
-from ...linkage.joints import NQ, NV
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
@@ -20,7 +19,7 @@ from .guards import COARSE_FILE, GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale, lar
 from .legs import PlatformMotion, leg_pivots
 from .loops import Rows, write_rows
 from .parts import Parts, first_moment
-from .rigid import Link, links_of, motion_to_parent, to_child, units_of
+from .rigid import Link, links_of, motion_to_parent, to_child
 from .states import seen_postures
 from .static_elimination import Pivots, choose_pivots, solve
 
@@ -59,15 +58,13 @@ def path_of(mechanism: Mechanism, spec: ModuleSpec, wrist: Wrist) -> Path:
     return Path(wrist, links, slice(before, len(v)), q, v)
 
 
-def wrist_pivots(path: Path, positions: Array, length: float) -> Pivots:
-    """Choose the pivots of a wrist's Jacobian at generic positions of the path, shape (samples, nq)."""
-    column, q = symbols("q", sum(NQ[link.kind] for link in path.links))
-    chain = sweep(list(path.links), q, zeros(sum(NV[link.kind] for link in path.links)), zeros(6))
+def wrist_pivots(m: Mechanism, path: Path, positions: Array) -> Pivots:
+    """Choose the pivots of a wrist's Jacobian at positions of the spanning tree, shape (samples, nq)."""
+    column, q = symbols("q", len(path.q))
+    chain = sweep(list(path.links), q, zeros(len(path.v)), zeros(6))
     S = wrist_jacobian(path, chain)
-    samples = sampled(S, [column], [[x] for x in positions])
-    rows = np.array([1 / length] * 3 + [1.0] * 3)
-    turns = [any(not (isinstance(x, float) and x == 0.0) for x in column[3:]) for column in S.T]
-    cols = np.array([1.0 if t else length for t in turns])
+    samples = sampled(S, [column], [[x] for x in positions[:, path.q]])
+    rows, cols = np.array([1 / m.length] * 3 + [1.0] * 3), m.spanning_col_scale[path.v[path.wrist_v]]
     return choose_pivots(samples, S.shape[1], rows, cols)
 
 
@@ -136,7 +133,7 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
         rows = np.array([1 / m.length] * 3 + [1.0] * (len(leg.tree_v) - 3))
         groups.append(leg_pivots(group, postures, (rows, m.reduction.col_scale[leg.tree_v])))
     closed = max(GUARD_CLOSED[dtype], OF_ROUNDED * m.rounding if m.reduction.rounded else 0.0)
-    wrists = [wrist_pivots(path, positions[:, path.q], m.length) for path in paths]
+    wrists = [wrist_pivots(m, path, positions) for path in paths]
     scale = Scale(m.length, closed, TINY_RATE[dtype], compared)
     plan = Plan(parts, paths, Pivots((), (), ()), tuple(groups), tuple(wrists), scale)
     return replace(plan, loop_pivots=_loop_pivots(plan, positions[-len(m.postures) :]))
@@ -176,19 +173,13 @@ class Core:
         chain: Its motion, including base and platforms.
         platforms: Motion of each platform for its legs, by the platform's link.
         rows: Rows of its closures.
-        paths: Motion of each path to a wrist.
         outputs: Body in the core of each output.
-        v: Rates of its tree, zero for platforms.
-        units: Unit of each freedom.
     """
 
     chain: Chain
     platforms: dict[int, PlatformMotion]
     rows: Rows
-    paths: list[Chain]
     outputs: list[int]
-    v: Expression
-    units: Array
 
     def platform_columns(self) -> dict[str, ca.SX]:
         """Return the platforms' motion for the legs, by name."""
@@ -217,13 +208,11 @@ def write_core(
         A_base: Acceleration of its base less gravity, for the inverse model.
     """
     parts = plan.parts
-    paths = [
-        sweep(list(p.links), q[p.q], v[p.v], V_base, None if a is None else a[p.v], A_base)
-        for p in plan.paths
-    ]
     placed, platforms = {}, {}
-    for path, chain in zip(plan.paths, paths, strict=True):
+    for path in plan.paths:
         if path.wrist.carries:
+            own = None if a is None else a[path.v]
+            chain = sweep(list(path.links), q[path.q], v[path.v], V_base, own, A_base)
             i = core_body(plan, path.wrist.end) - 1  # the link that represents the platform
             R, p, V = chain.R0[-1], chain.p0[-1], chain.V[-1]
             placed[i] = Placed(R, p, V, zeros(6) if a is None else chain.c[-1])
@@ -231,8 +220,7 @@ def write_core(
     tree_q, tree_v = _pick(q, parts.q), _pick(v, parts.v)
     tree_a = None if a is None else _pick(a, parts.v)
     chain = sweep(list(parts.links), tree_q, tree_v, V_base, tree_a, A_base, placed)
-    length = plan.mechanism.length
-    units = np.concatenate([np.zeros(0), *(units_of(link, length) for link in parts.links)])
+    length, units = plan.mechanism.length, plan.mechanism.reduction.col_scale[parts.tree_v]
     sizes = [size_of(tree_v, units, [V_base, *(p.V for p in platforms.values())], length)]
     twists = tree_v.copy()
     for i, motion in platforms.items():
@@ -251,7 +239,7 @@ def write_core(
     if is_coarse(plan.mechanism):
         rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
-    return Core(chain, platforms, rows, paths, outputs, tree_v, units)
+    return Core(chain, platforms, rows, outputs)
 
 
 def _platform(at: Placed, base: tuple[Expression, Expression | None], scale: Scale) -> PlatformMotion:

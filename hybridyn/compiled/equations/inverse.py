@@ -112,7 +112,7 @@ def _required_forces(
         terms: The terms of their sum that one module can distinguish, as work per scaled coordinate.
     """
     parts, b = plan.parts, forces(moving)
-    terms = [x * u for x, u in zip(b[6:], core.units, strict=True)]
+    terms = [x * u for x, u in zip(b[6:], plan.mechanism.reduction.col_scale[parts.tree_v], strict=True)]
     for k, col in enumerate(parts.tree_v):
         if parts.v[k] >= 0 and options.rotor[col]:
             b[6 + k] = b[6 + k] + a[parts.v[k]] * options.rotor[col]

@@ -36,7 +36,7 @@ from .expressions import (
     zeros,
 )  # fmt: skip
 from .guards import Scale, squares, weighed
-from .parts import Leg, width_of
+from .parts import Leg
 from .rigid import Link, matrix_moved, to_parent
 from .static_elimination import Pivots, choose_pivots, solve
 
@@ -218,8 +218,8 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
     folding = Folding()
     links = fold_links(folding, [list(leg.links) for leg in group])
     R_s, p_s, _, _ = _frames(folding, group)
-    column, q = symbols("q", width_of(group[0].links)[0])
-    chain = sweep(links, q, zeros(width_of(group[0].links)[1]), zeros(6))
+    column, q = symbols("q", len(group[0].tree_q))
+    chain = sweep(links, q, zeros(len(group[0].tree_v)), zeros(6))
     J = dot(_rows(group[0].closure.rotation, R_s), _jacobian(chain, group[0].end, p_s))
     numbers_of = zip(group, folding.table(len(group)), strict=True)
     points = [(x[leg.tree_q], own) for leg, own in numbers_of for x in mechanism_postures]

@@ -37,7 +37,7 @@ from .expressions import (
 from .guards import Scale, weighed
 from .legs import fold_links, turned_apart
 from .parts import UNFELT, Parts, Rod
-from .rigid import links_of, motion_to_parent, to_parent, units_of
+from .rigid import links_of, motion_to_parent, to_parent
 from .states import generic_positions
 from .static_elimination import Pivots, choose_pivots
 
@@ -209,7 +209,8 @@ def write_rows(
     for coupling in parts.couplings:
         opened, row = coupling_row(chain, coupling, q, coupling.offset)
         # The unit of its residual is the largest of a radian, or the length, in its terms.
-        unit = max(abs(k) * float(units_of(chain.links[j], scale.length)[0]) for j, k in coupling.terms)
+        units_of = {"prismatic": scale.length}
+        unit = max(abs(k) * units_of.get(chain.links[j].kind, 1.0) for j, k in coupling.terms)
         K, gamma = [*K, np.concatenate([zeros(6), row])[None]], [*gamma, zeros(1)]
         guard = guard + weighed([(np.array([opened], dtype=object), unit)], scale.weight_of_positions)
         moving = [rates[6:]] if accelerations is None else [rates[6:], accelerations]

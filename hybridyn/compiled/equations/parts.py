@@ -19,7 +19,6 @@ import numpy as np
 
 from ...assembly.free_motions import IDLE, effects
 from ...linkage.closures import TreeClosure, TreeCoupling
-from ...linkage.joints import NQ
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
@@ -443,8 +442,3 @@ def _groups(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ...], .
         acting = tuple(marks[k] for k in leg.tree_v)
         out.setdefault((shape, acting, leg.end, leg.platform, leg.closure.rotation), []).append(leg)
     return tuple(tuple(group) for group in out.values())
-
-
-def width_of(links: tuple[Link, ...]) -> tuple[int, int]:
-    """Return the numbers of coordinates and freedoms of links."""
-    return sum(NQ[link.kind] for link in links), sum(link.nv for link in links)

@@ -257,9 +257,3 @@ def unfelt(link: Link) -> Array:
     elif link.kind == "spherical":
         gone[0] = link.inertia[0]
     return gone
-
-
-def units_of(link: Link, length: float) -> Array:
-    """Return the unit of each freedom of a joint: `length` for translations, 1 (a radian) for rotations."""
-    sliding = {"prismatic": 1, "planar": 2, "floating": 3}.get(link.kind, 0)
-    return np.array([length] * sliding + [1.0] * (link.nv - sliding))
