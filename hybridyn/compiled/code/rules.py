@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,16 +19,20 @@ def overlap(a: Span, b: Span) -> bool:
 
 def trimmed(program: Program) -> Program:
     """Return a program without calls whose outputs are all empty and without uncalled kernels."""
-    steps: list[Start | Call] = []
-    number: dict[int, int] = {}
-    for step in program.steps:
-        if isinstance(step, Start):
-            steps.append(step)
-            continue
-        function = program.kernels[step.kernel].function
-        if any(function.nnz_out(i) for i in range(function.n_out())):
-            steps.append(replace(step, kernel=number.setdefault(step.kernel, len(number))))
-    return replace(program, steps=tuple(steps), kernels=tuple(program.kernels[old] for old in number))
+    steps = [
+        step
+        for step in program.steps
+        if isinstance(step, Start) or any(end.at(step.copies).size for end in step.targets)
+    ]
+    used = sorted({step.kernel for step in steps if isinstance(step, Call)})
+    renamed = {old: new for new, old in enumerate(used)}
+    return replace(
+        program,
+        steps=tuple(
+            replace(step, kernel=renamed[step.kernel]) if isinstance(step, Call) else step for step in steps
+        ),
+        kernels=tuple(program.kernels[old] for old in used),
+    )
 
 
 def check(program: Program) -> None:
@@ -41,9 +45,8 @@ def check(program: Program) -> None:
     """
     own: dict[int, tuple[int, int]] = {}
     shared = np.zeros(program.shared, dtype=bool)
-    result = np.zeros(sum(size for _, size in program.outputs), dtype=bool)
-    room = {"given": sum(size for _, size in program.inputs), "result": len(result)}
-    room |= {"shared": program.shared, "own": program.own}
+    room = dict(zip(("given", "result", "shared", "own"), program.sizes, strict=True))
+    result = np.zeros(room["result"], dtype=bool)
     for step in program.steps:
         if isinstance(step, Start):
             if step.start + len(step.values) > program.shared:
@@ -87,23 +90,6 @@ def _check_sizes(program: Program, call: Call, where: str) -> None:
             raise ValueError(f"{where}: {end} is not of shape {(call.copies, size)}")
 
 
-@dataclass
-class _Region:
-    """Numbers that steps read and write together.
-
-    Attributes:
-        start, stop: Where they are.
-        first, last: First and last step that reads or writes one of them.
-        place: Where they go.
-    """
-
-    start: int
-    stop: int
-    first: int
-    last: int
-    place: int = 0
-
-
 def compacted(program: Program) -> Program:
     """Return a program that computes the same in less memory.
 
@@ -111,68 +97,55 @@ def compacted(program: Program) -> Program:
         ValueError: As `check`; what is read before it is written would be hidden afterwards.
     """
     check(program)
-    regions = {memory: _regions(program, memory) for memory in ("shared", "own")}
-    sizes = {memory: _allocate(of) for memory, of in regions.items()}
-    places = {memory: _moves(of) for memory, of in regions.items()}
+    (shared, of_shared), (own, of_own) = (_moves(program, memory) for memory in ("shared", "own"))
+    places = {"shared": of_shared, "own": of_own}
 
     def moved(end: Any) -> Any:
         """Return a source, target or start in its new place."""
         memory = "shared" if isinstance(end, Start) else end.memory
         return replace(end, start=places[memory].get(end.start, 0)) if memory in places else end
 
-    steps: list[Start | Call] = []
-    for step in program.steps:
-        if isinstance(step, Start):
-            steps.append(moved(step))
-            continue
-        sources, targets = tuple(map(moved, step.sources)), tuple(map(moved, step.targets))
-        steps.append(replace(step, sources=sources, targets=targets))
-    return replace(program, steps=tuple(steps), shared=sizes["shared"], own=sizes["own"])
+    steps = tuple(
+        moved(step)
+        if isinstance(step, Start)
+        else replace(step, sources=tuple(map(moved, step.sources)), targets=tuple(map(moved, step.targets)))
+        for step in program.steps
+    )
+    return replace(program, steps=steps, shared=shared, own=own)
 
 
 def _spans(step: Start | Call, memory: str) -> list[tuple[int, int]]:
     """Return start and end of the numbers of a memory that a step reads and writes."""
     if isinstance(step, Start):
-        return (
-            [(step.start, step.start + len(step.values))] if memory == "shared" and len(step.values) else []
-        )
+        size = len(step.values) * (memory == "shared")
+        return [(step.start, step.start + size)] if size else []
     spans = [end.span(step.copies) for end in (*step.sources, *step.targets)]
     return [(a, b) for of, a, b in spans if of == memory]
 
 
-def _regions(program: Program, memory: str) -> list[_Region]:
-    """Return the regions of a memory, in the order of their places."""
+def _moves(program: Program, memory: str) -> tuple[int, dict[int, int]]:
+    """Return the size that a memory needs, and the new place of each of its numbers.
+
+    Numbers that steps read and write together stay together: a region, from the first step to the last one
+    that reads or writes it. Each goes into the first gap that is wide enough.
+    """
     used = sorted((a, b, n) for n, step in enumerate(program.steps) for a, b in _spans(step, memory))
-    out: list[_Region] = []
+    regions: list[list[int]] = []  # start, end, first and last step
     for a, b, n in used:
-        if out and a < out[-1].stop:
-            region = out[-1]
-            region.stop = max(region.stop, b)
-            region.first, region.last = min(region.first, n), max(region.last, n)
+        if regions and a < regions[-1][1]:
+            _, end, first, last = regions[-1]
+            regions[-1][1:] = max(end, b), min(first, n), max(last, n)
         else:
-            out.append(_Region(a, b, n, n))
-    return out
-
-
-def _allocate(regions: list[_Region]) -> int:
-    """Place regions, each in the first gap that is wide enough; return the total size."""
-    live: list[_Region] = []
-    total = 0
-    for region in sorted(regions, key=lambda region: region.first):
-        live = [other for other in live if other.last >= region.first]
-        at, size = 0, region.stop - region.start
-        for other in sorted(live, key=lambda other: other.place):
-            if other.place - at >= size:
+            regions.append([a, b, n, n])
+    live: list[tuple[int, int, int]] = []  # place, end and last step
+    moves: dict[int, int] = {}
+    for start, stop, first, last in sorted(regions, key=lambda region: region[2]):
+        live = sorted(region for region in live if region[2] >= first)
+        at = 0
+        for place, end, _ in live:
+            if place - at >= stop - start:
                 break
-            at = max(at, other.place + other.stop - other.start)
-        region.place = at
-        live.append(region)
-        total = max(total, at + size)
-    return total
-
-
-def _moves(regions: list[_Region]) -> dict[int, int]:
-    """Return the new place of each number."""
-    return {
-        k: region.place + k - region.start for region in regions for k in range(region.start, region.stop)
-    }
+            at = max(at, end)
+        live.append((at, at + stop - start, last))
+        moves |= zip(range(start, stop), range(at, at + stop - start), strict=True)
+    return max(moves.values(), default=-1) + 1, moves

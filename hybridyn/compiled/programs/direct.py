@@ -13,7 +13,7 @@ from ..equations.parts import Leg
 from ..equations.request import Request, direct_options
 from ..equations.rigid import inertia_matrix
 from ..program import Program, Source
-from .module_calls import Efforts, ModuleCalls, Ports, Stages, moving_base, same_structure, unit_base
+from .module_calls import ModuleCalls, Ports, Stages, Sweeps, same_structure, unit_base
 from .writer import Writer
 
 PARTS = ["kinematics", "inertia", "accelerations", "wrists"]
@@ -46,7 +46,7 @@ def write_direct_sweeps(request: Request, w: Writer, *, pushed: bool = False) ->
     robot = request.robot
     unit_base(request, w)
     same_structure(request, w)
-    sweeps = _Sweeps(request, w, moving_base(request, w, "base_acceleration"), pushed)
+    sweeps = _Sweeps(request, w, "base_acceleration", pushed=pushed)
     modules: list[ModuleCalls] = []
     for k in range(len(robot.modules)):
         modules.append(sweeps.outwards(k, modules))
@@ -56,13 +56,8 @@ def write_direct_sweeps(request: Request, w: Writer, *, pushed: bool = False) ->
         sweeps.accelerate(calls)
 
 
-class _Sweeps:
+class _Sweeps(Sweeps):
     """Add the calls of the modules to the program, sweep by sweep."""
-
-    def __init__(self, request: Request, writer: Writer, root: Ports, pushed: bool) -> None:
-        self.request, self.w, self.root, self.pushed = request, writer, root, pushed
-        self.efforts = Efforts(request, writer, pushed=pushed)
-        self._legs: dict[int, list[tuple[tuple[Leg, ...], Stages, Source]]] = {}
 
     def outwards(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Add the motion outwards: platforms, twists, and the legs' inertias and biases."""
@@ -72,13 +67,13 @@ class _Sweeps:
             calls.ports[f"beta {o}"] = w.start(w.shared(6), np.zeros(6))
         calls.call(0)
         calls.start_sums(LEG_SUMS)
-        self._legs[k] = [self._legs_outwards(calls, n) for n in range(len(calls.groups))]
+        calls.legs = [self._legs_outwards(calls, n) for n in range(len(calls.groups))]
         return calls
 
     def inwards(self, calls: ModuleCalls) -> None:
         """Add the articulated inertias inwards."""
         if len(tau := calls.written.at["tau"]):
-            calls.ports["tau"] = self.efforts.of(calls.k, tau[None])
+            calls.ports["tau"] = self.efforts(calls.k, tau[None])
         calls.call(1)
 
     def accelerate(self, calls: ModuleCalls) -> None:
@@ -87,7 +82,7 @@ class _Sweeps:
         for name in ("a_core", "a_legs", "a_wrists"):
             calls.ports[name] = self.w.result("a", v_index[calls.written.at[name]])
         calls.call(2)
-        for group, legs, numbers in self._legs[calls.k]:
+        for group, legs, numbers in calls.legs:
             at = v_index[np.array([leg.v for leg in group])]
             calls.call_legs(group, legs, 1, {"numbers": numbers, "a": self.w.result("a", at)})
         calls.call(3)
@@ -99,7 +94,7 @@ class _Sweeps:
             options = replace(options, motors=tuple(range(6)))
         key = ("ddm", id(plan), options)
         written = self.w.once(key, write_direct, plan, options)
-        return ModuleCalls.begun(self.request, self.w, k, options, written, key, PARTS, modules, self.root)
+        return self.begun(k, modules, options, written, key, PARTS)
 
     def _own(self, calls: ModuleCalls, o: int) -> Array:
         """Return an output's own inertia, the start of its articulated inertia; zero if it is an argument."""
@@ -116,6 +111,6 @@ class _Sweeps:
         legs = Stages(self.w, key, stages, LEG_PARTS, len(group))
         more: Ports = {"numbers": numbers}
         if forced := group[0].among(options.motors):
-            more["tau"] = self.efforts.of(calls.k, np.array([leg.tree_v[forced] for leg in group]))
+            more["tau"] = self.efforts(calls.k, np.array([leg.tree_v[forced] for leg in group]))
         calls.call_legs(group, legs, 0, more)
         return group, legs, numbers

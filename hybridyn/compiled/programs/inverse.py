@@ -8,7 +8,7 @@ from ..equations.inverse import LEG_WRENCHES, motor_pivots, write_inverse, write
 from ..equations.request import Options, Request, balance_options, inverse_options
 from ..equations.static_elimination import Pivots
 from ..program import Program, Shared
-from .module_calls import Efforts, ModuleCalls, Ports, Stages, moving_base, same_structure, unit_base
+from .module_calls import ModuleCalls, Ports, Stages, Sweeps, same_structure, unit_base
 from .writer import Writer
 
 PARTS = ["kinematics", "efforts"]
@@ -52,7 +52,7 @@ def _write_sweeps(
     request: Request, w: Writer, *, balance: bool = False, pushed: bool = False
 ) -> list[ModuleCalls]:
     """Add the sweeps; with `balance` (see `write_balance`), motor efforts are inputs."""
-    sweeps = _Sweeps(request, w, moving_base(request, w, "a"), balance, pushed)
+    sweeps = _Sweeps(request, w, "a", motors=balance, pushed=pushed)
     modules: list[ModuleCalls] = []
     for k in range(len(request.robot.modules)):
         start = len(w.steps)
@@ -65,12 +65,8 @@ def _write_sweeps(
     return modules
 
 
-class _Sweeps:
-    """Add the calls of the modules to the program, sweep by sweep."""
-
-    def __init__(self, request: Request, writer: Writer, root: Ports, balance: bool, pushed: bool) -> None:
-        self.request, self.w, self.root, self.balance, self.pushed = request, writer, root, balance, pushed
-        self.efforts = Efforts(request, writer, motors=balance)
+class _Sweeps(Sweeps):
+    """Add the calls of the modules to the program; with `motors` those of the balance."""
 
     def outwards(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Add the motion outwards, and the legs' forces."""
@@ -86,23 +82,23 @@ class _Sweeps:
     def inwards(self, calls: ModuleCalls) -> None:
         """Add the efforts inwards."""
         if len(laws := calls.written.at["laws"]):
-            calls.ports["laws"] = self.efforts.of(calls.k, laws[None])
+            calls.ports["laws"] = self.efforts(calls.k, laws[None])
         if self.pushed and calls.k == 0:
             calls.ports["Q"] = self.w.result("tau", np.arange(6))
-        elif not self.balance:
+        elif not self.motors:
             calls.ports["tau"] = self.w.result("tau", 6 * self.pushed + calls.module.motor_index)
         calls.call(1)
 
     def _calls(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Return the still empty calls of module k; equal modules share their code."""
-        balance = self.balance or (self.pushed and k == 0)
+        balance = self.motors or (self.pushed and k == 0)
         plan = self.request.plans[k]
         options = balance_options(self.request, k) if balance else inverse_options(self.request, k)
         key = ("idm", id(plan), options, balance)
         pivots = None if balance else self._motor_pivots(k, options)
-        flags = {"balance": balance, "motions": self.balance}
+        flags = {"balance": balance, "motions": self.motors}
         written = self.w.once(key, write_inverse, plan, options, pivots, **flags)
-        return ModuleCalls.begun(self.request, self.w, k, options, written, key, PARTS, modules, self.root)
+        return self.begun(k, modules, options, written, key, PARTS)
 
     def _motor_pivots(self, k: int, options: Options) -> Pivots | None:
         """Return the pivots of the motor map of module k; equal modules share them."""
@@ -119,7 +115,7 @@ class _Sweeps:
         stages, table = self.w.once(key, write_inverse_legs, plan, n, options)
         more: Ports = {"numbers": self.w.numbers(table, plan.column)}
         if lawful:
-            more["laws"] = self.efforts.of(calls.k, np.array([leg.tree_v[lawful] for leg in group]))
+            more["laws"] = self.efforts(calls.k, np.array([leg.tree_v[lawful] for leg in group]))
         if driven:
             each = more["motors"] = self.w.each(len(group), 6 * len(driven))
             calls.ports[f"motors {n}"] = Shared(each.start, each.size * len(group))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -13,7 +14,7 @@ from ..equations.chains import sweep
 from ..equations.expressions import Expression, cross, dot, eye, pack, symbols, unpack, zeros
 from ..equations.request import Request
 from ..equations.rigid import links_of, quaternion_matrix
-from ..program import Program, Shared, Source, Target
+from ..program import Program, Result, Source, Target
 from .general import WIDTH
 from .module_calls import unit_base
 from .writer import Writer
@@ -24,51 +25,41 @@ def kinematics_program(request: Request) -> Program:
     robot = request.robot
     inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
     w = Writer("kinematics", inputs, [("bodies", WIDTH * len(robot.bodies.bodies))])
-    states: dict[int, Source] = {0: _root(request, w)}
-    kernels: dict[tuple[int, int], ca.Function] = {}
+
+    def body_of(body: int) -> Result:
+        """Return the place of a body's numbers."""
+        return w.result("bodies", WIDTH * body + np.arange(WIDTH))
+
+    _root(request, w, body_of(0))
     for k, module in list(enumerate(robot.modules))[robot.base == "floating" :]:
         own = None if request.arguments is None else request.arguments.of_modules[k]
         key = id(module.mechanism), -1 if own is None else k
-        if key not in kernels:
-            kernels[key] = _module(module, own)
-        bodies = [robot.body_of_joint[joint] for joint in module.joints]
-        targets: list[Target] = []
-        for body in bodies:
-            state = w.shared(WIDTH)
-            states[body] = state
-            targets += [w.result("bodies", WIDTH * body + np.arange(WIDTH)), state]
+        targets: list[Target] = [body_of(robot.body_of_joint[joint]) for joint in module.joints]
         sources: list[Source] = [
             w.from_given("q", module.q_index),
             w.from_given("v", module.v_index),
             w.from_given("a", module.v_index),
-            states[robot.bodies.place[module.base][0]],
+            body_of(robot.bodies.place[module.base][0]),
         ]
         if own is not None:
             sources.append(w.from_given("parameters", own.index))
-        w.call(w.kernel(key, kernels[key], "kinematics"), 1, sources, targets)
+        w.call(w.kernel(key, partial(_module, module, own), "kinematics"), 1, sources, targets)
     return w.program()
 
 
-def _root(request: Request, w: Writer) -> Shared:
+def _root(request: Request, w: Writer, root: Result) -> None:
     """Add the motion of the root body."""
-    robot = request.robot
     unit_base(request, w)
-    state = w.shared(WIDTH)
-    targets: list[Target] = [w.result("bodies", np.arange(WIDTH)), state]
-    if robot.base == "fixed":
-        still = pack(eye(3), zeros(15))
-        w.call(w.kernel("root", ca.Function("root", [], [still, still]), "kinematics"), 1, [], targets)
-        return state
+    if request.robot.base == "fixed":
+        still = ca.Function("root", [], [pack(eye(3), zeros(15))])
+        w.call(w.kernel("root", still, "kinematics"), 1, [], [root])
+        return
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", 7), symbols("v", 6), symbols("a", 6)
-    out = _in_world(quaternion_matrix(q[3:]), q[:3], v, a)
-    function = ca.Function("root", [q_col, v_col, a_col], [out, out])
+    function = ca.Function("root", [q_col, v_col, a_col], [_in_world(quaternion_matrix(q[3:]), q[:3], v, a)])
     sources: list[Source] = [
-        w.from_given("q", np.arange(7)),
-        w.from_given("v", np.arange(6)),
-        w.from_given("a", np.arange(6)),
+        w.from_given(name, np.arange(size)) for name, size in (("q", 7), ("v", 6), ("a", 6))
     ]
-    w.call(w.kernel("root", function, "kinematics"), 1, sources, targets)
-    return state
+    w.call(w.kernel("root", function, "kinematics"), 1, sources, [root])
 
 
 def _in_world(R: Expression, p: Expression, V: Expression, A: Expression) -> ca.SX:
@@ -78,7 +69,7 @@ def _in_world(R: Expression, p: Expression, V: Expression, A: Expression) -> ca.
 
 
 def _module(module: Module, own: ModuleArguments | None) -> ca.Function:
-    """Return the kernel of a module's bodies; each body is output twice, as a result and for its children."""
+    """Return the kernel of a module's bodies."""
     spec = module.mechanism.spec if own is None else own.spec
     links = links_of(spec.spanning, [np.zeros(10)] * len(spec.spanning))
     tree = module.mechanism.spanning
@@ -89,9 +80,9 @@ def _module(module: Module, own: ModuleArguments | None) -> ca.Function:
     A = np.concatenate([dot(R.T, a - cross(w, v)), dot(R.T, alpha)])
     q_, v_, a_ = (unpack(column) for column in columns)
     chain = sweep(links, q_, v_, V, a_, A)
-    outputs = []
-    for body in range(1, len(links) + 1):
-        out = _in_world(dot(R, chain.R0[body]), p + dot(R, chain.p0[body]), chain.V[body], chain.c[body])
-        outputs += [out, out]
+    outputs = [
+        _in_world(dot(R, chain.R0[body]), p + dot(R, chain.p0[body]), chain.V[body], chain.c[body])
+        for body in range(1, len(links) + 1)
+    ]
     arguments = [] if own is None else [own.column]
     return ca.Function("module", [*columns, base_col, *arguments], outputs)

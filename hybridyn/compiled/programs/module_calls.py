@@ -90,6 +90,7 @@ class ModuleCalls:
         below: The module that carries it, None for a module on the robot's base.
         ports: Places by name, first those of the robot's base if it moves.
         calls: Calls of the module in order, where they are asked for.
+        legs: Groups of its legs, their stages and numbers, where they are called again.
     """
 
     request: Request
@@ -101,6 +102,7 @@ class ModuleCalls:
     below: ModuleCalls | None
     ports: Ports
     calls: list[Call] = field(default_factory=list)
+    legs: Sequence[tuple[tuple[Leg, ...], Stages, Source]] = ()
 
     def __post_init__(self) -> None:
         """Provide positions, rates and parameters."""
@@ -108,17 +110,6 @@ class ModuleCalls:
         if self.request.plans[self.k].column is not None:
             index = self.request.parameter_index(self.k)
             self.ports["parameters"] = self.writer.from_given("parameters", index)
-
-    @classmethod
-    def begun(
-        cls, request: Request, w: Writer, k: int, options: Any, written: Any, key: Any, parts: list[str],
-        modules: list[ModuleCalls], root: Ports,
-    ) -> ModuleCalls:  # fmt: skip
-        """Return the still empty calls of module k, after those of some modules; `key` is its code's."""
-        parent, stages = request.robot.modules[k].parent, Stages(w, key, written.stages, parts)
-        return cls(
-            request, w, k, options, written, stages, modules[parent] if parent >= 0 else None, {**root}
-        )
 
     @cached_property
     def module(self) -> Module:
@@ -214,117 +205,102 @@ def moving_base(request: Request, w: Writer, acceleration: str) -> Ports:
     return ports
 
 
-class Efforts:
-    """Provide the efforts on freedoms of a module as a source of a call."""
+class Sweeps:
+    """Add the calls of the modules to a program, sweep by sweep.
+
+    Attributes:
+        request: The robot and its effects.
+        w: The program under construction.
+        root: Places of the motion of a moving base.
+    """
 
     def __init__(
-        self, request: Request, writer: Writer, *, motors: bool = True, pushed: bool = False
+        self,
+        request: Request,
+        writer: Writer,
+        acceleration: str,
+        *,
+        motors: bool = True,
+        pushed: bool = False,
     ) -> None:
-        """Prepare the efforts of a program.
+        """Begin with a moving base.
 
         Args:
             request: The robot and its effects.
             writer: The program under construction.
+            acceleration: As for `moving_base`.
             motors: Whether motor efforts are user inputs ("tau"). The inverse model uses the laws alone.
             pushed: Whether "tau" begins with a wrench on a floating base.
         """
-        self._request, self._writer, self._motors, self._pushed = request, writer, motors, pushed
-        robot = request.robot
-        self._motor_of = {}
-        for module in robot.modules:
-            for column, number in zip(module.motor_columns, module.motor_index, strict=True):
-                self._motor_of[id(module), int(column)] = int(number)
+        self.request, self.w, self.motors, self.pushed = request, writer, motors, pushed
+        self.root = moving_base(request, writer, acceleration)
 
-    def of(self, k: int, columns: Index) -> Source:
+    def begun(
+        self, k: int, modules: list[ModuleCalls], options: Any, written: Any, key: Any, parts: list[str]
+    ) -> ModuleCalls:
+        """Return the still empty calls of module k, after those of some modules; `key` is its code's."""
+        parent, stages = self.request.robot.modules[k].parent, Stages(self.w, key, written.stages, parts)
+        below = modules[parent] if parent >= 0 else None
+        return ModuleCalls(self.request, self.w, k, options, written, stages, below, {**self.root})
+
+    def efforts(self, k: int, columns: Index) -> Source:
         """Return the source of efforts on freedoms of module k's cut tree, shape (copies, entries)."""
-        if self._pushed and k == 0:
-            return self._writer.from_given("tau", columns)
-        marks = self._request.marks(self._request.robot.modules[k])
-        if self._motors and all(marks[int(c)] == "motor " for c in columns.ravel()):
-            return self._writer.from_given("tau", self._motor_numbers(k, columns))
-        copies, entries = columns.shape
-        place = self._writer.each(copies, entries)
-        for j in range(entries):
-            self._laws(k, columns[:, j], place.start + j, entries)
+        if self.pushed and k == 0:
+            return self.w.from_given("tau", columns)
+        module = self.request.robot.modules[k]
+        marks = self.request.marks(module)
+        if self.motors and all(marks[int(c)] == "motor " for c in columns.ravel()):
+            return self._motors_of(module, columns)
+        place = self.w.each(*columns.shape)
+        for at, column in enumerate(columns.ravel().tolist(), place.start):
+            self._sum(module, column, marks[column], Shared(at, 1))
         return place
 
-    def _motor_numbers(self, k: int, columns: Index) -> Index:
-        """Return the motors' indices in tau."""
-        module = self._request.robot.modules[k]
-        numbers = [6 * self._pushed + self._motor_of[id(module), int(c)] for c in columns.ravel()]
-        return np.array(numbers, dtype=int).reshape(columns.shape)
+    def _motors_of(self, module: Module, columns: Index) -> Source:
+        """Return the source of motor efforts."""
+        numbers = dict(zip(module.motor_columns, module.motor_index, strict=True))
+        index = np.array([6 * self.pushed + numbers[c] for c in columns.ravel()], dtype=int)
+        return self.w.from_given("tau", index.reshape(columns.shape))
 
-    def _laws(self, k: int, columns: Index, start: int, stride: int) -> None:
-        """Add calls that compute the sum of motor effort and laws, joint by joint."""
-        request, w = self._request, self._writer
-        module = request.robot.modules[k]
-        mark = request.marks(module)[int(columns[0])]
-        for i, column in enumerate(columns):
-            inputs, sources, total, key = self._one(k, int(column), mark)
-            function = ca.Function("effort", inputs, [pack([total])])
-            kernel = w.kernel(("effort", key), function, "effects")
-            w.call(kernel, 1, sources, [Shared(start + i * stride, 1)])
-
-    def _one(self, k: int, column: int, mark: str) -> tuple[list[ca.SX], list[Source], Any, Any]:
-        """Return the effort on one freedom: symbols, their sources, the sum, and a key of equal efforts."""
-        request, w = self._request, self._writer
-        module = request.robot.modules[k]
+    def _sum(self, module: Module, column: int, mark: str, place: Shared) -> None:
+        """Add the call that computes the sum of motor effort and laws on one freedom."""
+        request, w = self.request, self.w
         numbers = np.arange(1, request.robot.nv + 1, dtype=float)
         own = module.mechanism.cut.to_tree(numbers[None, module.v_index])
         at = int(own[0, column]) - 1
         inputs: list[ca.SX] = []
         sources: list[Source] = []
         total: Any = ca.SX(0.0)
-        if self._motors and "motor" in mark:
-            tau = ca.SX.sym("tau")
-            inputs, sources, total = (
-                [tau],
-                [w.from_given("tau", self._motor_numbers(k, np.array([column])))],
-                tau,
-            )
-        key: tuple[Any, ...] = (self._motors, mark)
+        if self.motors and "motor" in mark:
+            total = ca.SX.sym("tau")
+            inputs, sources = [total], [self._motors_of(module, np.array([column]))]
+        key: tuple[Any, ...] = ("effort", self.motors, mark)
         for law in request.on.joints:
-            here = np.flatnonzero(law.columns == at)
-            if not len(here):
-                continue
-            i = int(here[0])
-            coefficients = self._coefficients(law, i)
-            pieces = [ca.SX.sym("p", size) for size, _ in coefficients]
-            p = ca.vertcat(*pieces)
-            turns = bool(law.turns[i])
-            x = ca.SX.sym("x", 2 if turns else 1)
-            v = ca.SX.sym("v")
-            angle = ca.atan2(x[1], x[0]) if turns else x[0]
-            effort = _written(law.effect, p, angle, v)
-            q_at = int(law.at[i])
-            inputs += [*pieces, x, v]
-            sources += [
-                *(source for _, source in coefficients),
-                w.from_given("q", np.arange(q_at, q_at + x.numel())),
-                w.from_given("v", np.array([at])),
-            ]
-            total = total + effort
-            key = (*key, turns, repr(law.effect.name), len(pieces))
-        return inputs, sources, total, key
+            for i in np.flatnonzero(law.columns == at).tolist():
+                coefficients = self._coefficients(law, i)
+                p = ca.SX.sym("p", len(law.p))
+                x, v = ca.SX.sym("x", 2 if law.turns[i] else 1), ca.SX.sym("v")
+                inputs += [*ca.vertsplit(p), x, v] if len(coefficients) > 1 else [p, x, v]
+                positions = w.from_given("q", int(law.at[i]) + np.arange(x.numel()))
+                sources += [*coefficients, positions, w.from_given("v", np.array([at]))]
+                total = total + _written(law.effect, p, ca.atan2(x[1], x[0]) if law.turns[i] else x[0], v)
+                key = (*key, x.numel(), repr(law.effect.name), len(coefficients))
+        kernel = w.kernel(key, ca.Function("effort", inputs, [pack([total])]), "effects")
+        w.call(kernel, 1, sources, [place])
 
-    def _coefficients(self, law: OnJoints, i: int) -> list[tuple[int, Source]]:
-        """Return the sources of a law's coefficients on its freedom i with their sizes.
-
-        Constants come from one source. If some are arguments, each has its own.
-        """
-        arguments = self._request.arguments
+    def _coefficients(self, law: OnJoints, i: int) -> list[Source]:
+        """Return the sources of a law's coefficients: one for all, or one for each with arguments."""
+        chosen = self.request.arguments
         values = np.array([[row[i] for row in law.p]])
-        if isinstance(arguments, ChosenNumbers):
-            slots = slots_of(self._request.robot, law, i)
-            at = [None if slot not in arguments.slots else arguments.slots.index(slot) for slot in slots]
-            if any(place is not None for place in at):
-                return [
-                    (1, Constants(values[:, n : n + 1]))
-                    if place is None
-                    else (1, self._writer.from_given("parameters", np.array([place])))
-                    for n, place in enumerate(at)
-                ]
-        return [(len(law.p), Constants(values))]
+        slots = slots_of(self.request.robot, law, i)
+        if not isinstance(chosen, ChosenNumbers) or not set(slots) & set(chosen.slots):
+            return [Constants(values)]
+        return [
+            self.w.from_given("parameters", np.array([chosen.slots.index(slot)]))
+            if slot in chosen.slots
+            else Constants(values[:, n : n + 1])
+            for n, slot in enumerate(slots)
+        ]
 
 
 def _written(effect: Any, p: ca.SX, x: Any, v: ca.SX) -> Any:
