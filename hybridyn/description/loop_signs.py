@@ -258,6 +258,8 @@ class Bodies:
 
 #: Names that suggest a loop.
 LOOP_NAMES = r"(?i)closed_?loop|loop_?closure|fermeture|loop_?joint|(?<![a-z])closing(?![a-z])"
+#: Names of two frames that suggest one, if several have such names.
+PAIRED = r"(?i)(?<![a-z])(cut|weld|constraint)[_.-]?[0-2ab](?![a-z0-9])"
 BESIDE = r"(?i).*(submechanism|loop_?closure|closed_?loop).*\.ya?ml"
 FOLDERS = ("submechanism", "smurf")
 #: How each format states loops.
@@ -298,8 +300,11 @@ def _named_frames(description: Description) -> Iterator[Sign]:
     taken |= {link for closure in description.closures for link in (closure.link_a, closure.link_b)}
     taken |= {link.name for link in description.links if link.mass or link.inertia.any()}
     frames = [joint for joint in description.joints if joint.kind == "fixed" and joint.child not in taken]
-    named = [one.child for one in frames if re.search(LOOP_NAMES, f"{one.child} {one.name}")]
-    if named:
+    named, paired = (
+        [one.child for one in frames if re.search(words, f"{one.child} {one.name}")]
+        for words in (LOOP_NAMES, PAIRED)
+    )
+    if named := named + paired * (len(paired) > 1):
         message = f"massless frames {listed(named)} are named for closing a loop, but no closure uses them"
         yield Sign(message, STATE_THEM[description.format], link=named[0])
 

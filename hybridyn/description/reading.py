@@ -31,8 +31,8 @@ FORMATS = {
     "_usd": ("usd.opening", "read_usd"),
 }
 
-#: First bytes of USD files: text, binary, package. USD is no XML: an empty element `USD` stands for it.
-USD_STARTS = (b"#usda", b"#sdf", b"PXR-USDC", b"PK\x03\x04")
+#: First bytes of USD files, and the ending that fits. USD is no XML: an empty element `USD` stands for it.
+USD_STARTS = {b"#usda": ".usda", b"#sdf": ".usda", b"PXR-USDC": ".usdc", b"PK\x03\x04": ".usdz"}
 USD = b"<_usd/>"
 
 
@@ -177,7 +177,12 @@ def open_robot(
     """
     file = os.fspath(path)
     text = read_bytes(file)
-    root = None if file.endswith(".xacro") else parse(USD if text.startswith(USD_STARTS) else text, file)
+    ending = next((ending for start, ending in USD_STARTS.items() if text.startswith(start)), None)
+    if ending and not Path(file).suffix.lower().startswith(".usd"):
+        raise ModelError(
+            f"holds USD, which OpenUSD reads by its ending; rename it to end in {ending}", file=file
+        )
+    root = None if file.endswith(".xacro") else parse(USD if ending else text, file)
     if root is None or any(node.tag.startswith("xacro:") for node in root.descendants()):
         expanded, notes = expand(file, xacro_args or {}, package_dirs)
         return parse(expanded, file, placed=True)._replace(notes=tuple(notes))

@@ -25,7 +25,9 @@ NO_ROBOTS = [
     (BOMB.replace("&j;", "r"), "<!DOCTYPE is not allowed"),
     ('<!DOCTYPE robot SYSTEM "file:///etc/passwd"><robot/>', "<!DOCTYPE is not allowed"),
     ("<!doctype robot><robot/>", "not well-formed XML"),
-    ("", "Document is empty"),
+    ("", "four_bar.urdf: not readable as XML: Document is empty, line 1, column 1"),
+    ("#usda 1.0\n", "holds USD, which OpenUSD reads by its ending; rename it to end in .usda"),
+    (b"PXR-USDC\0\0", "rename it to end in .usdc"),
     ("  \n ", "not well-formed XML"),
     ("no xml at all", "not well-formed XML"),
     (FOUR_BAR[:-20], "not well-formed XML"),
@@ -52,7 +54,7 @@ WRONG_NUMBERS = [
 
 @pytest.mark.parametrize(("text", "message"), NO_ROBOTS)
 def test_refuses_what_is_no_robot(tmp_path: Path, text: str | bytes, message: str) -> None:
-    refused(save(tmp_path, text), message)
+    assert "<string>" not in str(refused(save(tmp_path, text), message))
 
 
 @pytest.mark.parametrize(("element", "right", "wrong"), WRONG_NUMBERS)

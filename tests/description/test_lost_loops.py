@@ -54,6 +54,13 @@ LOST = {
         robot(LOOP, frame("closedloop1_A", "coupler"), driven("drive")),
         "'closedloop1_A' are named for",
     ),
+    **{
+        f"a pair of {one}": (
+            robot(frame(one, "coupler"), frame(other, "rocker"), ALL),
+            f"'{one}', '{other}' are named for",
+        )
+        for one, other in (("cut_1", "cut_2"), ("left_weld_a", "left_weld_b"), ("constraint0", "constraint1"))
+    },
     "lone closing frame": (robot(frame("closing_knee", "coupler"), ALL), "'closing_knee'"),
     "efforts of zero": (robot(effort("free", 0)), "'free'"),
     "no effort at all": (
@@ -112,6 +119,7 @@ def sdf_tree(*joints: tuple[str, str, float]) -> str:
 QUIET = {
     "a tree": robot(ALL),
     "motors named": robot(effort("free", 0), driven("drive", "elbow", "swing", "free")),
+    "one frame for welding": robot(frame("weld_1", "coupler"), frame("weldment_2", "rocker"), ALL),
     "cameras": robot(frame("camera_1", "coupler", "0 0.1 0"), frame("camera_2", "rocker"), ALL),
     "a box that encloses": robot(frame("enclosing_box", "rocker"), ALL),
     "at a joint": robot(frame("pin_1", "crank", "1 0 0"), frame("pin_2", "coupler"), ALL),

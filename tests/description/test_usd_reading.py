@@ -302,16 +302,16 @@ def test_other_suffixes_and_packages(tmp_path: Path) -> None:
     expected = read(save(tmp_path, FIVE_BAR))
     Sdf.Layer.FindOrOpen(str(tmp_path / "robot.usda")).Export(str(tmp_path / "binary.usdc"))
     UsdUtils.CreateNewUsdzPackage(str(tmp_path / "binary.usdc"), str(tmp_path / "package.usdz"))
-    refused(save(tmp_path, FIVE_BAR, "robot.txt"), "OpenUSD: Cannot determine file format")
+    refused(save(tmp_path, FIVE_BAR, "robot.txt"), "robot.txt: holds USD", "rename it to end in .usda")
     for name in ("binary.usdc", "package.usdz"):
         found = read(tmp_path / name)
         assert [j.name for j in found.joints] == [j.name for j in expected.joints], name
         for ours, theirs in zip(found.joints, expected.joints, strict=True):
             np.testing.assert_array_equal(ours.placement, theirs.placement)
     (tmp_path / "binary.usdc").rename(tmp_path / "binary.xml")
-    refused(tmp_path / "binary.xml", "OpenUSD: Cannot determine file format")
+    refused(tmp_path / "binary.xml", "rename it to end in .usdc")
     (tmp_path / "package.usdz").rename(tmp_path / "package.zip")
-    refused(tmp_path / "package.zip", "OpenUSD: Cannot determine file format")
+    refused(tmp_path / "package.zip", "rename it to end in .usdz")
     with zipfile.ZipFile(tmp_path / "empty.usdz", "w") as archive:
         archive.writestr("a.txt", "x")
     refused(tmp_path / "empty.usdz")

@@ -50,6 +50,10 @@ SCENE = prim("PhysicsScene", "t", "float physics:gravityMagnitude = 1")
 
 CASES = {
     "no body": (usda(prim("Xform", "x")), "no prim has PhysicsRigidBodyAPI"),
+    "a joint that is a body": (
+        hinged(schemas=("PhysicsRigidBodyAPI",)),
+        "</robot/j>: a joint is no body; remove PhysicsRigidBodyAPI",
+    ),
     "distance": (
         usda(A, joint("Distance", "j", "", "a", "float physics:maxDistance = 2")),
         "</robot/j>: a PhysicsDistanceJoint is not read; write two spherical joints with a rod",

@@ -287,14 +287,18 @@ def couplings(stage: Stage, joints: Mapping[str, UsdJoint]) -> list[Coupling]:
         joints: The joints of the robot by path.
 
     Raises:
-        ModelError: A coupled joint is unknown or has several freedoms, or a coupling is no linear one.
+        ModelError: A coupled joint is unknown or has several freedoms, a coupling is no linear one, or two
+            engines state different ones.
     """
     out: list[Coupling] = []
     for prim in stage.prims.values():
         out += [_physx(prim, axis, joints) for axis in prim.instances(PHYSX)]
         if prim.has(NEWTON, MUJOCO) and prim.flag("newton:mimicEnabled", True):
             of_newton = _newton(prim, joints)
-            out += [] if any(_same(one, of_newton) for one in out) else [of_newton]
+            known = [one for one in out if one.name == of_newton.name]
+            if not all(_same(one, of_newton) for one in known):
+                raise prim.error(f"{PHYSX} couples it otherwise than {NEWTON} or {MUJOCO} does; remove one")
+            out += [] if known else [of_newton]
     return out
 
 

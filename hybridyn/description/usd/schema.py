@@ -205,6 +205,8 @@ def _refuse_unknown(prim: Prim) -> None:
     unknown = [f"schema {schema}" for schema in schemas if not any(part in schema for part in OF_CONTACTS)]
     if prim.kind not in TYPES and prim.flag("physics:jointEnabled", True):
         unknown.insert(0, f"a {prim.kind}")
+    if prim.has(BODY) and prim.kind in JOINTS:
+        raise prim.error(f"a joint is no body; remove {BODY}")
     for what in unknown:
         if what.rpartition(" ")[2].startswith(PHYSICS):
             raise prim.error(
