@@ -96,7 +96,7 @@ def prepare(case: str, model: Model, folder: Path) -> None:
         source, target = folder / "switch.c", folder / "switch.so"
         source.write_text(SWITCH)
         subprocess.run(
-            [*compiler.command, "-shared", "-fPIC", str(source), "-o", str(target)],
+            [*compiler, "-shared", "-fPIC", str(source), "-o", str(target)],
             check=True,
             capture_output=True,
         )
@@ -130,7 +130,7 @@ def _process(tool: list[str], words: list[str]) -> None:
     """
     environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONHASHSEED": "0"}
     if "avx512f" in building.features():  # vectors that valgrind does not know
-        environment["CC"] = shlex.join([*building.find_compiler().command, "-mno-avx512f"])
+        environment["CC"] = shlex.join([*building.find_compiler(), "-mno-avx512f"])
     command = [*tool, sys.executable, "-m", "benchmarks.callgrind", *words]
     try:
         done = subprocess.run(

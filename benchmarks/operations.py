@@ -126,7 +126,7 @@ def peak() -> tuple[float, float]:
         source.write_text(SOURCE)
         sizes = [f"-DW={lanes}", f"-DCHAINS={CHAINS}"]
         flags = ["-O3", *NATIVE, "-ffp-contract=fast", "-shared", "-fPIC", *sizes]
-        subprocess.run([*find_compiler().command, *flags, str(source), "-o", str(library)], check=True)
+        subprocess.run([*find_compiler(), *flags, str(source), "-o", str(library)], check=True)
         run = ctypes.CDLL(str(library)).run
         run.argtypes, run.restype = [ctypes.c_long], ctypes.c_double
         run(LENGTH)

@@ -30,7 +30,6 @@ from .programs.general import (
     named,
     reasons,
 )
-from .programs.sources import write_programs
 
 if TYPE_CHECKING:
     import casadi as ca
@@ -233,7 +232,9 @@ class CompiledRobot(ControlSteps):
     @property
     def programs(self) -> dict[str, Program]:
         """The models as programs."""
-        return write_programs(self.robot, self.effects, parameters=self.parameters.slots)
+        from .programs.whole_robot import programs
+
+        return programs(self.robot, self.effects, parameters=self.parameters.slots)
 
     def _arguments(
         self, calls: Calls, parameters: ArrayLike | None, shape: tuple[int, ...]

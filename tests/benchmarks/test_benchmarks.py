@@ -40,8 +40,7 @@ from benchmarks.results import CHECK, SECTIONS, Row, read_machines, read_rows, r
 from benchmarks.simulation import MOTIONS, start
 from benchmarks.singular import APPROACHES, load
 from benchmarks.timing import in_own_process, interleaved
-from hybridyn.compiled.programs.sources import write_programs
-from hybridyn.effects.choice import choose
+from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.engines import mujoco_engine
 from hybridyn.studies.cost.points import pareto_front
@@ -200,7 +199,7 @@ def test_states_near_singular_postures_are_closed(name: str) -> None:
 
 def test_pivots_are_not_chosen_by_a_singular_home() -> None:
     robot = load(APPROACHES["parallelogram, flat"])
-    assert set(write_programs(robot, choose(robot, None))) >= {"ddm", "idm"}
+    assert set(programs(robot)) >= {"ddm", "idm"}
 
 
 # ------------------------------------------------------------------ motions

@@ -18,7 +18,7 @@ import hybridyn
 import hybridyn.compiled.library.cache as cache_file
 from hybridyn.compiled.code.library_source import Source, library_source
 from hybridyn.compiled.code.scalars import Scalar
-from hybridyn.compiled.library.building import Compiler, build, find_compiler
+from hybridyn.compiled.library.building import build, find_compiler
 from hybridyn.compiled.library.cache import Built
 from hybridyn.compiled.library.calls import Library
 from hybridyn.description.cache_folder import folder
@@ -203,11 +203,11 @@ def test_the_cache_may_be_emptied_while_a_model_is_written(empty_cache: Path) ->
 
 def test_a_compiler_that_fails_is_quoted(tmp_path: Path) -> None:
     for text, command, words in (
-        ("int main( {", find_compiler().command, "error"),
+        ("int main( {", find_compiler(), "error"),
         ("int x;", (str(tmp_path / "none"),), "cannot be started"),
         ("int x;", (sys.executable, "-c", ""), "there is no library"),
     ):
-        asked = partial(build, (text,), Compiler(command, ""), tmp_path / "library.so")
+        asked = partial(build, (text,), command, tmp_path / "library.so")
         refused(asked, hybridyn.CompileError, words)
 
 
@@ -217,7 +217,7 @@ def test_the_ziglang_wheel_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.syspath_prepend(str(tmp_path))
-    assert find_compiler.__wrapped__().command == (sys.executable, "-m", "ziglang", "cc")
+    assert find_compiler.__wrapped__() == (sys.executable, "-m", "ziglang", "cc")
 
 
 def test_cc_may_carry_options(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -225,7 +225,7 @@ def test_cc_may_carry_options(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     tool.write_text("#!/bin/sh\n")
     tool.chmod(tool.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("CC", f"{tool} -pipe")
-    assert find_compiler.__wrapped__().command == (str(tool), "-pipe")
+    assert find_compiler.__wrapped__() == (str(tool), "-pipe")
 
 
 @pytest.mark.skipif(shutil.which("clang") is None, reason="there is no clang")
@@ -235,6 +235,6 @@ def test_clang_gives_the_same_bits(tmp_path: Path) -> None:
     results = []
     for name in ("clang", "gcc"):
         path = tmp_path / f"{name}.so"
-        build(printed.units, Compiler((shutil.which(name) or name,), name), path)
+        build(printed.units, [shutil.which(name) or name], path)
         results.append(Library(Built(path, printed.about)).batch(program.name, *inputs(program, 20)))
     assert (results[0][0][0] == results[1][0][0]).all()

@@ -55,7 +55,7 @@ def bar(exported: Path, tmp_path: Path) -> Path:
 
 def compiler(*words: object, program: Sequence[str] = (), cwd: Path | None = None) -> str:
     """Run the C compiler, or another program, and return what it prints."""
-    command = [*(program or find_compiler().command), *map(str, words)]
+    command = [*(program or find_compiler()), *map(str, words)]
     done = subprocess.run(command, cwd=cwd, capture_output=True, text=True)
     assert (done.returncode == 0) == ("error" not in done.stderr)
     return done.stdout + done.stderr

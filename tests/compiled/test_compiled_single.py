@@ -75,7 +75,7 @@ int call(void) {{ return -1; }}
 def test_code_is_fetched_after_a_while_and_not_in_a_row(tmp_path: Path) -> None:
     file, made = tmp_path / "fetching.c", tmp_path / "fetching.so"
     file.write_text(FETCHING.format(text=text_of("fetching.h")))
-    run_one([*find_compiler().command, "-fPIC", "-shared", str(file), "-o", str(made)])
+    run_one([*find_compiler(), "-fPIC", "-shared", str(file), "-o", str(made)])
     call = ctypes.CDLL(str(made)).call
     if call() == -1:
         pytest.skip("code is fetched on Linux with x86-64 alone")

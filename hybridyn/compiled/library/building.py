@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import logging
 import os
@@ -12,8 +11,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -48,78 +47,41 @@ NO_COMPILER = (
 )
 
 
-@dataclass(frozen=True)
-class Compiler:
-    """A C compiler.
-
-    Attributes:
-        command: Its command line.
-        identity: Text that changes whenever the compiler changes.
-    """
-
-    command: tuple[str, ...]
-    identity: str
-
-
 @cache
-def find_compiler() -> Compiler:
-    """Find a compiler: $CC, then cc, gcc, clang, then the `ziglang` wheel.
+def find_compiler() -> tuple[str, ...]:
+    """Return the command line of a C compiler: $CC, then cc, gcc, clang, then the `ziglang` wheel.
 
     Raises:
         CompileError: No compiler is found; the message says what to install.
     """
-    if words := _words(os.environ.get("CC", "")):
-        path = shutil.which(words[0])
-        if path is None:
-            raise CompileError(f"the compiler that CC names, '{words[0]}', does not exist")
-        return Compiler((path, *words[1:]), _identity(path))
-    for name in NAMES:
-        if path := shutil.which(name):
-            return Compiler((path,), _identity(path))
-    spec = importlib.util.find_spec("ziglang")
-    if spec is not None and spec.origin:
-        return Compiler((sys.executable, "-m", "ziglang", "cc"), _identity(spec.origin))
-    raise CompileError(NO_COMPILER)
-
-
-def _words(command: str) -> list[str]:
-    """Split a command into words, as a shell does."""
+    named = os.environ.get("CC", "")
     try:
-        return shlex.split(command)
+        words = shlex.split(named)
     except ValueError as error:
-        raise CompileError(f"the compiler that CC names cannot be read: {command!r}: {error}") from error
-
-
-def _identity(path: str) -> str:
-    """Return path, size and modification time of a compiler's file; asking for its version costs more."""
-    real = os.path.realpath(path)
-    stat = os.stat(real)
-    return f"{real} {stat.st_size} {stat.st_mtime_ns}"
-
-
-@cache
-def machine() -> str:
-    """Return a text that identifies system, processor and processor features."""
-    features = platform.processor()
-    cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():
-        wanted = ("flags", "Features", "model name", "CPU part")
-        lines = {line for line in cpuinfo.read_text(errors="replace").splitlines() if line.startswith(wanted)}
-        features = "\n".join(sorted(lines))
-    digest = hashlib.sha256(features.encode()).hexdigest()[:16]
-    return f"{platform.system()} {platform.machine()} {digest}"
+        raise CompileError(f"the compiler that CC names cannot be read: {named!r}: {error}") from error
+    for name in words[:1] or NAMES:
+        if path := shutil.which(name):
+            return (path, *words[1:])
+    if words:
+        raise CompileError(f"the compiler that CC names, '{words[0]}', does not exist")
+    if importlib.util.find_spec("ziglang") is not None:
+        return (sys.executable, "-m", "ziglang", "cc")
+    raise CompileError(NO_COMPILER)
 
 
 @cache
 def features() -> frozenset[str]:
-    """Return the vector features of this processor by their Linux names ("avx512f", "avx", "fma")."""
-    cpuinfo = Path("/proc/cpuinfo")
+    """Return the words in which Linux describes this processor: its model, and "avx512f", "avx", "fma"."""
+    cpuinfo, wanted = Path("/proc/cpuinfo"), ("flags", "Features", "model name", "CPU part")
     if not cpuinfo.exists():
         return frozenset()
-    for line in cpuinfo.read_text(errors="replace").splitlines():
-        if line.startswith(("flags", "Features")):
-            return frozenset(line.split(":", 1)[1].split())
-    return frozenset()
+    lines = cpuinfo.read_text(errors="replace").splitlines()
+    return frozenset(word for line in lines if line.startswith(wanted) for word in line.split())
+
+
+def machine() -> str:
+    """Return a text that identifies system, processor and processor features."""
+    return " ".join([platform.system(), platform.machine(), *sorted(features())])
 
 
 def best_lanes(number: str = "float64") -> int:
@@ -137,7 +99,7 @@ ADVICE = "Name another compiler in the environment variable CC; the general path
 
 def build(
     units: tuple[str, ...],
-    compiler: Compiler,
+    compiler: Sequence[str],
     target: Path,
     libraries: tuple[str, ...] = (),
     flags: tuple[str, ...] = FLAGS,
@@ -147,6 +109,7 @@ def build(
 
     Args:
         units: C sources.
+        compiler: Its command line.
         target: Path of the library; the sources are kept beside it during the build.
         libraries: Linker flags of further libraries; -lm is always linked.
         flags: Flags of every unit.
@@ -162,14 +125,14 @@ def build(
             source.write_text(text)
             objects.append(f"{source}.o")
             own = HUGE_FLAGS if len(text) > HUGE else ()
-            commands.append([*compiler.command, *flags, *NATIVE, *own, "-c", str(source), "-o", objects[-1]])
+            commands.append([*compiler, *flags, *NATIVE, *own, "-c", str(source), "-o", objects[-1]])
         with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
             for done, _ in enumerate(pool.map(run_one, commands), 1):
                 log.info("the C compiler has done %d of %d files", done, len(commands))
-        run_one([*compiler.command, "-shared", "-o", str(target), *objects, *libraries, "-lm"])
+        run_one([*compiler, "-shared", "-o", str(target), *objects, *libraries, "-lm"])
     if not target.exists():
         raise CompileError(
-            f"the C compiler '{compiler.command[0]}' reported success, but there is no library. {ADVICE}"
+            f"the C compiler '{compiler[0]}' reported success, but there is no library. {ADVICE}"
         )
 
 

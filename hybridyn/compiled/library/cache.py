@@ -114,7 +114,9 @@ def name_of_key(key: str, libraries: tuple[str, ...], flags: tuple[str, ...]) ->
 def _tools(libraries: tuple[str, ...], flags: tuple[str, ...]) -> str:
     """Return a text that identifies compiler, flags and machine."""
     compiler = find_compiler()
-    return " ".join([compiler.identity, *compiler.command, *flags, *NATIVE, *libraries, machine()])
+    file = os.stat(compiler[0])  # asking for its version costs more
+    state = [*compiler, str(file.st_size), str(file.st_mtime_ns)]
+    return " ".join([*state, *flags, *NATIVE, *libraries, machine()])
 
 
 @cache

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
@@ -16,13 +15,11 @@ from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..code.scalars import REAL, Scalar
 from ..equations.coefficients import check_coefficients, with_stated_springs
-from ..failures import as_compile_error, needs_casadi
 from ..library.artifact import Artifact
 from ..library.cache import Built
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
-    from ..program import Program
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
@@ -84,29 +81,10 @@ def source_of(
 ) -> Source:
     """Generate the C source of a robot's models."""
     from ..code.library_source import library_source
-
-    written = write_programs(robot, effects, scalar.name, parameters, models)
-    return library_source(list(written.values()), scalar)
-
-
-def write_programs(
-    robot: HybridRobot,
-    effects: Effects,
-    dtype: str = "float64",
-    parameters: Sequence[Slot] = (),
-    models: tuple[str, ...] = MODELS,
-) -> dict[str, Program]:
-    """Generate the programs of a robot's models.
-
-    Raises:
-        CompileError: casadi is not installed, or the models cannot be generated.
-    """
-    needs_casadi()
     from .whole_robot import programs
 
-    with as_compile_error(robot):
-        written = programs(robot, effects, models=models, dtype=dtype, parameters=parameters)
-    return {name: replace(program, name=name) for name, program in written.items()}
+    written = programs(robot, effects, models=models, dtype=scalar.name, parameters=parameters)
+    return library_source(list(written.values()), scalar)
 
 
 def asked_for(
