@@ -130,6 +130,8 @@ def test_another_robot_or_option_is_named(
         robot.write_text(robot.read_text().replace('"0.1"', '"0.2"'))
     said = f"out: its results were computed with another '{what}': undo the change, or choose another folder"
     assert said in run(*words, "--resume", *(change or ()), status=1).err
+    said = "out: its results were computed with another 'command', "
+    assert said in run("ddm", *words[1:], "--resume", status=1).err
 
 
 def test_a_folder_belongs_to_one_process(place: Path, lost: dict[str, int], run: Any) -> None:

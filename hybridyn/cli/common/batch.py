@@ -111,8 +111,9 @@ def _asked(command: Callable[..., int], options: dict[str, Any]) -> dict[str, st
     choice: RobotChoice = options["load"]
     with recorded() as files:
         choice()
-    words = options | vars(choice)
-    words |= {"robot": os.path.abspath(choice.robot), "command": command.__module__}
+    words = (
+        {"command": command.__module__} | options | vars(choice) | {"robot": os.path.abspath(choice.robot)}
+    )
     return {name: repr(words[name]) for name in words if name not in OTHERS} | by_name(files)
 
 
