@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -113,30 +114,25 @@ def sweep(
     chain = Chain(links, frozenset(placed))
     chain.R0, chain.p0, chain.V, chain.root = [eye(3)], [zeros(3)], [V_base], [0]
     chain.c = [zeros(6) if A_base is None else A_base]
+    lists: list[list[Any]] = [
+        chain.R, chain.p, chain.R0, chain.p0, chain.S, chain.V, chain.c, chain.root,
+    ]  # fmt: skip
     for i, (link, at, cols) in enumerate(zip(links, split_positions(links, q), chain.v_slices, strict=True)):
         if i in placed:
-            known = placed[i]
-            for own, value in (("R", known.R), ("p", known.p), ("R0", known.R), ("p0", known.p)):
-                getattr(chain, own).append(value)
-            chain.S.append(zeros(6, 6))
-            chain.V.append(known.V)
-            chain.c.append(known.c)
-            chain.root.append(i + 1)
-            continue
-        turn, shift = joint_motion(link, at)
-        R, p = dot(numbers(link.R), turn), plus(numbers(link.p), dot(numbers(link.R), shift))
-        S = motion_subspace(link)
-        rate = dot(S, v[cols])
-        V = plus(to_child(R, p, chain.V[link.parent]), rate)
-        c = plus(to_child(R, p, chain.c[link.parent]), crm(V, rate))
-        chain.R.append(R)
-        chain.p.append(p)
-        chain.R0.append(dot(chain.R0[link.parent], R))
-        chain.p0.append(plus(chain.p0[link.parent], dot(chain.R0[link.parent], p)))
-        chain.S.append(S)
-        chain.V.append(V)
-        chain.c.append(c if a is None else plus(c, dot(S, a[cols])))
-        chain.root.append(chain.root[link.parent])
+            R, p, V, c = placed[i].R, placed[i].p, placed[i].V, placed[i].c
+            R0, p0, S, root = R, p, zeros(6, 6), i + 1
+        else:
+            turn, shift = joint_motion(link, at)
+            R, p = dot(numbers(link.R), turn), plus(numbers(link.p), dot(numbers(link.R), shift))
+            below, S = chain.R0[link.parent], motion_subspace(link)
+            rate = dot(S, v[cols])
+            V = plus(to_child(R, p, chain.V[link.parent]), rate)
+            c = plus(to_child(R, p, chain.c[link.parent]), crm(V, rate))
+            c = c if a is None else plus(c, dot(S, a[cols]))
+            R0, p0 = dot(below, R), plus(chain.p0[link.parent], dot(below, p))
+            root = chain.root[link.parent]
+        for own, value in zip(lists, (R, p, R0, p0, S, V, c, root), strict=True):
+            own.append(value)
     return chain
 
 

@@ -48,8 +48,8 @@ def write_inverse(
     """
     parts, given, received = plan.parts, Given(), Given()
     core, (q, _, a), base = begun(plan, options, given, accelerations=True)
-    moving = core.chain if options.velocity else _without_rates(core, plan, q, a, base)
-    b, terms = _required_forces(core, plan, options, moving, a, received)
+    chain = core.chain if options.velocity else _without_rates(core, plan, q, a, base)
+    b, terms = _required_forces(core, plan, options, chain, a, received)
     laws = [k for k, col in enumerate(parts.tree_v) if int(col) in options.laws]
     at = 6 + np.array(laws, dtype=int)
     b[at] = b[at] - received.take("laws", len(laws))
@@ -62,7 +62,11 @@ def write_inverse(
     else:
         Psi = X[:, 1 + len(parts.spins) :]
         B = _motor_map(core, plan, options, Psi, received)
-        tau, measure = _efforts(plan, options, B, dot(Psi.T, b[6:]), terms, pivots)
+        units = plan.mechanism.reduction.col_scale[parts.tree_v[plan.motions[len(parts.spins) :]]]
+        summed = (sum(map(ca.fabs, terms), ca.SX(0.0)), units, plan.scale)
+        moving, tau = list(options.moving), zeros(len(options.motors))
+        Q, share = dot(Psi.T, b[6:]), np.array(options.share)
+        tau[moving], measure = motor_efforts(B[:, moving], Q, summed, share, pivots)
         efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
     if options.base is None:
         efforts["F_base"] = pack(_base_wrench(core, b))
@@ -147,20 +151,6 @@ def _add_output(
         W = W + F
         terms += _works(F, plan)
     b[:] = b + dot(motion_map(chain, body).T, to_parent(chain.R0[body], chain.p0[body], W))
-
-
-def _efforts(
-    plan: Plan, options: Options, B: Expression, Q: Expression, terms: list[Any], pivots: Pivots | None
-) -> tuple[Expression, Any]:
-    """Solve B tau = Q, Eq. (33), for the motor efforts; return them and the guard of the motor map."""
-    parts, moving, tau = plan.parts, list(options.moving), zeros(len(options.motors))
-    if len(moving) > len(Q) and not options.share:
-        return tau, ca.SX(np.inf)  # the general path raises the error
-    size = sum(map(ca.fabs, terms), ca.SX(0.0)) if len(moving) < len(Q) else ca.SX(0.0)
-    free = plan.motions[len(parts.spins) :]
-    summed = (size, plan.mechanism.reduction.col_scale[parts.tree_v[free]], plan.scale)
-    tau[moving], guard = motor_efforts(B[:, moving], Q, summed, np.array(options.share), pivots)
-    return tau, guard
 
 
 def _base_wrench(core: Core, b: Expression) -> Expression:
@@ -306,9 +296,9 @@ def motor_efforts(
     N, motors = B.shape
     if not motors:
         return zeros(0), _undriven(Q, *terms)
-    if motors > N:
+    if motors > N and len(share):
         return _least_norm(B, Q, share)
-    if pivots is None:  # B is singular at every posture: the general path raises the error
+    if motors > N or pivots is None:  # no share, or singular at every posture: the general path raises
         return zeros(motors), ca.SX(np.inf)
     X, doubts = solve(B, Q[:, None], pivots)
     guard = squares(doubts)

@@ -293,10 +293,8 @@ def parts_of(
     legs = [_leg(mechanism, bodies, links, closures[at], number) for bodies, at in held.items()]
     used = [i for i, c in enumerate(closures) if c.body_a in number and c.body_b in number]
     core_links, core_closures = _core(links, closures, kept, used)
-    constants = (core_links, core_closures)
-    if arguments is not None:  # rods are found by the numbers that the robot has
-        own = _links(mechanism.spec, False, None)
-        constants = _core(own[0], [_turned(c, own[1]) for c in mechanism.spec.cut_closures], kept, used)
+    constants, axes, _ = _links(mechanism.spec, False, None)  # rods are found by the numbers of the robot
+    known = _core(constants, [_turned(c, axes) for c in mechanism.spec.cut_closures], kept, used)
     columns = _columns(mechanism, kept)
     return Parts(
         mechanism=mechanism,
@@ -314,7 +312,7 @@ def parts_of(
         base=base,
         rank=mechanism.reduction.rank - sum(len(leg.tree_v) for leg in legs),
         spins=_spins(mechanism, marks, columns["tree_v"]),
-        rods=rods_of(*constants),
+        rods=rods_of(*known),
     )
 
 
