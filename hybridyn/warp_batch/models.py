@@ -10,7 +10,7 @@ import numpy as np
 
 from ..assembly.follow import FARTHEST
 from ..compiled.code.scalars import text_of
-from ..compiled.equations.guards import GUARD_CLOSED
+from ..compiled.equations.guarded_elimination import GUARD_CLOSED
 from ..compiled.equations.request import Request, request
 from ..compiled.program import Program
 from ..compiled.programs.close import close_program, freedoms_of, lift_program, turning_program

@@ -11,8 +11,8 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled import verifying
+from hybridyn.compiled.equations.guarded_elimination import choose_pivots
 from hybridyn.compiled.equations.states import moving_states, random_states
-from hybridyn.compiled.equations.static_elimination import choose_pivots
 from hybridyn.compiled.export import export
 from hybridyn.compiled.programs.general import GENERAL, body_rows
 from hybridyn.compiled.verifying import MODEL_AGREES, SAMPLES, difference, verify

@@ -9,7 +9,7 @@ import pytest
 import hybridyn
 from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.equations.expressions import Folding, pack
-from hybridyn.compiled.equations.static_elimination import Pivots, largest_solutions
+from hybridyn.compiled.equations.guarded_elimination import Pivots, largest_solutions
 from hybridyn.compiled.programs.closing import closing_source, libraries
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.choosing import module_requests, parts_of

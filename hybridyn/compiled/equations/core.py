@@ -15,13 +15,24 @@ from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import Wrist
 from .chains import Chain, Placed, own_columns, split_positions, sweep
 from .expressions import Expression, dot, plain, sampled, symbols, zeros
-from .guards import COARSE_FILE, GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale, largest, size_of, weighed
+from .guarded_elimination import (
+    COARSE_FILE,
+    GUARD_CLOSED,
+    OF_ROUNDED,
+    TINY_RATE,
+    Pivots,
+    Scale,
+    choose_pivots,
+    largest,
+    size_of,
+    solve,
+    weighed,
+)
 from .legs import PlatformMotion, leg_pivots
 from .loops import Rows, write_rows
 from .parts import Parts, first_moment
 from .rigid import Link, links_of, motion_to_parent, to_child
 from .states import seen_postures
-from .static_elimination import Pivots, choose_pivots, solve
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,12 +38,11 @@ from .expressions import (
     upper,
     zeros,
 )
-from .guards import size_of, squares, weighed
+from .guarded_elimination import size_of, solve, solve_definite, squares, weighed
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
 from .request import Options
 from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_child, to_parent
 from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
-from .static_elimination import solve, solve_definite
 
 #: Contributions of the legs of a platform (`legs.leg_sums`), and the size of each.
 LEG_SUMS = (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))

@@ -19,13 +19,12 @@ from ..code.scalars import GUARD_LIMIT
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, Plan, motions_of, own_inertia, rank_guard, write_core
 from .expressions import Expression, along, dot, is_zero, pack, symbols, times, zeros
-from .guards import Scale, squares, weighed
+from .guarded_elimination import TRUSTED_PIVOT, Pivots, Scale, choose_pivots, solve, squares, weighed
 from .legs import PlatformMotion, write_leg
 from .request import Options
 from .rigid import classical, crf, crm, momentum, resting, to_child, to_parent
 from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
 from .states import generic_positions
-from .static_elimination import TRUSTED_PIVOT, Pivots, choose_pivots, solve
 
 
 def write_inverse(

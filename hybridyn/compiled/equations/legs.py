@@ -35,10 +35,9 @@ from .expressions import (
     upper,
     zeros,
 )  # fmt: skip
-from .guards import Scale, squares, weighed
+from .guarded_elimination import Pivots, Scale, choose_pivots, solve, squares, weighed
 from .parts import Leg
 from .rigid import Link, matrix_moved, to_parent
-from .static_elimination import Pivots, choose_pivots, solve
 
 
 @dataclass
@@ -48,7 +47,7 @@ class PlatformMotion:
     Attributes:
         R, p: Axes and origin in the base.
         V: Twist, in the base's frame.
-        rate_weight: Weight of squared closure residuals of rates (`guards.Scale.weight`).
+        rate_weight: Weight of squared closure residuals of rates (`guarded_elimination.Scale.weight`).
         A: Acceleration less gravity, in the base's frame, for the inverse model; else zeros.
         acceleration_weight: As `rate_weight`, of accelerations.
     """

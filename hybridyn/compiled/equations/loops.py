@@ -34,12 +34,11 @@ from .expressions import (
     symbols,
     zeros,
 )
-from .guards import Scale, weighed
+from .guarded_elimination import Pivots, Scale, choose_pivots, weighed
 from .legs import fold_links, turned_apart
 from .parts import UNFELT, Parts, Rod
 from .rigid import links_of, motion_to_parent, to_parent
 from .states import generic_positions
-from .static_elimination import Pivots, choose_pivots
 
 #: Frames of a closure on its bodies: axes and origin of A, axes and origin of B.
 Frames = tuple[Expression, Expression, Expression, Expression]

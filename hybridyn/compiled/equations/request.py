@@ -32,7 +32,7 @@ class Request:
     Attributes:
         arguments: Numbers that are inputs of the model ("parameters"), or None.
         dtype: Type of the arithmetic, "float64" or "float32"; it decides how far loops may be open.
-        compared: Whether guards compare both ends of each loop (`guards.Scale`).
+        compared: Whether guards compare both ends of each loop (`guarded_elimination.Scale`).
     """
 
     robot: HybridRobot

@@ -9,7 +9,7 @@ from ...dynamics.quantities.joint_map import motors_beside
 from ...structure.parameters.slots import Slot, values_of
 from ...structure.robot import HybridRobot
 from ..code.plain_c import WRITTEN, in_lanes, prototype, work_type
-from ..equations.guards import GUARD_CLOSED
+from ..equations.guarded_elimination import GUARD_CLOSED
 from ..program import Program
 from .closing.platform_program import posed_modules
 

@@ -31,10 +31,9 @@ from ...structure.robot import HybridRobot
 from ..equations.arguments import OTHER_STRUCTURE, ChosenNumbers
 from ..equations.displacement import by_joint, displacement_rate, moved_joint, position_rate
 from ..equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, unpack, zeros
-from ..equations.guards import GUARD_CLOSED, largest, squares
+from ..equations.guarded_elimination import GUARD_CLOSED, TRUSTED_PIVOT, Pivots, largest, solve, squares
 from ..equations.loops import dependent_pivots, shape_of, spanning_closures
 from ..equations.request import Request
-from ..equations.static_elimination import TRUSTED_PIVOT, Pivots, solve
 from ..program import Program
 from .writer import ModuleWriter, alike
 

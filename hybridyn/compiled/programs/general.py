@@ -48,7 +48,7 @@ QUANTITY_OF = {"q": "position", "v": "velocity", "a": "acceleration", "tau": "ef
 #: Reasons for which a guard hands a sample over.
 NOT_FINITE, OPEN = "not finite", "loops open by more than rounding"
 SMALL = "a pivot nearly vanishes, rates leave the loops, or no motor gives a force"
-#: Closure residual from which on open loops are the reason, as `equations.guards.GUARD_CLOSED`.
+#: Closure residual from which on open loops are the reason, as `equations.guarded_elimination.GUARD_CLOSED`.
 OPEN_LOOPS = 1e-11
 GENERAL: dict[str, Callable[..., Any]] = {"idm": idm, "ddm": ddm}
 

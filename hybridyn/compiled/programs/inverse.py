@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..equations.guarded_elimination import Pivots
 from ..equations.inverse import LEG_WRENCHES, motor_pivots, write_inverse, write_inverse_legs
 from ..equations.request import Options, Request, balance_options, inverse_options
-from ..equations.static_elimination import Pivots
 from ..program import Program, Shared
 from .module_calls import ModuleCalls, Ports, Stages, Sweeps, same_structure, unit_base
 from .writer import Writer

@@ -24,10 +24,9 @@ from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..equations.displacement import by_joint, moved_joint
 from ..equations.expressions import Expression, pack, symbols
-from ..equations.guards import GUARD_CLOSED, largest, squares
+from ..equations.guarded_elimination import GUARD_CLOSED, largest, solve, squares
 from ..equations.request import Request
 from ..equations.states import moving_states
-from ..equations.static_elimination import solve
 from ..program import Program
 from .close import Kernel, LoopKernel, loop_writer
 

@@ -26,10 +26,19 @@ from ....structure.module import Module
 from ...equations.arguments import ModuleArguments
 from ...equations.displacement import by_joint, joint_difference, moved_joint
 from ...equations.expressions import Expression, Folding, dot, is_zero, pack, plus, symbols, zeros
-from ...equations.guards import GUARD_CLOSED, Scale, largest, squares, weighed
+from ...equations.guarded_elimination import (
+    GUARD_CLOSED,
+    Pivots,
+    Scale,
+    choose_pivots,
+    largest,
+    largest_solutions,
+    solve,
+    squares,
+    weighed,
+)
 from ...equations.parts import Spin
 from ...equations.states import generic_positions, seen_postures
-from ...equations.static_elimination import Pivots, choose_pivots, largest_solutions, solve
 from ..close import Kernel, drift
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given

@@ -11,7 +11,7 @@ from ....spatial import Array, quaternion_from_rotation
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from ...equations.expressions import Expression, cross, dot, pack, symbols
-from ...equations.guards import GUARD_CLOSED
+from ...equations.guarded_elimination import GUARD_CLOSED
 from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
 from ...program import Program

@@ -14,7 +14,7 @@ from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...equations.chains import Chain, sweep
 from ...equations.expressions import Expression, Folding, dot, pack, plain, scalar, symbols, zeros
-from ...equations.guards import largest
+from ...equations.guarded_elimination import largest
 from ...equations.legs import fold_links
 from ...equations.loops import Frames, SpanningRows, coupling_row
 from ...equations.rigid import links_of, quaternion_matrix

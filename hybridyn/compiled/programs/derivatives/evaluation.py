@@ -20,9 +20,9 @@ from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...code.library_source import Source, library_source
 from ...code.scalars import GUARD_LIMIT, Scalar
+from ...equations.guarded_elimination import TRUSTED_PIVOT
 from ...equations.request import Request, request
 from ...equations.states import any_accelerations, moving_states
-from ...equations.static_elimination import TRUSTED_PIVOT
 from ...failures import as_compile_error, check_agreement, part_of_all
 from ...library.artifact import Artifact
 from ...library.building import best_lanes, find_compiler

@@ -20,9 +20,8 @@ from ....errors import SingularityError
 from ....linkage.joints import NV
 from ...equations.direct import write_direct, write_direct_legs
 from ...equations.expressions import Expression, cross, dot, eye, pack, symbols, zeros
-from ...equations.guards import squares
+from ...equations.guarded_elimination import Pivots, solve, squares
 from ...equations.inverse import motor_pivots
-from ...equations.static_elimination import Pivots, solve
 from ...program import Constants, Each, Own, Shared, Source, Worst
 from ..module_calls import ModuleCalls, Ports, Stages
 from ..writer import Writer

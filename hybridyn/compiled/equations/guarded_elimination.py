@@ -1,7 +1,15 @@
-"""Gaussian elimination in expressions, with pivots that are chosen once at generic postures.
+"""Gaussian elimination in expressions, with pivots that are chosen once at generic postures, and guards.
 
 Pivots are chosen by their size at these postures, except nearly singular ones, and then by sparsity. At run
 time the smallest pivot relative to its usual size is a measure of how far the choice can be trusted.
+
+Guards detect samples that a compiled model hands to the general path. A guard is at most 1 where the model
+can be trusted. It exceeds 1 if a pivot becomes small that is large at generic postures, or if positions or
+rates leave the loops open by more than rounding. There the compiled model loses digits, and the general path
+computes the sample or raises the error.
+
+A guard is a sum of squares, each of a number over its limit. So it exceeds 1 as soon as one number exceeds
+its limit, it is NaN if one number is, and it needs two operations a number and no branch.
 """
 
 from __future__ import annotations
@@ -103,7 +111,7 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
 
     Returns:
         X: All unknowns over [right-hand sides, unknowns without pivots in order], shape (n, k + free).
-        doubts: Least trusted size of each pivot over the pivot, of either sign (`guards.squares`).
+        doubts: Least trusted size of each pivot over the pivot, of either sign (`squares`).
     """
     n, k = K.shape[1], right.shape[1]
     free = [c for c in range(n) if c not in pivots.cols]
@@ -229,3 +237,82 @@ def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expr
             tail = along(L[i + 1 :, i], X[i + 1 :, c]) if i + 1 < n else 0.0
             X[i, c] = times(inverse[i], B[i, c]) - tail
     return X, trust
+
+
+#: Largest closure residual relative to the module's length (or a radian), and of rates relative to their
+#: size: ten thousand roundings of the model's arithmetic.
+GUARD_CLOSED = {"float64": 1e-11, "float32": 3e-3}
+#: Largest closure residual, as part of what rounding in the file leaves in redundant loops.
+OF_ROUNDED = 10.0
+#: Largest such rounding. The models meet some rows and leave the others open by it, the general path balances
+#: all of them: where loops contradict each other by more, the difference is no longer rounding of the file.
+COARSE_FILE = 1e-6
+#: Added to rates to avoid 0 / 0; smaller than any rate that matters, and squares of limits stay numbers.
+TINY_RATE = {"float64": 1e-140, "float32": 1e-16}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Scales of closure residuals.
+
+    Attributes:
+        length: The module's length, [m].
+        closed: One of `GUARD_CLOSED`.
+        tiny: One of `TINY_RATE`.
+        compared: Whether guards compare both ends of each loop; False where the loops have just been closed.
+    """
+
+    length: float
+    closed: float
+    tiny: float = TINY_RATE["float64"]
+    compared: bool = True
+
+    def weight(self, size: Any) -> Any:
+        """Compute the weight of squared residuals of rates, or accelerations, of a given size."""
+        per = 1.0 / (self.closed * (size + self.tiny))
+        return per * per
+
+    @property
+    def weight_of_positions(self) -> float:
+        """Weight of squared residuals of positions."""
+        return 1.0 / self.closed**2
+
+
+def squares(values: Expression) -> Any:
+    """Compute the sum of the squares of values."""
+    out: Any = ca.SX(0.0)
+    for value in values.ravel():
+        out = plus(out, times(value, value))
+    return out
+
+
+def weighed(residuals: list[tuple[Expression, float]], weight: Any) -> Any:
+    """Compute the guard of closure residuals.
+
+    Args:
+        residuals: Residuals, each with its unit.
+        weight: Weight of their squares without units (`Scale.weight`, `Scale.weight_of_positions`).
+    """
+    total: Any = ca.SX(0.0)
+    for values, unit in residuals:
+        total = plus(total, times(squares(values), times(weight, 1.0 / unit**2)))
+    return total
+
+
+def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:
+    """Compute the size of rates (or accelerations) of joints and of 6-D motions, without units."""
+    size: Any = 0.0
+    per = [*(1.0 / np.asarray(units)), *([1.0 / length] * 3 + [1.0] * 3) * len(motions)]
+    for value, weight in zip(np.concatenate([joints, *motions]), per, strict=True):
+        if not is_zero(value):
+            size = plus(size, times(ca.fabs(value), weight))
+    return size
+
+
+def largest(values: Expression) -> Any:
+    """Compute the largest absolute value."""
+    out: Any = ca.SX(0.0)
+    for value in values.ravel():
+        if not is_zero(value):
+            out = ca.fmax(out, ca.fabs(value))
+    return out
