@@ -116,18 +116,12 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
     n, k = K.shape[1], right.shape[1]
     free = [c for c in range(n) if c not in pivots.cols]
     W = np.concatenate([K[:, list(pivots.cols)], right, -K[:, free]], axis=1)[list(pivots.rows)]
-    rank = len(pivots.rows)
     inverses, _ = _eliminate(W)
-    doubts = zeros(rank)
-    for i in range(rank):
-        doubts[i] = times(TRUSTED_PIVOT * pivots.sizes[i], inverses[i])
+    doubts = [times(TRUSTED_PIVOT * size, x) for size, x in zip(pivots.sizes, inverses, strict=True)]
     X = zeros(n, k + len(free))
-    solved = _substitute(W, inverses)
-    for i, c in enumerate(pivots.cols):
-        X[c] = solved[i]
-    for i, c in enumerate(free):
-        X[c, k + i] = 1.0
-    return X, doubts
+    X[list(pivots.cols)] = _substitute(W, inverses)
+    X[free, range(k, k + len(free))] = 1.0
+    return X, np.array(doubts, dtype=object)
 
 
 def _eliminate(W: Expression) -> tuple[list[Any], Expression]:
@@ -181,7 +175,7 @@ def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expres
     first = min((i for i in range(rank) if full[i:, i:].all()), default=rank)
     for i in range(first):
         for j in range(i + 1, rank):
-            reach[j] = plus(reach[j], times(_absolute(factors[j, i]), reach[i]))
+            reach[j] = plus(reach[j], times(ca.fabs(factors[j, i]), reach[i]))
     dense = np.concatenate([W[first:, first:] + factors[first:, first:], eye(rank - first)], axis=1)
     for i in range(rank - first):  # the columns of the inverse, by the factors that are known
         for j in range(i + 1, rank - first):
@@ -190,18 +184,13 @@ def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expres
     inverse = _substitute(dense, inverses[first:])
     out = zeros(rank)
     for i in range(first, rank):
-        out[i] = along(np.array([_absolute(x) for x in inverse[i - first]], dtype=object), reach[first:])
+        out[i] = along(np.array([ca.fabs(x) for x in inverse[i - first]], dtype=object), reach[first:])
     for i in reversed(range(first)):
-        known = [times(_absolute(W[i, c]), out[c]) for c in range(i + 1, rank)]
-        out[i] = times(_absolute(inverses[i]), sum(known, reach[i]))
+        known = [times(ca.fabs(W[i, c]), out[c]) for c in range(i + 1, rank)]
+        out[i] = times(ca.fabs(inverses[i]), sum(known, reach[i]))
     bounds = zeros(rank)
     bounds[list(pivots.cols)] = out
     return bounds
-
-
-def _absolute(x: Any) -> Any:
-    """Return the absolute value of a number or an expression."""
-    return x if is_zero(x) else ca.fabs(x)
 
 
 def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expression, ca.SX]:

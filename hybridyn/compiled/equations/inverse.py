@@ -181,7 +181,7 @@ def _motor_map(core: Core, plan: Plan, options: Options, Psi: Expression, receiv
     columns: dict[int, Expression] = dict(zip(parts.tree_v.tolist(), Psi, strict=True))
     for n, group in enumerate(parts.groups):
         at = np.array(core.chain.columns_of(group[0].platform + 1)) - 6
-        driven = [j for j, c in enumerate(group[0].tree_v) if int(c) in options.motors]
+        driven = group[0].among(options.motors)
         if not driven:
             continue
         entries = received.take(f"motors {n}", len(group) * len(driven) * 6)
@@ -189,9 +189,8 @@ def _motor_map(core: Core, plan: Plan, options: Options, Psi: Expression, receiv
         for i, leg in enumerate(group):
             for j, k in enumerate(driven):
                 columns[int(leg.tree_v[k])] = dot(Psi[at].T, wrenches[i, j])
-    if not options.motors:
-        return zeros(Psi.shape[1], 0)
-    return np.stack([columns[c] for c in options.motors], axis=1)
+    B = np.array([columns[c] for c in options.motors], dtype=object)
+    return B.reshape(len(options.motors), Psi.shape[1]).T
 
 
 #: Wrenches that the legs of a platform require, on the base and along delta, and the size of each.

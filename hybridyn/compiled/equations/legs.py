@@ -29,6 +29,7 @@ from .expressions import (
     minus,
     numbers,
     pack,
+    plain,
     plus,
     sampled,
     symbols,
@@ -174,7 +175,7 @@ def write_leg(
     k = dot(N, np.concatenate([drift, minus(dot(R0.T, platform.A[3:]), c[3:])]))
     if rotation == "parallel":
         k[3:] = k[3:] + [along(cross(V[3:], R_s[:, i]), turning) for i in range(2)]
-    right = np.concatenate([dot(N, _both(R0.T)), k[:, None]], axis=1)
+    right = np.concatenate([dot(N, np.kron(plain(np.eye(2)), R0.T)), k[:, None]], axis=1)
     X, doubts = solve(J, right, pivots)
     other = plus(platform.p, dot(platform.R, p_o))
     open_by = [
@@ -187,13 +188,6 @@ def write_leg(
         opened = opened + weighed([(k[:3], scale.length), (k[3:], 1.0)], platform.acceleration_weight)
     guard = squares(doubts) + (opened if scale.compared else 0.0)
     return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], guard)
-
-
-def _both(R: Expression) -> Expression:
-    """Return the rotation matrix of motions [v, w], shape (6, 6)."""
-    out = zeros(6, 6)
-    out[:3, :3] = out[3:, 3:] = R
-    return out
 
 
 #: Axes of frames A and B that are perpendicular while a closure holds.
