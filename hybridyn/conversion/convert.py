@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -99,8 +98,6 @@ WRITERS: dict[str, Callable[[Request, Losses], Written]] = {
     ".usda": write_usd,
     ".usd": write_usd,
 }
-#: Names that no file holds so that they come back: empty, with blanks at their ends, or control characters.
-UNWRITABLE = re.compile(r"|\s.*|.*\s|.*[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff].*", re.DOTALL)
 #: Ending of the model file.
 MODEL = ".model.toml"
 #: Ending of the side-car of a URDF.
@@ -226,16 +223,14 @@ def _sayable(d: Description, losses: Losses) -> Description:
         ModelError: No file can hold a name.
     """
     d = replace(d, name=d.name or "robot")
-    named: list[Any] = [d, *d.links, *d.joints, *d.closures, *d.couplings]
-    for one in named:
-        if UNWRITABLE.fullmatch(one.name):
-            what = "robot" if one is d else type(one).__name__.lower()
-            raise ModelError(
-                f"the name {one.name!r} of a {what} cannot be written: it is empty, or has blanks at its "
-                "ends or a tab, line break or control character; rename it",
-                file=d.source,
-                element=one.name,
-            )
+    parts: list[Any] = [d, *d.links, *d.joints, *d.closures, *d.couplings]
+    if bad := [x.name for x in parts if not (x.name.isprintable() and x.name == x.name.strip() != "")]:
+        raise ModelError(
+            f"the name {bad[0]!r} cannot be written: it is empty, or has blanks at its ends or a tab, line "
+            "break or control character; rename it",
+            file=d.source,
+            element=bad[0],
+        )
     rowless = [c.name for c in d.closures if not words_of_rows(c.translations, c.rotation)]
     for reason, names in (
         ("position limits of which the lower is above the upper", d.crossed),

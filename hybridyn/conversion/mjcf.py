@@ -106,8 +106,8 @@ class Tree:
                 self._losses.add("mass and inertia of the world's link, which do not move", root)
         else:
             kind: JointKind = "floating" if self._d.base == "floating" else "fixed"
-            name = unique(f"{root}:free", {joint.name for joint in self._d.joints})
-            first = [Joint(name, kind, "", root, np.eye(4), AXES[0])]
+            taken = {joint.name for joint in self._d.joints}
+            first = [Joint(unique(f"{root}:free", taken), kind, "", root, np.eye(4), AXES[0])]
         todo += [(self.worldbody, 1, joint, np.eye(4), ()) for joint in reversed(_last_free(first))]
         while todo:
             element, depth, joint, M, carried = todo.pop()

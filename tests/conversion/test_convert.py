@@ -110,16 +110,20 @@ def test_names_that_no_file_can_hold_are_refused(ending: str, old: str, tmp_path
     robot, target = closed("revolute"), tmp_path / f"out{ending}"
     for name in NAMES:
         bad = build_robot(renamed(robot, old, name))
-        refused(lambda bad=bad: convert(bad, target), ModelError, re.escape(f"the name {name!r} of a "))
+        refused(
+            lambda bad=bad: convert(bad, target),
+            ModelError,
+            re.escape(f"the name {name!r} cannot be written"),
+        )
     model = pin.buildSampleModelManipulator()
     model.names[1] = "a\tb"
-    wrong = r"name 'a\\tb' of a \w+ cannot be written: .* line break or control character; rename it"
+    wrong = r"name 'a\\tb' cannot be written: .* line break or control character; rename it"
     refused(lambda: convert(hybridyn.from_pinocchio(model), target), ModelError, wrong)
     assert [*tmp_path.iterdir()] == []
 
 
 @pytest.mark.parametrize("ending", [".urdf", ".xml", ".sdf", ".usda"])
-@pytest.mark.parametrize("name", ["a  b", "a\u2028b", "a\u202eb", 'a&<">b', "\u00e9", "a::b"])
+@pytest.mark.parametrize("name", ["a  b", 'a&<">b', "\u00e9", "a::b"])
 def test_odd_names_come_back(ending: str, name: str, tmp_path: Path) -> None:
     robot = renamed(renamed(closed("revolute"), "arm", name), "loop", f"{name}2")
     done = convert(build_robot(robot), target := tmp_path / f"out{ending}")

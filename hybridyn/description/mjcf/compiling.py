@@ -59,17 +59,10 @@ REFUSED = {
     "actuator_dampingpoly": "damping that depends on the speed is not read; keep its first number",
 }
 _OF_SEVERAL = "of a joint with several freedoms is not read; set it to 0"
-_OF_FREE = f"{_OF_SEVERAL} (<freejoint/> takes no defaults)"
-#: What a joint with several freedoms may not have, by its type.
+#: What a joint with several freedoms may not have.
 REFUSED_OF_SEVERAL = {
-    kind: {"jnt_stiffness": f"a spring {words}", "dof_frictionloss": f"frictionloss {words}"}
-    for kind, words in (("mjJNT_BALL", _OF_SEVERAL), ("mjJNT_FREE", _OF_FREE))
-}
-#: How to mend what MuJoCo refuses, by a part of its message.
-MENDS = {
-    "mass and inertia of moving bodies": "; give the body a geom with mass, or <inertial> with mass and "
-    "diaginertia, or remove its joint",
-}
+    "jnt_stiffness": f"a spring {_OF_SEVERAL}", "dof_frictionloss": f"frictionloss {_OF_SEVERAL}"
+}  # fmt: skip
 
 _LINE = re.compile(r"\bline (\d+)")
 _NAME = re.compile(r"Element name '([^']+)'")
@@ -243,8 +236,9 @@ def _refusal(text: str, file: str, places: list[Place]) -> ModelError:
     file, line = _place_in(text, places) or (file, None)
     name = _NAME.search(text)
     label, element = (f"element '{name[1]}': ", name[1]) if name else ("", None)
-    mend = next((mend for part, mend in MENDS.items() if part in first), "")
-    return ModelError(f"{label}MuJoCo: {first}{mend}", file=file, line=line, element=element)
+    if "mass and inertia of moving bodies" in first:
+        first += "; give the body a geom with mass, or <inertial> with mass and diaginertia"
+    return ModelError(f"{label}MuJoCo: {first}", file=file, line=line, element=element)
 
 
 def _place_in(text: str, places: list[Place]) -> Place | None:
@@ -273,11 +267,10 @@ def _refuse_forces(compiled: Compiled) -> None:
     model = compiled.model
     for field, sentence in REFUSED.items():
         _refuse(compiled, field, _rows(compiled, field) != 0, sentence)
-    for kind, refused in REFUSED_OF_SEVERAL.items():
-        several = model.jnt_type == compiled.code(kind)
-        for field, sentence in refused.items():
-            on = several if field.startswith("jnt") else several[model.dof_jntid]
-            _refuse(compiled, field, (_rows(compiled, field) != 0) & on[:, None], sentence)
+    several = np.isin(model.jnt_type, [compiled.code("mjJNT_BALL"), compiled.code("mjJNT_FREE")])
+    for field, sentence in REFUSED_OF_SEVERAL.items():
+        on = several if field.startswith("jnt") else several[model.dof_jntid]
+        _refuse(compiled, field, (_rows(compiled, field) != 0) & on[:, None], sentence)
     for body in sorted({body for pair in compiled.tied_bodies.values() for body in pair}):
         if model.body_mocapid[body] >= 0:
             raise compiled.error(

@@ -16,13 +16,13 @@ from functools import cache, partial
 from pathlib import Path
 from traceback import walk_stack, walk_tb
 from types import FrameType, SimpleNamespace
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 from xml.dom.expatbuilder import ExpatBuilderNS
 from xml.dom.minidom import Element
 
 from ...errors import ModelError
 from ..shipped import shown
-from .expressions import FORBIDDEN, Budget, Evaluator, bounded_range, bounded_round, size_of
+from .expressions import FORBIDDEN, Budget, Evaluator, bounded_round, size_of
 from .robot_folders import RobotFolders, RunawayError
 from .traced import OPEN, Names, Trace, Traced, UntracedError, plain
 from .xml_node import DOCTYPE, PLACE
@@ -121,8 +121,8 @@ class Expansion:
         if self._traced and OPEN.encode() in content:
             raise UntracedError
         self._budget.spend(len(content))
-        name = "" if filename == self.folders.file else shown(Path(filename))
-        return _Placing(name, self._budget).parseString(content)
+        file = "" if filename == self.folders.file else shown(Path(filename))
+        return _Placing(file, self._budget).parseString(content)
 
     def _opened(self, path: str) -> io.TextIOBase:
         """Open a file of YAML."""
@@ -218,8 +218,7 @@ class _Counted(Element):
 
     def cloneNode(self, deep: bool) -> Any:
         """Return a copy."""
-        document: Any = self.ownerDocument
-        budget: Budget = document.budget
+        budget: Budget = cast("Any", self.ownerDocument).budget
         budget.spend(NODE + ATTRIBUTE * self.attributes.length)
         clone: Any = super().cloneNode(False)
         clone.__class__ = type(self)
@@ -239,8 +238,7 @@ class _Placing(ExpatBuilderNS):
         """Prepare for a file, whose name stands in its elements' places."""
         super().__init__()
         self._file, self._budget = file, budget
-        document: Any = self.document
-        document.budget = budget
+        cast("Any", self.document).budget = budget
 
     def start_doctype_decl_handler(self, *_: object) -> NoReturn:
         """Refuse a DOCTYPE."""
@@ -273,7 +271,7 @@ def _own_xacro() -> Any:
     for table in (symbols, symbols["math"], symbols["python"]):
         for name in FORBIDDEN:
             dict.pop(table, name, None)
-        dict.update(table, range=bounded_range, round=bounded_round)
+        dict.update(table, range=range, round=bounded_round)
     return xacro
 
 

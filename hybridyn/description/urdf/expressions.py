@@ -50,6 +50,10 @@ _METHODS: dict[type, frozenset[str]] = {
 FORBIDDEN = ("type", "vars", "issubclass", "factorial", "comb", "perm", "prod", "lcm")
 
 
+#: Nodes whose values are counted already.
+_KNOWN = ast.Constant | ast.Name | ast.Attribute | ast.Subscript
+
+
 class RefusedError(Exception):
     """The xacro file uses something that is not allowed."""
 
@@ -88,8 +92,7 @@ def size_of(value: Any) -> int:
         size += 36 * len(one) if isinstance(one, range) else sys.getsizeof(one)
         refuse_large(size, LARGEST_VALUE)
         if isinstance(one, dict):
-            left += dict.keys(one)
-            left += dict.values(one)
+            left += [part for pair in dict.items(one) for part in pair]
         elif isinstance(one, list | tuple | set | frozenset):
             left += one
     return size
@@ -116,13 +119,6 @@ def repeating(text: str, method: str, *arguments: Any) -> str:
     refuse_large(len(text) * sum(map(len, arguments)), LARGEST_VALUE)
     made: str = getattr(text, method)(*arguments)
     return made
-
-
-def bounded_range(*arguments: Any) -> range:
-    """Return a range of moderate length."""
-    numbers = range(*arguments)
-    refuse_large(len(numbers))
-    return numbers
 
 
 def bounded_round(number: Any, ndigits: Any = None) -> Any:
@@ -190,9 +186,7 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
         value = self.nodes[type(node)](node)
         if isinstance(value, int | str | list | tuple):
             refuse_large(value.bit_length() if isinstance(value, int) else len(value))
-        if isinstance(value, float | int) or isinstance(node, ast.Name | ast.Attribute | ast.Subscript):
-            return value
-        return self._counted(value)
+        return value if isinstance(node, _KNOWN) else self._counted(value)
 
     def _counted(self, value: Any) -> Any:
         """Return a new value, what makes its elements one by one as their list; count its size."""

@@ -84,8 +84,7 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
     try:
         root = etree.fromstring(text, parser)
     except (ValueError, LookupError, etree.XMLSyntaxError) as error:
-        message = str(error).partition(" (<string>")[0]
-        raise ModelError(f"not readable as XML: {message}", file=file) from None
+        raise ModelError(f"not readable as XML: {error.args[0]}", file=file) from None
     errors = [entry for entry in parser.error_log if entry.level >= etree.ErrorLevels.ERROR]
     if wrong := next((entry for entry in errors if entry.type_name not in READ_ALIKE), None):
         message = f"not well-formed XML: {wrong.message.strip()}, column {wrong.column}"
