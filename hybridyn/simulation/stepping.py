@@ -245,8 +245,8 @@ class Stepper:
         """Return how the estimated error chooses the lengths of steps in C from a time on."""
         solver, unit = self._solver, self._system.manifold.unit
         return Control(
-            self._end, solver.rtol, solver.atol, -1 / solver.error_order, self._shortest(t),
-            SAME_POINT, np.ascontiguousarray(unit, dtype=float),
+            unit, end=self._end, rtol=solver.rtol, atol=solver.atol, power=-1 / solver.error_order,
+            shortest=self._shortest(t), same_point=SAME_POINT,
         )  # fmt: skip
 
     def _fixed(self, state: State) -> Stepped:

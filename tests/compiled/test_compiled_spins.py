@@ -8,7 +8,7 @@ from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.programs.closing.choosing import module_requests, numbers, parts_of, places_at
+from hybridyn.compiled.programs.closing.given import module_requests, numbers, parts_of, places_at
 from hybridyn.compiled.programs.closing.kernels import ModuleKernels
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.dynamics.forward import forward

@@ -13,40 +13,20 @@ from ...spatial import Array, Index
 from .laws import Law
 
 
-class _Tableau(ctypes.Structure):
-    """The structure `Tableau` of `c/steps.h`."""
+class Tableau(ctypes.Structure):
+    """The numbers of an explicit Runge-Kutta method, the structure `Tableau` of `c/steps.h`."""
 
     _fields_ = (("stages", ctypes.c_longlong), *((name, ctypes.c_void_p) for name in ("A", "b", "c", "e")))
 
-
-class _Control(ctypes.Structure):
-    """The structure `Control` of `c/steps.h`."""
-
-    _fields_ = (
-        *((name, ctypes.c_double) for name in ("end", "rtol", "atol", "power", "shortest", "same_point")),
-        ("unit", ctypes.c_void_p),
-    )
-
-
-class Tableau:
-    """The numbers of an explicit Runge-Kutta method in C.
-
-    Attributes:
-        at: Address of the structure.
-    """
-
     def __init__(self, A: Array, b: Array, e: Array | None) -> None:
         """Copy the weights of the stages, of the result, and of its error, if any."""
-        c = np.array([row.sum() for row in A])
-        kept = {"A": A, "b": b, "c": c, "e": e}
-        self._kept = {n: np.ascontiguousarray(x, dtype=float) for n, x in kept.items() if x is not None}
-        self._fields = _Tableau(stages=len(b), **{n: x.ctypes.data for n, x in self._kept.items()})
-        self.at = ctypes.addressof(self._fields)
+        numbers = {"A": A, "b": b, "c": np.array([row.sum() for row in A]), "e": e}
+        self._kept = {n: np.ascontiguousarray(x, dtype=float) for n, x in numbers.items() if x is not None}
+        super().__init__(stages=len(b), **{n: x.ctypes.data for n, x in self._kept.items()})
 
 
-@dataclass(frozen=True, eq=False)
-class Control:
-    """How the estimated error chooses the lengths of steps; see `simulation.stepping.Stepper`.
+class Control(ctypes.Structure):
+    """How the estimated error chooses the lengths of steps, the structure `Control` of `c/steps.h`.
 
     Attributes:
         end: End of the run [s].
@@ -54,16 +34,18 @@ class Control:
         power: Exponent of the error in the factor of the next length.
         shortest: Shortest length [s].
         same_point: Distance to the end, in steps, below which a step goes there.
-        unit: Units of displacements and rates, shape (nv,).
+        unit: Address of the units of displacements and rates.
     """
 
-    end: float
-    rtol: float
-    atol: float
-    power: float
-    shortest: float
-    same_point: float
-    unit: Array
+    _fields_ = (
+        *((name, ctypes.c_double) for name in ("end", "rtol", "atol", "power", "shortest", "same_point")),
+        ("unit", ctypes.c_void_p),
+    )
+
+    def __init__(self, unit: Array, **numbers: float) -> None:
+        """Take the numbers, and the units, shape (nv,)."""
+        self._kept = np.ascontiguousarray(unit, dtype=float)
+        super().__init__(unit=self._kept.ctypes.data, **numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,10 +157,9 @@ class Steps:
         times, lengths = t.copy(), np.full(count + 1, h)
         rejected, pivots = np.empty(count, np.int64), np.empty(count)
         error, work = np.empty((2, len(state[1]))), np.empty(self._room, np.uint8)
-        kept = None if control is None else _Control(**(vars(control) | {"unit": control.unit.ctypes.data}))
         arrays = (times, lengths, rejected, *rows, pivots, error, work)
         taken = self._steps(
-            count, tableau.at, None if kept is None else ctypes.addressof(kept), law.at,
+            count, ctypes.addressof(tableau), None if control is None else ctypes.addressof(control), law.at,
             *(x.ctypes.data for x in arrays),
         )  # fmt: skip
         if not taken:

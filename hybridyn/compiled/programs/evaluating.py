@@ -17,7 +17,7 @@ from ...spatial import Array, Index, Mask
 from ..equations.coefficients import at_robot
 from ..library.calls import Calls
 from ..library.closed_rows import Rows
-from .closing.choosing import posture_of
+from .closing.given import posture_of
 from .closing.libraries import Closing, ClosingLibraries
 from .designs import DesignsInSlots
 
@@ -57,15 +57,6 @@ class DesignTable:
         """Largest absolute effort of each motor, shape (designs, motors); NaN for other designs."""
         out: Array = np.abs(self.tau).max(axis=1, initial=0.0)
         return np.where(self.good[:, None], out, np.nan)
-
-
-@dataclass(frozen=True)
-class _Wanted:
-    """The motions that all designs make: as the caller gave them, and as requests."""
-
-    motors: Mapping[str, object]
-    platforms: Mapping[str, object]
-    requests: Requests
 
 
 class DesignEvaluator:
@@ -113,13 +104,13 @@ class DesignEvaluator:
         robot = self.designs.robot
         p = np.atleast_2d(np.asarray(parameters, dtype=float))
         numbers, refused = self.designs.possible(p)
-        wanted = _Wanted(motors, platforms, gather_requests(robot, motors, platforms))
-        T, D = wanted.requests.samples, len(p)
+        requests = gather_requests(robot, motors, platforms)
+        T, D = requests.samples, len(p)
         chunk = max(LEAST_DESIGNS, AT_ONCE // (T * (robot.nq + 2 * robot.nv + numbers.shape[1])))
         widths = (robot.nq, robot.nv, robot.nv, len(robot.motors))
         q, v, a, tau = (np.empty((D, T, width)) for width in widths)
         out = DesignTable(q, v, a, tau, {}, 0)
-        asked = self.libraries.asked(wanted.requests)
+        asked = self.libraries.asked(requests)
         others = [self._chunk(out, at, numbers, asked) for at in range_of(D, chunk)]
         left = np.concatenate([np.zeros(0, dtype=int), *others]).tolist()
         for room in (q, v, a, tau):
@@ -128,7 +119,7 @@ class DesignEvaluator:
             if design in refused:
                 out.errors[design] = str(refused[design])
             elif doubtful:
-                self._by_the_general_path(out, design, numbers[design], wanted)
+                self._by_the_general_path(out, design, numbers[design], requests)
             else:
                 out.errors[design] = "not certain"
         return replace(out, recomputed=len(left) - len(refused) if doubtful else 0)
@@ -155,11 +146,11 @@ class DesignEvaluator:
         (tau,), guard = inverse.batch(given[: len(inverse.inputs)], self._threads)  # perhaps without slots
         return tau, guard <= inverse.trusted
 
-    def _by_the_general_path(self, out: DesignTable, k: int, numbers: Array, wanted: _Wanted) -> None:
+    def _by_the_general_path(self, out: DesignTable, k: int, numbers: Array, requests: Requests) -> None:
         """Evaluate one design by the general path."""
         try:
             robot = self.designs.robot_of(numbers)
-            out.q[k], out.v[k], out.a[k] = assemble_requests(robot, wanted.requests, robot.home)
+            out.q[k], out.v[k], out.a[k] = assemble_requests(robot, requests, robot.home)
             out.tau[k] = idm(robot, out.q[k], out.v[k], out.a[k], effects=at_robot(self.effects, robot))
         except HybridynError as error:
             out.errors[k] = str(error)

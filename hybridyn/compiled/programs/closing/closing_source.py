@@ -19,7 +19,8 @@ from ...code.scalars import Scalar, text_of
 from ...equations.arguments import ChosenNumbers
 from ...program import Program
 from ..writer import ModuleWriter, alike
-from .choosing import (
+from .extended import extended
+from .given import (
     CLOSED_TO_ROUNDING,
     ITERATIONS,
     LAST_ROW_STEP,
@@ -30,13 +31,12 @@ from .choosing import (
     kinds_of,
     motors_given,
 )
-from .extended import extended
 from .kernels import ModuleKernels
 from .rows import place_program
 
 POSTURE, RATES = [("q_0", "q"), ("p_0", "p")], [("g_dot", "rates"), ("g_ddot", "rates")]
 START, FOUND = [("q_1", "q"), ("p_1", "p")], [("q_2", "q"), ("p_2", "p")]
-#: Inputs and outputs of the programs: name and kind of each, see `choosing.kinds_of`.
+#: Inputs and outputs of the programs: name and kind of each, see `given.kinds_of`.
 FORMS = {
     "newton": (
         [*POSTURE, ("g", "g")],

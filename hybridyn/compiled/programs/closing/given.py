@@ -1,19 +1,32 @@
-"""What is prescribed in a module, and its numbers at postures and in requests."""
+"""What is prescribed in modules, its numbers at postures and in requests; whether kernels can close loops."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ....assembly.module_request import ModuleRequest
-from ....assembly.requests import Requests, gather_requests
+from ....assembly.follow import MOST_TURNING
+from ....assembly.module_request import ModuleRequest, module_request, on_own_bases
+from ....assembly.requests import PoseRequest, Requests, gather_requests
+from ....assembly.task import module_task
+from ....linkage.newton import LoopProblem
+from ....linkage.reduction import Block
 from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget
-from ....linkage.tree import Tree
-from ....spatial import Array, Index, quaternion_from_rotation
+from ....linkage.tree import Motion, Tree
+from ....spatial import Array, Index, cross, quaternion_from_rotation
+from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from ....structure.samples import as_batch, same_samples
+from .extended import extended
+
+if TYPE_CHECKING:
+    from ...equations.parts import Spin
 
 #: Kinds of prescribed numbers: a length or an angle, an angle up to whole turns, a pose (7 numbers).
 NUMBER, ANGLE, POSE = 0, 1, 2
@@ -160,4 +173,234 @@ def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Arra
     for some in (target for _, target in request.targets if isinstance(target, CoordinateTarget)):
         levels.append((some.value, some.rate, some.acceleration))
     g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*levels, strict=True))
+    return g, g_dot, g_ddot
+
+
+#: Largest residual of closed loops, without units: rounding. Rows that contradict each other by more are for
+#: the general path.
+CLOSED_TO_ROUNDING = 1e-13
+#: Largest rounding of over-determined closures in the robot's file. Above it they can only be met in the
+#: least-squares sense, which elimination with pivots cannot do.
+CONTRADICTING_FILE = 1e-12
+#: Newton steps below this (rad, module lengths) are followed by the rates: the next step is its square.
+QUADRATIC = 1e-6
+#: Largest last step: the rates before it are those after it to rounding.
+LAST_ROW_STEP = 2e-13
+#: Largest bound t of |J'^-1 (J' - J)|: then |J^-1 (J' - J)| <= t / (1 - t) is within `MOST_TURNING`, and a
+#: tenth is left to rounding.
+MOST_BOUND = 0.9 * MOST_TURNING / (1.0 + MOST_TURNING)
+#: Most Newton steps from row to row, and from a guess.
+ITERATIONS, PATIENCE = 12, 60
+#: Most free freedoms of a module: its kernels grow with their cube.
+MOST_FREEDOMS = 60
+
+
+@dataclass(frozen=True)
+class Part:
+    """A module to close.
+
+    Attributes:
+        module: The module.
+        given: What is prescribed in it.
+        blocks: Blocks of its free freedoms (`LoopProblem.blocks`).
+        spins: Idle spins that are left open: their rates are the least.
+    """
+
+    module: Module
+    given: Given
+    blocks: Sequence[Block]
+    spins: tuple[Spin, ...] = ()
+
+    @property
+    def platforms(self) -> int:
+        """Number of the platforms' coordinates."""
+        return 7 * len(self.module.mechanism.spec.platforms)
+
+
+def places_at(parts: Sequence[Part], postures: Sequence[Array], samples: int) -> tuple[Array, Array]:
+    """Compute the coordinates of all platforms and what is prescribed, at postures of each part.
+
+    Args:
+        postures: Positions of the tree after the cuts of each part, shape (T, its nq).
+        samples: Number T.
+
+    Returns:
+        Shapes (T, platforms), (T, numbers).
+    """
+    platforms, given = [np.zeros((samples, 0))], [np.zeros((samples, 0))]
+    for part, x in zip(parts, postures, strict=True):
+        m = part.module.mechanism
+        platforms += [x[:, m.tree.q_slices[i]] for i in m.spec.platforms]
+        given.append(part.given.of_posture(m.tree, x))
+    return np.concatenate(platforms, axis=1), np.concatenate(given, axis=1)
+
+
+def posture_of(parts: Sequence[Part], q: Array) -> tuple[Array, Array, Array]:
+    """Return a posture of the spanning tree, shape (nq,), its platforms, and what is prescribed there."""
+    cut = [part.module.mechanism.cut.positions(q[None, part.module.q_index]) for part in parts]
+    p, g = places_at(parts, cut, 1)
+    return q, p[0], g[0]
+
+
+def kinds_of(robot: HybridRobot, parts: Sequence[Part]) -> dict[str, tuple[int, list[Index]]]:
+    """Return the numbers of each kind: how many there are, and those of each part."""
+
+    def after(sizes: list[int]) -> tuple[int, list[Index]]:
+        """Return entries that lie one part after the other, by their number in each."""
+        ends = np.cumsum([0, *sizes])
+        return int(ends[-1]), [np.arange(start, end) for start, end in pairwise(ends.tolist())]
+
+    return {
+        "q": (robot.nq, [part.module.q_index for part in parts]),
+        "v": (robot.nv, [part.module.v_index for part in parts]),
+        "p": after([part.platforms for part in parts]),
+        "g": after([part.given.size for part in parts]),
+        "rates": after([part.given.rates for part in parts]),
+        "each": after([1] * len(parts)),
+    }
+
+
+def lanes_for(parts: Sequence[Part]) -> int:
+    """Return the lanes that equal modules fill, at least 2: rows come one by one, so more would be idle."""
+    equal = Counter((extended(part.module.mechanism).shape, part.given) for part in parts)
+    lanes = 2
+    while lanes < max(equal.values()):
+        lanes *= 2
+    return lanes
+
+
+def motors_given(robot: HybridRobot, parts: Sequence[Part]) -> list[int]:
+    """Return the motor of each prescribed number; empty if other numbers than the motors' are prescribed."""
+    number = {name: i for i, name in enumerate(robot.motors)}
+    order = []
+    for part in parts:
+        source = part.module.mechanism.spec.tree_joint
+        joints = [source[joint] for joint in part.given.joints]
+        order += [number.get(part.module.joints[i], -1) if i is not None else -1 for i in joints]
+        order += [-1] * (len(part.given.all_kinds) - len(joints))
+    return order if sorted(order) == list(range(len(robot.motors))) else []
+
+
+def modules_of(robot: HybridRobot) -> list[tuple[int, Module]]:
+    """Return the modules that requests close, with their numbers: all but a free base."""
+    first = 1 if robot.base == "floating" else 0
+    return list(enumerate(robot.modules))[first:]
+
+
+def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleRequest] | None:
+    """Build the request for each module; None if one depends on the posture of another module.
+
+    A pose relative to the base of its own module needs no motion of the base.
+
+    Raises:
+        HybridynError: As in `assembly.module_request`.
+    """
+    still, out = Motion.at_rest(requests.samples), list[ModuleRequest]()
+    placed, known = {0: still}, {0}  # the motions that are not known do not matter
+    far = not on_own_bases(requests, robot)
+    for k, module in modules_of(robot):
+        base = robot.bodies.place[module.base][0]
+        poses = [p for p in requests.poses if robot.body_owner[robot.bodies.place[p.link][0]][0] == k]
+        for pose in poses:
+            other = robot.bodies.place[pose.other][0]
+            if other != base and other in placed and not {other, base} <= known:
+                return None
+        own = [pose for pose in poses if _is_own(robot, pose, base)]
+        others = tuple(pose for pose in poses if pose not in own)
+        # Kernels take the motors' numbers alone, and find what follows by gears among the unknowns.
+        request = module_request(requests._replace(poses=others), robot, k, placed, followers=False)
+        for pose in own:
+            body = robot.body_owner[robot.bodies.place[pose.link][0]][1]
+            request.give_floating(module.mechanism.cut.tree_body(body) - 1, _of_platform(robot, pose))
+        out.append(request)
+        placed |= dict.fromkeys((robot.body_of_joint[joint] for joint in module.joints), still)
+        for pose in poses if far else ():
+            other = robot.bodies.place[pose.other][0]
+            if pose.motion is not None and other in known:
+                body = robot.bodies.place[pose.link][0]
+                placed[body] = _of_body(robot, pose, placed[other])
+                known.add(body)
+    return out
+
+
+def _is_own(robot: HybridRobot, pose: PoseRequest, base: int) -> bool:
+    """Return whether a pose is the whole pose of a platform in the base of its own module."""
+    body, other = (robot.bodies.place[link][0] for link in (pose.link, pose.other))
+    owner, local = robot.body_owner[body]
+    m = robot.modules[owner].mechanism
+    joint = m.cut.tree_body(local) - 1
+    return pose.motion is not None and other == base and joint in m.spec.platforms
+
+
+def _of_platform(robot: HybridRobot, pose: PoseRequest) -> Motion:
+    """Compute the motion of a platform's body in its base from that of a link of it in a link of the base."""
+    _, R_link, p_link = robot.bodies.place[pose.link]
+    _, R_other, p_other = robot.bodies.place[pose.other]
+    m = pose.motion
+    assert m is not None
+    arm = m.R @ (-R_link.T @ p_link)  # from the link's origin to the body's, axes of the other link
+    swing = cross(m.w, arm)
+    p_dot = m.p_dot + swing
+    p_ddot = m.p_ddot + cross(m.w_dot, arm) + cross(m.w, swing)
+    back = R_other.T
+    return Motion(
+        R_other @ (m.R @ R_link.T), (m.p + arm) @ back + p_other, m.w @ back, p_dot @ back,
+        m.w_dot @ back, p_ddot @ back,
+    )  # fmt: skip
+
+
+def _of_body(robot: HybridRobot, pose: PoseRequest, other: Motion) -> Motion:
+    """Compute the motion of the body whose whole pose is given in another body, of known motion."""
+    _, R, p = robot.bodies.place[pose.link]
+    assert pose.motion is not None
+    in_other = Motion.at_rest(len(pose.motion.p), *robot.bodies.place[pose.other][1:])
+    link = other.then(in_other).then(pose.motion)
+    return link.then(Motion.at_rest(len(pose.motion.p), R.T, -R.T @ p))
+
+
+def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | None:
+    """Return the parts of a closing program; None if the general path must close the loops.
+
+    Of motions that are left to the least norm, kernels know idle spins alone. They do not average loops that
+    contradict each other by a file's rounding.
+
+    Raises:
+        AssemblyError: What is given does not determine the posture of a module.
+    """
+    parts = []
+    for (_, module), request in zip(modules_of(robot), wanted, strict=True):
+        given, m = given_of(request), module.mechanism
+        task = module_task(robot, module, request)
+        free = int(task.problem.free.sum())
+        spins = _open_spins(module, task.problem) if task.problem.rank != free else ()
+        if task.problem.rank != free - len(spins) or free > MOST_FREEDOMS or m.rounding > CONTRADICTING_FILE:
+            return None
+        parts.append(Part(module, given, tuple(task.problem.blocks), spins))
+    return parts if sum(part.given.rates for part in parts) else None
+
+
+def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
+    """Return the idle spins of a module that neither loops nor targets determine."""
+    from ...equations.parts import UNFELT, spins_of
+
+    m, unit = module.mechanism, problem.col_scale
+    K = problem.matrix(m.tree.sweep(m.postures))
+    return tuple(
+        spin
+        for spin in spins_of(m, module.motor_columns)
+        if problem.free[list(spin.cols)].all()
+        and np.abs(K[:, :, spin.cols] @ (spin.axis / unit[list(spin.cols)])).max() <= UNFELT
+    )
+
+
+def structure_of(requests: Requests) -> tuple[object, ...]:
+    """Return what requests have in common that the same program closes."""
+    poses = tuple((p.link, p.other, p.motion is None, tuple(p.coordinates)) for p in requests.poses)
+    return tuple(requests.joints), poses, requests.base is None
+
+
+def numbers(parts: list[Part], wanted: list[ModuleRequest]) -> tuple[Array, Array, Array]:
+    """Return what is prescribed, its rates and accelerations, shapes (T, numbers), (T, rates), (T, rates)."""
+    each = [numbers_of(request, part.given) for part, request in zip(parts, wanted, strict=True)]
+    g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*each, strict=True))
     return g, g_dot, g_ddot

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from ....linkage.newton import LoopProblem
+from ....linkage.reduction import decide_rank
 from ....linkage.tree import Motion
 from ....spatial import Array, quaternion_from_rotation
 from ....structure.module import Module
@@ -17,15 +18,14 @@ from ...equations.rigid import quaternion_matrix
 from ...program import Program
 from ..close import CLOSED, Kernel, by_motors, freedoms_of, keep_base, loop_kernels, loop_writer
 from ..writer import alike
-from .choosing import CONTRADICTING_FILE, MOST_FREEDOMS, modules_of
 from .extended import extended
-from .given import POSE, Given
+from .given import CONTRADICTING_FILE, MOST_FREEDOMS, POSE, Given, modules_of
 from .kernels import ModuleKernels
 
 
 def posed_modules(robot: HybridRobot) -> list[int]:
     """Return the numbers of the modules whose posture the pose of one platform determines."""
-    return [k for k, module in modules_of(robot) if _by_pose(module) is not None]
+    return [k for k, module in modules_of(robot) if _by_pose(module)]
 
 
 def close_platforms_program(request: Request) -> Program | None:
@@ -72,27 +72,16 @@ def platform_motions(robot: HybridRobot, q: Array, v: Array, a: Array) -> dict[s
     return {name: np.concatenate(own, axis=1) for name, own in parts.items()}
 
 
-def _by_pose(module: Module) -> Given | None:
-    """Return what prescribes a module by the pose of its platform; None if that does not determine it."""
-    platforms = module.mechanism.spec.platforms
-    given = Given(platforms, (POSE,) * len(platforms), ())
-    whole = len(platforms) == 1 and module.mobility == 6
-    return given if whole and _determined(module, given) else None
-
-
-def _determined(module: Module, given: Given) -> bool:
-    """Return whether what is given determines all freedoms, by rows that do not contradict each other."""
+def _by_pose(module: Module) -> bool:
+    """Return whether the pose of a module's platform determines it, by rows that do not contradict."""
     m = module.mechanism
-    free = np.ones(m.tree.nv, dtype=bool)
-    free[given.columns(m.tree)] = False
-    if free.sum() > MOST_FREEDOMS or m.rounding > CONTRADICTING_FILE:
+    if len(m.spec.platforms) != 1 or module.mobility != 6 or m.rounding > CONTRADICTING_FILE:
         return False
-    K = LoopProblem(m.closures, m.reduction.row_scale, m.reduction.col_scale, free).matrix(
-        m.tree.sweep(m.postures)
-    )
-    s = np.linalg.svd(K[:, :, free], compute_uv=False) if free.any() else np.ones((1, 1))
-    enough = not free.any() or (K.shape[1] >= free.sum())
-    return bool(enough and np.median(s[:, -1] / s[:, 0]) > m.rank_tolerance)
+    free = np.ones(m.tree.nv, dtype=bool)
+    free[m.tree.v_slices[m.spec.platforms[0]]] = False
+    rows = LoopProblem(m.closures, m.reduction.row_scale, m.reduction.col_scale, free)
+    K = rows.matrix(m.tree.sweep(m.postures))[:, :, free]
+    return bool(decide_rank(K, m.rank_tolerance).rank == free.sum() <= MOST_FREEDOMS)
 
 
 def _by_poses(modules: list[Module], closed: float) -> Kernel:

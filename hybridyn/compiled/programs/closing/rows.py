@@ -20,9 +20,8 @@ from ...equations.loops import Frames, SpanningRows, coupling_row
 from ...equations.rigid import links_of, quaternion_matrix
 from ...program import Program
 from ..writer import ModuleWriter, alike
-from .choosing import CLOSED_TO_ROUNDING, Part, kinds_of
 from .extended import Extended, extended
-from .given import ANGLE, Coordinates, Given
+from .given import ANGLE, CLOSED_TO_ROUNDING, Coordinates, Given, Part, kinds_of
 
 #: For each link, its body and its placement (R, p) there, which may be arguments (`Bodies.place`).
 Places = Mapping[str, tuple[int, Any, Any]]
