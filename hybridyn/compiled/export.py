@@ -4,28 +4,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..description.writing import write_text
-from ..effects.choice import Choice, Effects
+from ..effects.choice import Choice
 from ..errors import CompileError, ModelError
-from ..structure.parameters.slots import Slot, values_of
+from ..structure.parameters.slots import values_of
 from ..structure.robot import HybridRobot
 from .failures import WITHOUT_CASADI, as_compile_error
 from .programs.sources import asked_for
 from .verifying import verify
 
 try:
-    from .code.plain_c import WRITTEN, ControlStep, plain_source, prototype
+    from .code.plain_c import WRITTEN, control_step, control_text, plain_source, prototype
     from .equations.request import request
     from .export_reference import SAMPLES, test_text
     from .program import Program
     from .programs.c_header import header_text
     from .programs.closing.platform_program import close_platforms_program
-    from .programs.inverse import inverse_program
     from .programs.map_programs import map_programs
     from .programs.whole_robot import Interpreted, programs
 except ModuleNotFoundError as error:
@@ -80,9 +78,11 @@ def export(
         models += [] if posed is None else [posed]
         verify(Interpreted(models, dtype), robot, on, design=values if slots else None)
         models += map_programs(asked, map_joints) if map_joints else []
-        step = _control_step(robot, on, models, dtype, slots)
-        public = [*models, step.form] if step else models
-        more = ((step.inverse,), step.text(name, dtype)) if step else ((), "")
+        parts = {program.name: program for program in models}
+        public, more = models, ""
+        if {"close", "idm"} <= parts.keys():
+            public = [*models, control_step(parts["close"], parts["idm"])]
+            more = control_text(parts["close"], parts["idm"], name, dtype)
         contents = {
             f"{name}.h": header_text(robot, public, name, dtype, map_joints, slots),
             f"{name}.c": plain_source(models, name, dtype, more),
@@ -91,17 +91,6 @@ def export(
             "README.md": _readme(robot, on.names, public, name, dtype, arguments=bool(slots)),
         }
     return written(Path(directory), contents)
-
-
-def _control_step(
-    robot: HybridRobot, effects: Effects, models: Sequence[Program], dtype: str, slots: Sequence[Slot]
-) -> ControlStep | None:
-    """Return the control step, or None if the models lack one of its two parts."""
-    parts = {program.name: program for program in models}
-    if not {"close", "idm"} <= parts.keys():
-        return None
-    asked = replace(request(robot, effects, parameters=slots, dtype=dtype), compared=False)
-    return ControlStep(parts["close"], inverse_program(asked))
 
 
 def checked_name(robot: HybridRobot, name: str | None) -> str:

@@ -6,8 +6,6 @@ for processors with AVX, others take the plain numbers, with the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..program import Call, Program, stored
@@ -49,21 +47,20 @@ def plain_source(
     programs: list[Program],
     name: str,
     dtype: str = "float64",
-    more: tuple[Sequence[Program], str] = ((), ""),
+    more: str = "",
 ) -> str:
     """Return the C source of programs.
 
     Args:
         name: Prefix of every public identifier.
         dtype: "float64" or "float32".
-        more: Programs without a public function, and C that calls them.
+        more: C that calls their functions.
     """
     lanes = in_lanes(programs)
-    programs, (hidden, calling) = [trimmed(program) for program in programs], more
-    every = [*programs, *map(trimmed, hidden)]
+    programs = [trimmed(program) for program in programs]
     kernels: dict[tuple[str, bool], str] = {}
     names: list[list[str]] = []
-    for program in every:
+    for program in programs:
         check(program)
         legs = {x.kernel for x in program.steps if isinstance(x, Call) and x.copies > 1}
         texts = [(kernel_text(kernel_graph(x)), k in legs) for k, x in enumerate(program.kernels)]
@@ -72,7 +69,7 @@ def plain_source(
         names.append([kernels[text] for text in texts])
     places = {
         called: placed(program, f"{name}_")
-        for program, its in zip(every, names, strict=True)
+        for program, its in zip(programs, names, strict=True)
         for called in its
         if program.name in CALLED_ALONE
     }
@@ -85,7 +82,7 @@ def plain_source(
     alone = {called: called for (_, of), called in kernels.items() if not of}
     tables, tables_in_lanes = Tables(dtype), Tables(dtype)
     drivers, in_lanes_too = [], []
-    for program, called in zip(every, names, strict=True):
+    for program, called in zip(programs, names, strict=True):
         head = placed(program, f"{name}_")
         drivers.append(across_samples(program, called, tables, head + HEAD))
         if lanes:
@@ -107,7 +104,7 @@ def plain_source(
         each,
         every_driver,
         *(_call(program, name, dtype) for program in programs),
-        calling,
+        more,
     ]
     return "\n\n".join(text for text in sections if text) + "\n"
 
@@ -178,51 +175,25 @@ def _call(program: Program, name: str, dtype: str) -> str:
 NEWTON_STEPS = 8
 
 
-class ControlStep:
-    """The function `<name>_idm_from_motors`.
+def control_step(close: Program, inverse: Program) -> Program:
+    """Return name, arguments and workspace of `<name>_idm_from_motors`, a program without calls."""
+    own = close.inputs[0][1] + max(sum(close.sizes), sum(inverse.sizes))
+    return Program("idm_from_motors", close.inputs, (*close.outputs, *inverse.outputs), (), (), 0, own)
 
-    Attributes:
-        form: Its name, arguments and workspace, a program without calls.
-        inverse: The inverse model that it calls after `<name>_close`.
-    """
 
-    def __init__(self, close: Program, inverse: Program) -> None:
-        """Join both programs; the guard of `inverse` need not compare the loops."""
-        kernels = tuple(replace(x, name=f"closed_{i}") for i, x in enumerate(inverse.kernels))
-        self._close, self.inverse = close, replace(inverse, name="idm_of_closed", kernels=kernels)
-        outputs = (*close.outputs, *inverse.outputs)
-        near = close.inputs[0][1]
-        own = near + max(sum(close.sizes), sum(inverse.sizes))
-        self.form = Program("idm_from_motors", close.inputs, outputs, (), (), 1, own)
-
-    def text(self, name: str, dtype: str) -> str:
-        """Return the public C function; `idm_of_closed_samples` is the driver of the inverse model."""
-        real, close = REAL[dtype], self._close
-        near = close.inputs[0][1]
-        inputs = ", ".join(n for n, _ in close.inputs[1:])
-        states = [n for n, _ in close.outputs]
-        read = [*zip(states, (size for _, size in self.inverse.inputs), strict=False)]
-        read += [(n, size) for n, size in self.inverse.inputs[len(states) :]]
-        given, result, shared, _ = self.inverse.sizes
-        lines = [
-            f"{prototype(self.form, name, dtype)} {{",
-            f"    {real} *from = work->numbers, *given = from + {near}, *result = given + {given};",
-            f"    {real} *shared = result + {result};",
-            f"    V *own = ROOM(shared + {shared});",
-            f"    {real} guard = 0;",
-            "    int k, n;",
-            f"    for (k = 0; k < {near}; k++) from[k] = near[k];",
-            f"    for (n = 0; n < {NEWTON_STEPS}; n++) {{",
-            f"        guard = {name}_close(from, {inputs}, {', '.join(states)}, ({name}_close_work *)given);",
-            "        if (guard <= 1) break;",
-            f"        for (k = 0; k < {near}; k++) from[k] = q[k];",
-            "    }",
-            "    if (!(guard <= 1)) return guard;",
-        ]
-        lines += [
-            f"    for (k = 0; k < {size}; k++) given[{at} + k] = {n}[k];" for n, size, at in stored(read)
-        ]
-        lines.append("    idm_of_closed_samples(given, result, shared, own, &guard);")
-        lines.append(f"    for (k = 0; k < {result}; k++) guard += result[k] * 0; /* not finite: NaN */")
-        lines += [f"    for (k = 0; k < {size}; k++) {n}[k] = result[k];" for n, size in self.inverse.outputs]
-        return "\n".join([*lines, "    return guard;", "}"])
+def control_text(close: Program, inverse: Program, name: str, dtype: str) -> str:
+    """Return the public C function `<name>_idm_from_motors`: `<name>_close`, then `<name>_idm`."""
+    near, states = close.inputs[0][1], ", ".join(n for n, _ in close.outputs)
+    closing = ", ".join([*(n for n, _ in close.inputs[1:]), states])
+    efforts = ", ".join([states, *(n for n, _ in inverse.inputs[len(close.outputs) :]), "tau"])
+    return f"""{prototype(control_step(close, inverse), name, dtype)} {{
+    S *from = work->numbers, guard = 0;
+    int k, n;
+    for (k = 0; k < {near}; k++) from[k] = near[k];
+    for (n = 0; n < {NEWTON_STEPS}; n++) {{
+        guard = {name}_close(from, {closing}, ({name}_close_work *)(from + {near}));
+        if (guard <= 1) break;
+        for (k = 0; k < {near}; k++) from[k] = q[k];
+    }}
+    return guard <= 1 ? {name}_idm({efforts}, ({name}_idm_work *)(from + {near})) : guard;
+}}"""

@@ -23,7 +23,7 @@ WHAT = {
     "and a the motors' entries are read, a free base's, and those of joints that no motor moves. Call it "
     "again with its q until the guard is at most 1: three or four times from the last tick's posture.",
     "idm_from_motors": "A control step: `close` from the posture `near` as often as it takes, then motor "
-    "efforts as of `idm`, whose guard does not compare the loops again. v and a as in `close`. Nothing "
+    "efforts as of `idm`. v and a as in `close`. Nothing "
     "compares the assembly branch with that of `near`: motors may move by little in a tick.",
     "close_platforms": "Loops closed from where the platforms are: `pose` (x, y, z, qx, qy, qz, qw) of each "
     "platform in the base of its module, `twist` (velocity of its origin, angular velocity) and `twist_dot` "
