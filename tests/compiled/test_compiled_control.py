@@ -119,6 +119,15 @@ def test_what_is_no_number_is_left_to_the_general_path() -> None:
         assert readable(strided(x), no) is None
 
 
+def test_one_number_is_read_whatever_its_stride() -> None:
+    """NumPy calls it contiguous: the positions of a single motor in a column of a table."""
+    one = np.zeros((1, 3)).T[1]
+    assert one.flags.c_contiguous
+    assert one.strides == (3 * one.itemsize,)
+    copies = readable(one, np.zeros(2)) or ()
+    assert [x.strides for x in copies] == [(one.itemsize,)] * 2
+
+
 @pytest.mark.parametrize("what", ["not finite", "too many", "infinite", slow("out of reach")])
 def test_steps_that_cannot_be_made_are_refused_in_the_words_of_two_calls(
     symmetric: hybridyn.CompiledRobot, what: str

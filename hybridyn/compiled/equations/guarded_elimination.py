@@ -66,8 +66,7 @@ def choose_pivots(
         block = np.abs(A[:, left_rows][:, :, left_cols])
         largest = block.max(axis=(1, 2))
         heard = largest > TRUSTED_PIVOT * np.median(largest)
-        if not heard.all():
-            A, block, largest = A[heard], block[heard], largest[heard]
+        A, block, largest = A[heard], block[heard], largest[heard]
         score = _score(block / largest[:, None, None])
         pattern = structure[np.ix_(left_rows, left_cols)]
         fill = np.outer(pattern.sum(axis=1) - 1, pattern.sum(axis=0) - 1)
@@ -80,7 +79,6 @@ def choose_pivots(
         pivot = A[:, r, c]
         A[:, left_rows] -= (A[:, left_rows, c] / pivot[:, None])[:, :, None] * A[:, None, r]
         structure[left_rows] |= np.outer(structure[left_rows, c], structure[r])
-        structure[left_rows, c] = False
         rows.append(r)
         cols.append(c)
         sizes.append(float(np.median(np.abs(pivot / (row_scale[r] * col_scale[c])))))

@@ -50,6 +50,7 @@ def readable(*given: Any) -> tuple[Array, ...] | None:
             return None
         if array is None or array.dtype.kind not in CONVERTED:
             return None
+        array = array.copy() if array.size == 1 else array  # whose stride may be any, and is contiguous
         arrays.append(np.require(array, DOUBLE, ("C", "A")))
     return None if all(map(operator.is_, arrays, given)) else tuple(arrays)
 
