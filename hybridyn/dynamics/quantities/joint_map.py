@@ -68,16 +68,18 @@ class JointMap:
 
     def motor_accelerations(self, joint_rates: ArrayLike, joint_accelerations: ArrayLike) -> Array:
         """Compute accelerations of the motors from the motion of the joints, shape (m,) or (T, m)."""
-        rates = np.asarray(joint_rates, dtype=float)
-        bend = np.einsum("...ijk,...j,...k->...i", self.curvature, rates, rates)
-        out: Array = _times(self.motors_per_joints, joint_accelerations) + bend
-        return out
+        return _times(self.motors_per_joints, joint_accelerations) + self._bend(joint_rates)
 
     def joint_accelerations(self, motor_rates: ArrayLike, motor_accelerations: ArrayLike) -> Array:
         """Compute accelerations of the joints from the motion of the motors, shape (k,) or (T, k)."""
-        rates = self.joint_rates(motor_rates)
-        bend = np.einsum("...ijk,...j,...k->...i", self.curvature, rates, rates)
-        return _times(self.joints_per_motors, np.asarray(motor_accelerations, dtype=float) - bend)
+        left = np.asarray(motor_accelerations, dtype=float) - self._bend(self.joint_rates(motor_rates))
+        return _times(self.joints_per_motors, left)
+
+    def _bend(self, joint_rates: ArrayLike) -> Array:
+        """Compute the accelerations of the motors while the joints' rates stay."""
+        rates = np.asarray(joint_rates, dtype=float)
+        out: Array = np.einsum("...ijk,...j,...k->...i", self.curvature, rates, rates)
+        return out
 
     def joint_efforts(self, motor_efforts: ArrayLike) -> Array:
         """Compute efforts at the joints that do the work of motor efforts, H^T tau, shape (k,) or (T, k)."""

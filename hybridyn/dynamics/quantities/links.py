@@ -15,7 +15,7 @@ from ...spatial import Array, to_body_axes
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, one_of
 from ..direct import direct_model
-from ..guards import FIXED_LINKS, IMMOVABLE, check
+from ..guards import FIXED_LINKS, check
 from ..link_motion import link_motions, named_links
 from .engine import Engine, by_columns, chosen_effects
 
@@ -139,27 +139,21 @@ def operational_inertia(
         AssemblyError, ModelError, TrajectoryError: As `delassus`.
     """
     D = delassus(robot, q, links, axes=axes, effects=effects)
-    return inverse_of(robot, D[None], links)[0] if D.ndim == 2 else inverse_of(robot, D, links)
+    out, size = inverse_of(robot, D.reshape(-1, *D.shape[-2:]))
+    words = {"what": "operational inertia", "links": links if isinstance(links, str) else ", ".join(links)}
+    largest = np.where(size[:, -1] > 0, size[:, -1], 1.0)
+    check(FIXED_LINKS, None, largest, size[:, 0], lambda t: words)
+    return out.reshape(D.shape)
 
 
-def inverse_of(
-    robot: HybridRobot, D: Array, links: str | Sequence[str], immovable: float = IMMOVABLE
-) -> Array:
-    """Compute the inverses of Delassus matrices from their eigenvalues.
+def inverse_of(robot: HybridRobot, D: Array) -> tuple[Array, Array]:
+    """Compute the inverses of Delassus matrices, shape (T, n, n), from their eigenvalues.
 
-    Args:
-        D: The matrices of some links, shape (T, 6 k, 6 k).
-        links: The links, for messages.
-        immovable: Reciprocal condition number, scaled by the robot's size, that is refused.
-
-    Raises:
-        SingularityError: The links cannot be moved in every direction.
+    Returns:
+        The inverses, and the eigenvalues, ascending, scaled by the robot's size, shape (T, n).
     """
     unit = np.tile([robot.bodies.size] * 3 + [1.0] * 3, D.shape[1] // 6)
     size, axes = np.linalg.eigh(D / unit[:, None] / unit)
-    words = {"what": "operational inertia", "links": links if isinstance(links, str) else ", ".join(links)}
-    limited = FIXED_LINKS._replace(limit=1 / immovable)
-    check(limited, None, np.where(size[:, -1] > 0, size[:, -1], 1.0), size[:, 0], lambda t: words)
-    out = np.matmul(axes / size[:, None], np.swapaxes(axes, 1, 2))
-    inertia: Array = (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit
-    return inertia
+    with np.errstate(divide="ignore", invalid="ignore"):  # of links that cannot be moved
+        out = np.matmul(axes / size[:, None], np.swapaxes(axes, 1, 2))
+    return (out + np.swapaxes(out, 1, 2)) / 2 / unit[:, None] / unit, size

@@ -11,31 +11,26 @@ from numpy.typing import ArrayLike
 
 from ....dynamics.direct import acceleration_of_base
 from ....dynamics.energy import Energy, energy
-from ....dynamics.guards import IMMOVABLE
 from ....dynamics.link_motion import LinkMotion, motions_of, named_links
 from ....dynamics.quantities.independent import Coordinates, independent_coordinates
 from ....dynamics.quantities.joint_map import JointMap, related, side_motions
-from ....dynamics.quantities.links import delassus, inverse_of, link_jacobian, operational_inertia
+from ....dynamics.quantities.links import delassus, link_jacobian, operational_inertia
 from ....dynamics.quantities.model import bias, coriolis, coriolis_matrix, gravity, mass_matrix, motion_map
 from ....dynamics.state_checks import checked_state
 from ....effects.joint_laws import Spring, Stop
-from ....errors import HybridynError, SingularityError
+from ....errors import HybridynError
 from ....spatial import Array, Mask
 from ....structure.samples import one_of
 from ...library.calls import Calls, Library, Numbers
 from ..general import body_motion, named
 from ..postures import Postures
 from ..sources import kept
-from .engine import CompiledEngine, Following, following, pushed_models
+from .engine import BY_GENERAL, CompiledEngine, Following, artifact_of, pushed_models
 
 #: Rows of models for each sample, for matrices also for each coordinate.
 ROWS = {"mass_matrix": 1, "bias": 1, "coriolis": 3, "coriolis_matrix": 6, "gravity": 1}
 #: Rows of lanes that are computed at once: their arrays stay in the processor's cache.
 ROWS_AT_ONCE = 4096
-
-#: Reciprocal condition number of a compiled Delassus matrix below which the general path inverts it. In seven
-#: digits, rounding hides directions in which links cannot move.
-IMMOVABLE_AS_COMPUTED = {"float64": IMMOVABLE, "float32": 1e-4}
 
 Joints = Sequence[str] | None
 #: Computes a quantity from an engine and the arguments of `Quantities._finished`.
@@ -155,8 +150,15 @@ class Quantities(Postures):
         return self._over(u) if whole else None
 
     def _over(self, u: Coordinates) -> Following | None:
-        """Return the motions over coordinates; None if the general path computes them."""
-        return kept(self._followings, u.joints, partial(following, self.robot, u, str(self.dtype)))
+        """Return the motions over coordinates; None if the general path computes them.
+
+        It alone computes idle motions, which take least-norm rates, and it alone explains joints that are
+        never independent. Modules without coordinates stay.
+        """
+        if any(len(own) not in (0, m.mobility) for m, own in zip(self.robot.modules, u.own, strict=True)):
+            return None
+        make, use = artifact_of(self.robot, u, str(self.dtype)).tried, partial(Following, self.robot, u)
+        return kept(self._followings, u.joints, partial(make, use, BY_GENERAL))
 
     def _driven_by(self, joints: Joints, *laws: type[Any], only: bool = False) -> Following | None:
         """Return the motions over some joints, where compiled models compute the forces along them.
@@ -246,37 +248,40 @@ class Quantities(Postures):
         self, q: ArrayLike, link: str, *, joints: Joints = None, axes: str = "world"
     ) -> Numbers:
         """Compute the Jacobian of a link, shape (6, N) or (T, 6, N), like `hybridyn.link_jacobian`."""
-        moves = self._following(joints)
-        named_links(self.robot, [link])
-        one_of("axes", axes, "world", "link")
-        q, _, single = checked_state(self.robot, q, None)
-        general = partial(link_jacobian, self.robot, link=link, joints=joints, axes=axes)
-        formula = partial(CompiledEngine.link_jacobians, links=[link], axes=axes)
-        return self._finished("link_jacobian", moves, formula, general, 6, single, q=q)
+        moves, general = self._following(joints), partial(link_jacobian, self.robot, link=link, joints=joints)
+        return self._of_links(general, CompiledEngine.link_jacobians, moves, q, [link], axes)
 
     def delassus(self, q: ArrayLike, links: str | Sequence[str], *, axes: str = "world") -> Numbers:
         """Compute J M^-1 J^T of links, shape (6 k, 6 k) or (T, 6 k, 6 k), like `hybridyn.delassus`."""
-        names = [links] if isinstance(links, str) else list(links)
-        named_links(self.robot, names)
-        one_of("axes", axes, "world", "link")
-        q, _, single = checked_state(self.robot, q, None)
-        moves = self._driven_by(None, only=True)
-        general = partial(delassus, self.robot, links=names, axes=axes, effects=self.effects)
-        formula = partial(CompiledEngine.delassus, links=names, axes=axes)
-        return self._finished("delassus", moves, formula, general, 6 * len(names), single, q=q)
+        general = partial(delassus, self.robot, links=links, effects=self.effects)
+        return self._of_links(
+            general, CompiledEngine.delassus, self._driven_by(None, only=True), q, links, axes
+        )
 
     def operational_inertia(
         self, q: ArrayLike, links: str | Sequence[str], *, axes: str = "world"
     ) -> Numbers:
         """Compute (J M^-1 J^T)^-1 of links, shape as `delassus`, like `hybridyn.operational_inertia`."""
-        D = self.delassus(q, links, axes=axes).astype(float)
-        limit = IMMOVABLE_AS_COMPUTED[str(self.dtype)]
-        try:
-            out = inverse_of(self.robot, np.reshape(D, (-1, *D.shape[-2:])), links, limit)
-        except SingularityError:  # the general path decides, with its message
-            self.hand_over("operational_inertia", len(D) if D.ndim == 3 else 1)
-            out = operational_inertia(self.robot, q, links, axes=axes, effects=self.effects)
-        return out.reshape(D.shape).astype(self.dtype, copy=False)
+        general = partial(operational_inertia, self.robot, links=links, effects=self.effects)
+        formula = CompiledEngine.operational_inertia
+        return self._of_links(general, formula, self._driven_by(None, only=True), q, links, axes)
+
+    def _of_links(
+        self,
+        general: partial[Array],
+        formula: Formula,
+        moves: Following | None,
+        q: ArrayLike,
+        links: str | Sequence[str],
+        axes: str,
+    ) -> Numbers:
+        """Compute a quantity of links; the arguments are those of `_finished`."""
+        names = [links] if isinstance(links, str) else list(links)
+        named_links(self.robot, names)
+        one_of("axes", axes, "world", "link")
+        q, _, single = checked_state(self.robot, q, None)
+        name, compiled = general.func.__name__, partial(formula, links=names, axes=axes)
+        return self._finished(name, moves, compiled, partial(general, axes=axes), 6 * len(names), single, q=q)
 
     def joint_map(self, q: ArrayLike | Mapping[str, ArrayLike], joints: Sequence[str]) -> JointMap:
         """Compute the map between output joints and motors, like `hybridyn.joint_map`."""

@@ -24,9 +24,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....dynamics.energy import add_energy_of_laws, effective_model, leg_bodies
+from ....dynamics.guards import IMMOVABLE
 from ....dynamics.quantities.engine import blocks, polar_form, rate_of_map
 from ....dynamics.quantities.independent import Coordinates
 from ....dynamics.quantities.joint_map import side_motions
+from ....dynamics.quantities.links import inverse_of
 from ....dynamics.quantities.model import of_brackets
 from ....effects.choice import Effects
 from ....errors import CompileError, HybridynError
@@ -49,9 +51,7 @@ if TYPE_CHECKING:
 BY_GENERAL = "quantities: the general path computes them"
 #: Number of random states that a new program is compared at, and the largest difference from the general
 #: path, relative to the largest entry of them all: rounding, through the condition of loops at any posture.
-SAMPLES, FOLLOWING_AGREES = 12, {"float64": 1e-9, "float32": 1e-2}
-#: Most draws of random states, until the program can be trusted at one.
-ROUNDS = 8
+SAMPLES, FOLLOWING_AGREES = 48, {"float64": 1e-9, "float32": 1e-2}
 
 
 class Following:
@@ -109,17 +109,6 @@ class Following:
         return outputs[output], good
 
 
-def following(robot: HybridRobot, u: Coordinates, dtype: str) -> Following | None:
-    """Return the motions over independent coordinates, or None if only the general path computes them.
-
-    It alone computes idle motions, which take least-norm rates, and it alone explains joints that are never
-    independent. Modules without coordinates stay.
-    """
-    if any(len(own) not in (0, m.mobility) for m, own in zip(robot.modules, u.own, strict=True)):
-        return None
-    return artifact_of(robot, u, dtype).tried(partial(Following, robot, u), BY_GENERAL)
-
-
 def artifact_of(robot: HybridRobot, u: Coordinates, dtype: str) -> Artifact:
     """Return the library of the program "following"."""
     scalar = Scalar(dtype, best_lanes(dtype))
@@ -146,20 +135,17 @@ def check_following(moves: Following) -> None:
     """
     from ...equations.states import moving_states
 
-    robot, name = moves.robot, moves.robot.description.name
-    for seed in range(ROUNDS):
-        q, v, _ = moving_states(robot, SAMPLES, seed)
-        for module, own in zip(robot.modules, moves.u.own, strict=True):
-            if not len(own):
-                v[:, module.v_index] = 0.0  # it stays
-        (E, mapped), (a, trusted) = moves.map(q), moves.drift(q, v)
-        good = mapped & trusted
-        if good.any():
-            break
-    else:
+    robot = moves.robot
+    q, v, _ = moving_states(robot, SAMPLES)
+    for module, own in zip(robot.modules, moves.u.own, strict=True):
+        if not len(own):
+            v[:, module.v_index] = 0.0  # it stays
+    (E, mapped), (a, trusted) = moves.map(q), moves.drift(q, v)
+    good, name = mapped & trusted, robot.description.name
+    if not good.any():
         raise CompileError(
-            f"the compiled motion map of the robot '{name}' can be trusted at none of "
-            f"{ROUNDS * SAMPLES} random states: it is not used"
+            f"the compiled motion map of the robot '{name}' can be trusted at none of {SAMPLES} "
+            "random states: it is not used"
         )
     try:
         right, drift = side_motions(robot, q[good], v[good], moves.u)
@@ -219,6 +205,10 @@ FASTER = 30
 #: Largest difference, of the largest rate in the robot's units, between given rates and those that follow
 #: from the independent coordinates: a hundred times how far `idm` lets loops be open.
 FOLLOWS = {"float64": 1e-9, "float32": 3e-1}
+
+#: Reciprocal condition number of a compiled Delassus matrix below which the general path inverts it. In seven
+#: digits, rounding hides directions in which links cannot move.
+IMMOVABLE_AS_COMPUTED = {"float64": IMMOVABLE, "float32": 1e-4}
 
 #: Computes a model by its name from its arguments: its result, and which rows can be trusted.
 Run = Callable[..., tuple[Numbers, Mask]]
@@ -376,6 +366,14 @@ class CompiledEngine:
         out: Array = (D + np.swapaxes(D, 1, 2)) / 2
         return out
 
+    def operational_inertia(self, q: Array, links: Sequence[str], axes: str) -> Numbers:
+        """Compute the inverse of `delassus`; a sample at which it may not exist cannot be trusted."""
+        D = self.delassus(q, links, axes)
+        D[~self.good] = 0.0
+        out, size = inverse_of(self.robot, D.astype(float))
+        self.good &= size[:, 0] > IMMOVABLE_AS_COMPUTED[str(D.dtype)] * size[:, -1]
+        return out
+
     def energy(self, q: Array, v: Array, on: Effects) -> Numbers:
         """Compute kinetic and potential energy, shape (T, 2)."""
         robot = self.robot
@@ -395,41 +393,35 @@ class CompiledEngine:
 
 def _link_jacobian(robot: HybridRobot, x: Numbers, E: Numbers, link: str, axes: str) -> Numbers:
     """Compute the Jacobian of a link, shape (T, 6, N), from the motions of bodies, (T, bodies, WIDTH)."""
-    columns, bodies, linear, angular = _way_to_root(robot, link)
+    columns, bodies, S = _way_to_root(robot, link)
     body, R, p = robot.bodies.place[link]
     turned = x[:, [*bodies, body], :9].reshape(len(x), -1, 3, 3)
     arm = x[:, None, body, 9:12] + (turned[:, -1] @ p)[:, None] - x[:, bodies, 9:12]
-    w = np.matmul(turned[:, :-1], angular[..., None])[..., 0]
-    twists = [np.matmul(turned[:, :-1], linear[..., None])[..., 0] + np.cross(w, arm), w]
+    w = np.matmul(turned[:, :-1], S[:, 3:, None])[..., 0]
+    twists = [np.matmul(turned[:, :-1], S[:, :3, None])[..., 0] + np.cross(w, arm), w]
     if axes == "link":
         twists = [np.matmul(part, turned[:, -1] @ R) for part in twists]
     out: Array = np.matmul(np.swapaxes(np.concatenate(twists, axis=2), 1, 2), E[:, columns])
     return out
 
 
-def _way_to_root(robot: HybridRobot, link: str) -> tuple[Index, list[int], Array, Array]:
+def _way_to_root(robot: HybridRobot, link: str) -> tuple[list[int], list[int], Array]:
     """Return the freedoms that move a link in the spanning tree.
 
     Returns:
-        Their entries of v, shape (k,), the bodies that they move, and linear and angular part of the motion
-        subspace in these bodies' frames, shape (k, 3) each.
+        Their entries of v, the bodies that they move, and the motion subspace in these bodies' frames, shape
+        (k, 6).
     """
-    columns, bodies, S = [np.zeros(0, dtype=int)], list[int](), [np.zeros((0, 6))]
-    k, number = robot.body_owner[robot.bodies.place[link][0]]
-    while k >= 0:
-        module = robot.modules[k]
-        if k == 0 and robot.base == "floating":
-            break
-        tree = module.mechanism.spanning
-        moved = np.flatnonzero(tree.support[number])
-        columns.append(module.v_index[moved])
-        bodies += [robot.body_of_joint[module.joints[i]] for i in tree.dof_body[moved] - 1]
-        S.append(np.concatenate([tree.S_linear, tree.S_angular], axis=1)[moved])
-        k, number = robot.body_owner[robot.bodies.place[module.base][0]]
-    if robot.base == "floating":
-        columns, bodies, S = [*columns, np.arange(6)], [*bodies, *[0] * 6], [*S, np.eye(6)]
-    subspace = np.concatenate(S)
-    return np.concatenate(columns), bodies, subspace[:, :3], subspace[:, 3:]
+    import pinocchio as pin  # a start with a model from the cache does without it
+
+    model = robot.unchanged_model
+    data, columns, bodies, S = model.createData(), list[int](), list[int](), [np.zeros((0, 6))]
+    for number in list(model.supports[model.frames[model.getFrameId(link, pin.BODY)].parentJoint])[1:]:
+        joint = model.joints[number]
+        columns += range(joint.idx_v, joint.idx_v + joint.nv)
+        bodies += [robot.body_of_joint[model.names[number]]] * joint.nv
+        S.append(np.reshape(data.joints[number].S, (6, -1)).T)
+    return columns, bodies, np.concatenate(S)
 
 
 def _inertial_bodies(robot: HybridRobot, on: Effects) -> tuple[list[int], Array, Array, Array]:
