@@ -37,7 +37,7 @@ SAMPLES = 37
 #: Longest time that a build goes on after the end of its program [s]; that of the LX4 takes seven.
 LEFT = 30.0
 #: How much rather the processor serves the program, which may be building other libraries.
-POLITE = 10
+POLITE = 5
 UNUSED = "the quick build stays in use: %s"
 #: Program of the process, which gets the path of Python's modules.
 PROGRAM = """
@@ -108,6 +108,8 @@ def _wait(
                 for line in process.stdout:
                     said = line.decode(errors="replace").strip() or said
                     log.info("%s", said)
+            if process.returncode == 0:
+                said = "the package or the compiler changed while the optimised one was built"
     try:
         if (built := artifact.known()) is None:
             raise CompileError(said)
