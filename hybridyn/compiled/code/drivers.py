@@ -18,7 +18,7 @@ from types import MappingProxyType
 import numpy as np
 
 from ...spatial import Array, Index
-from ..program import Add, Call, Constants, Each, Own, Program, Shared, Source, Target, Worst
+from ..program import Add, Call, Constants, Each, Own, Program, Shared, Source, Start, Target, Worst
 from .kernels import literal
 from .rules import overlap
 
@@ -280,13 +280,25 @@ def across_copies(
 def _driver(program: Program, head: str, tables: Tables, call: Callable[[Call], list[str]], move: str) -> str:
     """Return the C function that runs a program's steps in order; `move` sets shared numbers."""
     lines = [head, "    (void)given, (void)result, (void)shared, (void)own, (void)guard;"]
-    for step in program.steps:
+    for step in _joined(program):
         if isinstance(step, Call):
             lines += call(step)
         elif len(step.values):
             table = tables.numbers(step.values)
             lines.append(f"    {move}(shared + {step.start}, {table}, {len(step.values)});")
     return "\n".join([*lines, "}"])
+
+
+def _joined(program: Program) -> list[Start | Call]:
+    """Return the steps, with starts in a row that set numbers in a row as one: 8 % of the lx4's `ddm`."""
+    steps: list[Start | Call] = []
+    for step in program.steps:
+        match (steps[-1:], step):
+            case [Start(start, values)], Start(at, more) if at == start + len(values):
+                steps[-1] = Start(start, np.concatenate([values, more]))
+            case _:
+                steps.append(step)
+    return steps
 
 
 def summed(program: Program) -> dict[int, set[int]]:
