@@ -116,7 +116,8 @@ def remainder(a: Any, b: Any) -> Any:
 
 def repeating(text: str, method: str, *arguments: Any) -> str:
     """Return what `join` or `replace`, which repeat a text, make of it."""
-    refuse_large(len(text) * sum(map(len, arguments)), LARGEST_VALUE)
+    sizes = (len(one) for one in arguments if not isinstance(one, int))  # an integer counts replacements
+    refuse_large(len(text) * sum(sizes), LARGEST_VALUE)
     made: str = getattr(text, method)(*arguments)
     return made
 
