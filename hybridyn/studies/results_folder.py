@@ -12,7 +12,7 @@ import fcntl
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -66,7 +66,12 @@ def read_record(folder: str | os.PathLike[str]) -> Record:
 
 @contextlib.contextmanager
 def writing(
-    folder: str | os.PathLike[str], asked: Mapping[str, str], told: Mapping[str, Any], *, resume: bool
+    folder: str | os.PathLike[str],
+    asked: Mapping[str, str],
+    told: Mapping[str, Any],
+    names: Iterable[str],
+    *,
+    resume: bool,
 ) -> Iterator[Record]:
     """Begin or continue the results in a folder, hold it for this process, and yield its record.
 
@@ -74,13 +79,15 @@ def writing(
 
     Args:
         folder: The folder, which is made if it does not exist.
-        asked: What is asked: a digest, or a text, by name.
+        asked: What is asked: a digest, or a text, by name; "command" is who asks.
         told: What else to record; where the folder has parts, theirs stays.
+        names: Patterns of the names of parts, and of what would be taken for one.
         resume: Whether to continue from parts that exist.
 
     Raises:
         HybridynError: The folder has parts and `resume` is false, or they were computed with something else;
-            another process holds the folder, or it is no folder.
+            it has files with the names of parts, but no record of parts; another process holds the folder, or
+            it is no folder.
         OSError: It cannot be made or written to.
     """
     if os.path.exists(folder) and not os.path.isdir(folder):
@@ -94,14 +101,21 @@ def writing(
                 f"{folder}: another process writes its results here: wait for its end, or choose another "
                 "folder"
             ) from None
-        yield _begun(read_record(folder), asked, told, resume)
+        yield _begun(read_record(folder), asked, told, names, resume)
 
 
-def _begun(before: Record, asked: Mapping[str, str], told: Mapping[str, Any], resume: bool) -> Record:
+def _begun(
+    before: Record, asked: Mapping[str, str], told: Mapping[str, Any], names: Iterable[str], resume: bool
+) -> Record:
     """Begin or continue the results in a folder that is held, and return its record."""
     for draft in before.folder.glob(DRAFTS):  # of a program that was killed
         draft.unlink(missing_ok=True)
     if not before.begun:
+        if unknown := sorted(file.name for name in names for file in before.folder.glob(name)):
+            raise HybridynError(
+                f"{before.folder}: has {listed(unknown)}, of which it has no record: choose another "
+                "folder, or remove them"
+            )
         write_text(before.folder / RECORD, json.dumps({"asked": asked, "told": told}))
         return Record(before.folder, asked, told, {})
     if not resume:
@@ -109,6 +123,8 @@ def _begun(before: Record, asked: Mapping[str, str], told: Mapping[str, Any], re
             f"{before.folder}: has results of an earlier run: continue it with resume=True, or choose "
             "another folder"
         )
+    if before.asked.get("command") != asked.get("command"):
+        raise HybridynError(f"{before.folder}: has results of another command: choose another folder")
     if other := [one for one in {**before.asked, **asked} if before.asked.get(one) != asked.get(one)]:
         raise HybridynError(
             f"{before.folder}: its results were computed with another {listed(other)}: undo the change, or "

@@ -63,7 +63,7 @@ def test_each_table_has_its_shard_and_a_broken_one_is_named(
     (place / "in" / "t2.csv").write_text((place / "in" / "t1.csv").read_text())
     assert "4 tables of 4 in 'out', 2 computed now" in run(*words, "--resume").err
     said = run(*words, "--resume", "--effects", "none", status=1)
-    assert "out: its results were computed with another 'effects': undo the change" in said.err
+    assert "out: its results were computed with another '--effects': undo the change" in said.err
 
 
 def test_a_shard_is_done_if_it_has_the_bytes_of_its_table(
@@ -115,8 +115,8 @@ def test_a_killed_program_is_continued(place: Path, lost: dict[str, int], run: A
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        (["--gravity", "0,0,-1"], "gravity"),
-        (["--passive", "solved"], "passive"),
+        (["--gravity", "0,0,-1"], "--gravity"),
+        (["--passive", "solved"], "--passive"),
         (None, "pendulum.urdf"),
     ],
 )
@@ -130,13 +130,22 @@ def test_another_robot_or_option_is_named(
         robot.write_text(robot.read_text().replace('"0.1"', '"0.2"'))
     said = f"out: its results were computed with another '{what}': undo the change, or choose another folder"
     assert said in run(*words, "--resume", *(change or ()), status=1).err
-    said = "out: its results were computed with another 'command', "
+    said = "out: has results of another command: choose another folder"
     assert said in run("ddm", *words[1:], "--resume", status=1).err
+
+
+def test_a_table_of_another_hand_is_never_replaced(place: Path, lost: dict[str, int], run: Any) -> None:
+    shard = save(place / "out", "another's", "t[1].csv")
+    (place / "in" / "t1.csv").rename(place / "in" / "t[1].csv")
+    for more in ([], ["--resume"]):
+        err = run("idm", "pendulum.urdf", "in/*.csv", "-o", "out", *more, status=1).err
+        assert "out: has 't[1].csv', of which it has no record: choose another folder" in err
+    assert shard.read_text() == "another's"
 
 
 def test_a_folder_belongs_to_one_process(place: Path, lost: dict[str, int], run: Any) -> None:
     words = ["idm", "pendulum.urdf", "in/t[013].csv", "-o", "out"]
-    with writing("out", {}, {}, resume=False):
+    with writing("out", {}, {}, [], resume=False):
         assert "out: another process writes its results here" in run(*words, status=1).err
     run(*words)
 

@@ -14,7 +14,7 @@ from tests.comparing import refused
 
 def begin(folder: Path, *, resume: bool = False, **asked: str) -> None:
     """Begin or continue a folder of results."""
-    with writing(folder, asked, {"told": [1]}, resume=resume):
+    with writing(folder, asked, {"told": [1]}, ["part*"], resume=resume):
         pass
 
 
@@ -71,8 +71,24 @@ def test_what_differs_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
     assert read_record(tmp_path).has("part")
 
 
-def test_files_without_a_record_are_no_parts(tmp_path: Path) -> None:
-    (tmp_path / "part").write_text("of another hand")
-    (tmp_path / RECORD).write_text('{"broken')
+@pytest.mark.parametrize("record", ["", '{"broken', '{"asked": {}, "told": {}}'])
+def test_files_without_a_record_are_never_mixed_with_parts(tmp_path: Path, record: str) -> None:
+    (tmp_path / RECORD).write_text(record)
+    (tmp_path / "notes.txt").write_text("of the user")
     begin(tmp_path)
-    assert not read_record(tmp_path).has("part")
+    (tmp_path / RECORD).write_text(record)
+    (tmp_path / "part-1").write_text("of another hand, or of an older version")
+    for resume in (False, True):
+        said = f"{tmp_path}: has 'part-1', of which it has no record: choose another folder, or remove them"
+        refused(lambda resume=resume: begin(tmp_path, resume=resume), hybridyn.HybridynError, said)
+    assert not read_record(tmp_path).has("part-1")
+    assert (tmp_path / "part-1").read_text().startswith("of another hand")
+
+
+def test_results_of_another_command_are_no_change_to_undo(tmp_path: Path) -> None:
+    begin(tmp_path, command="idm", robot="1")
+    add(tmp_path, "part")
+    said = f"{tmp_path}: has results of another command: choose another folder"
+    refused(
+        lambda: begin(tmp_path, resume=True, command="sweep", study="2"), hybridyn.HybridynError, f"{said}$"
+    )

@@ -274,6 +274,23 @@ def test_a_sweep_continues_from_its_shards(folder: Path, here: Any) -> None:
     )
 
 
+def test_no_sweep_is_mixed_with_shards_without_a_record(folder: Path, here: Any) -> None:
+    """All Parquet files of the folder are read as one table."""
+    study = written("method = 'grid'")
+    hybridyn.sweep(study, "out")
+    Path("out", "record.txt").unlink()
+    first = min(Path("out").glob("designs-*"))
+    for path in Path("out").glob("designs-*"):
+        path.rename(path.with_stem(path.stem + "-d8e0"))
+    for resume in (False, True):
+        refused(
+            lambda resume=resume: hybridyn.sweep(study, "out", resume=resume),
+            hybridyn.HybridynError,
+            f"out: has '{first.stem}-d8e0.parquet'.*, of which it has no record",
+        )
+    assert not [*Path("out").glob(first.name)]
+
+
 def test_two_sweeps_at_once_count_nothing_twice(folder: Path, here: Any) -> None:
     """While a sweep evaluates, another one continues the same folder."""
     study = written("method = 'grid'")
@@ -293,18 +310,18 @@ def test_two_sweeps_at_once_count_nothing_twice(folder: Path, here: Any) -> None
 def test_a_process_that_is_killed_holds_no_folder(tmp_path: Path) -> None:
     text = (
         "import time; from hybridyn.studies.results_folder import writing\n"
-        f"with writing({str(tmp_path)!r}, {{}}, {{}}, resume=False): print(flush=True); time.sleep(100)"
+        f"with writing({str(tmp_path)!r}, {{}}, {{}}, [], resume=False): print(flush=True); time.sleep(100)"
     )
     held = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE)
     held.stdout.readline()
     with (
         pytest.raises(hybridyn.HybridynError, match="another process"),
-        writing(tmp_path, {}, {}, resume=False),
+        writing(tmp_path, {}, {}, [], resume=False),
     ):
         pass
     held.kill()
     held.communicate()
-    with writing(tmp_path, {}, {}, resume=False):
+    with writing(tmp_path, {}, {}, [], resume=False):
         pass
 
 
@@ -338,7 +355,7 @@ def made(folder: Path, x: np.ndarray, y: np.ndarray, names: list[str]) -> tuple[
     about = About("study.toml", len(x), names, ["y"])
     pairs = zip(x.tolist(), y.tolist(), strict=True)
     rows = [Row(i, tuple(design), "ok", (number,), "") for i, (design, number) in enumerate(pairs)]
-    with writing(folder, {}, asdict(about), resume=False):
+    with writing(folder, {}, asdict(about), [], resume=False):
         return about, rows
 
 

@@ -60,7 +60,8 @@ def compute_each(command: Callable[..., int], options: dict[str, Any], ending: s
     started = time.perf_counter()
     refuse(*((options[name], f"--{name} belongs to a single table") for name in ("plot", "reactions")))
     outcomes, shards = list[Outcome](), _shards(options["source"], options["output"], ending)
-    with writing(options["output"], _asked(command, options), {}, resume=resume) as record:
+    names = [glob.escape(shard.name) for shard in shards.values()]
+    with writing(options["output"], _asked(command, options), {}, names, resume=resume) as record:
         digests = {file: digest(file) for file in shards}
         left = [file for file in shards if not record.has(shards[file].name, digests[file])]
         tasks = [(command, options | {"source": file}, shards[file], digests[file]) for file in left]
@@ -111,10 +112,10 @@ def _asked(command: Callable[..., int], options: dict[str, Any]) -> dict[str, st
     choice: RobotChoice = options["load"]
     with recorded() as files:
         choice()
-    words = (
-        {"command": command.__module__} | options | vars(choice) | {"robot": os.path.abspath(choice.robot)}
-    )
-    return {name: repr(words[name]) for name in words if name not in OTHERS} | by_name(files)
+    words = options | vars(choice) | {"robot": os.path.abspath(choice.robot)}
+    said = {one.name: max(one.opts, key=len) for one in click.get_current_context().command.params}
+    asked = {said.get(name, name): repr(words[name]) for name in words if name not in OTHERS}
+    return {"command": command.__module__, **asked, **by_name(files)}
 
 
 def lost(command: Callable[..., int], options: dict[str, Any], shard: Path, of: str) -> Outcome:

@@ -130,7 +130,8 @@ def sweep(
         str(study), len(designs), list(source.study.parameters), source.columns, plan is not None,
         _units(source, designs[0]),
     )  # fmt: skip
-    with writing(output, identity(source, designs[0]), asdict(about), resume=resume) as record:
+    asked = {"command": "sweep", **identity(source, designs[0])}
+    with writing(output, asked, asdict(about), ["*.parquet"], resume=resume) as record:
         about = About(**record.told)
         state.statuses.update(read_shards(state.folder, ["status"])["status"])
         if left := gaps(state.folder, len(designs)):
