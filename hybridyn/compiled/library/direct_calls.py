@@ -55,6 +55,12 @@ def readable(*given: Any) -> tuple[Array, ...] | None:
     return None if all(map(operator.is_, arrays, given)) else tuple(arrays)
 
 
+def again(call: Callable[..., int], given: tuple[Any, ...], out: Array) -> int:
+    """Call C once more, where it has refused, with arguments that it reads; return its status."""
+    copies = readable(*given)
+    return REFUSED if copies is None else call(*copies, out)
+
+
 class Method(ctypes.Structure):
     """CPython's `PyMethodDef`: a C function that Python calls directly, without ctypes."""
 

@@ -13,7 +13,7 @@ from ...spatial import Array
 from ...structure.parameters.entries import Parameters
 from ...structure.robot import HybridRobot
 from ..library.calls import Library, Numbers
-from ..library.direct_calls import DOUBLE, REFUSED, refuse
+from ..library.direct_calls import DOUBLE, REFUSED, again, refuse
 from .quantities.calls import Quantities
 from .quantities.engine import artifact_of
 from .sources import robot_key
@@ -81,7 +81,11 @@ class ControlSteps(Quantities):
         """
         nq, nv = self.robot.nq, self.robot.nv
         out = np.empty(nq + 2 * nv + len(self.robot.motors))
-        status = self._at_once(self._control_at_once, (position, rate, acceleration), last, out)
+        start, still = self.robot.home if last is None else last, self._motors_still
+        speed, change = still if rate is None else rate, still if acceleration is None else acceleration
+        status = self._control_at_once(start, position, speed, change, out)
+        if status == REFUSED:
+            status = again(self._control_at_once, (start, position, speed, change), out)
         q, v, a = out[:nq], out[nq : nq + nv], out[nq + nv : nq + 2 * nv]
         if status == 0:
             return out[nq + 2 * nv :], q, v, a

@@ -16,7 +16,7 @@ from ...structure.given import by_name, motors_by_name
 from ...structure.robot import HybridRobot
 from ..library.closed_rows import ClosedRows
 from ..library.current import Current
-from ..library.direct_calls import REFUSED, readable, refuse
+from ..library.direct_calls import again, refuse
 from .closing.assembling import Assembler
 from .closing.given import requests_of_motors
 from .designs import DesignsInSlots
@@ -130,31 +130,16 @@ class Postures:
         """
         nq, nv = self.robot.nq, self.robot.nv
         out = np.empty(nq + 2 * nv)
-        if self._at_once(self._close_at_once, (position, rate, acceleration), last, out) == 0:
+        start, still = self.robot.home if last is None else last, self._motors_still
+        speed, change = still if rate is None else rate, still if acceleration is None else acceleration
+        status = self._close_at_once(start, position, speed, change, out)
+        if (status and again(self._close_at_once, (start, position, speed, change), out)) == 0:
             return out[:nq], out[nq : nq + nv], out[nq + nv :]
         requests = requests_of_motors(self.robot, position, (rate, acceleration))
         q, v, a = self.assemble_requests(requests, self.robot.home if last is None else last)
         follower = self._follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
         self._close_at_once = follower.from_motors if follower else refuse
         return q, v, a
-
-    def _at_once(
-        self,
-        call: Callable[..., int],
-        motion: tuple[ArrayLike, ArrayLike | None, ArrayLike | None],
-        last: Array | None,
-        out: Array,
-    ) -> int:
-        """Call C for one tick of the motors from a posture; return its status."""
-        still, (position, rate, acceleration) = self._motors_still, motion
-        given = (
-            self.robot.home if last is None else last, position,
-            still if rate is None else rate, still if acceleration is None else acceleration,
-        )  # fmt: skip
-        status = call(*given, out)
-        if status == REFUSED and (copies := readable(*given)) is not None:
-            status = call(*copies, out)
-        return status
 
     def closure_residual(self, q: Array) -> Array | None:
         """Compute the largest closure residual of each posture, like `hybridyn.closure_residual`.
