@@ -81,6 +81,10 @@ def _along_motions(core: Core, plan: Plan, a: Expression) -> Expression:
         y[np.array(core.chain.columns_of(i + 1)) - 6] = platform.A
     u_dot = y[plan.motions]
     for i, spin in enumerate(plan.parts.spins):
+        turned = y[spin.col] / spin.axis[spin.main]  # the others have none of this freedom but by the spin
+        for col, x in zip(spin.cols, spin.axis, strict=True):
+            if col in plan.motions:
+                u_dot[plan.motions.index(col)] = y[col] - times(x, turned)
         u_dot[i] = along(spin.share, y[list(spin.cols)])
     return u_dot
 
