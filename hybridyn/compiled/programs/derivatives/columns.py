@@ -156,8 +156,8 @@ def add_terms(
 
     def function() -> ca.Function:
         """Return the sum."""
-        columns, values = zip(*(symbols("x", x.size) for x in sources), strict=True)
-        left = iter(values)
+        pairs = [symbols("x", x.size) for x in sources]
+        left = iter([value for _, value in pairs])
         total: Any = zeros(rows)
         for width in widths:
             total = total + dot(next(left).reshape(width, rows).T, next(left))
@@ -167,7 +167,7 @@ def add_terms(
             total = dot(np.where(mask, next(left).reshape(mask.shape), 0.0).T, total)
         for y in left:
             total = total + y
-        return ca.Function("columns", columns, [pack(total)])
+        return ca.Function("columns", [column for column, _ in pairs], [pack(total)])
 
     if size:
         pattern = None if mask is None else mask.tobytes()
