@@ -41,8 +41,9 @@ def compile(
 
     A new robot first gets a quick build (-Og) of `idm` alone; the first call that needs another model builds
     all of them so. It gives the same bits in about half more time. Meanwhile a separate process builds the
-    optimised library, and the model uses it as soon as it is built. It goes on for at most half a
-    minute after the end of the program, and the next program finds what it built.
+    optimised library, and the model uses it as soon as it is built. One such process
+    builds at a time. It goes on for at most half a minute after the end of the program, and the next program
+    finds what it built.
 
     Args:
         robot: The robot.

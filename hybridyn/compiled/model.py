@@ -16,6 +16,7 @@ from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
 from .equations.coefficients import at_robot
 from .library.artifact import Artifact
+from .library.cache import Built
 from .library.calls import Calls, Library, Numbers
 from .library.current import Current
 from .library.direct_calls import refuse
@@ -109,6 +110,7 @@ class CompiledRobot(ControlSteps):
         self.dtype = library.dtype
         plain = self.effects.limits is None and not self.parameters.size
         idm, ddm = (library.programs.get(name) for name in ("idm", "ddm"))
+        self._control_at_once = refuse  # the next call asks for that of this library
         self._idm_at_once = (plain and idm and idm.at_once) or refuse
         self._ddm_at_once = (plain and not self._moving and ddm and ddm.at_once) or refuse
 
@@ -127,9 +129,9 @@ class CompiledRobot(ControlSteps):
         self._current.wait()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what leads to the optimised library, which the receiving process loads from the cache."""
-        self.wait_until_optimised()
-        return _restored, (self.robot, self.effects, self._current.artifact, self.threads, self.parameters)
+        """Pickle the path of the library's file, and what leads to it where that is gone."""
+        built, whole = self.library.built, self._current.artifact
+        return _restored, (self.robot, self.effects, built, self.threads, self.parameters, whole)
 
     def idm(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, parameters: ArrayLike | None = None
@@ -273,7 +275,11 @@ class CompiledRobot(ControlSteps):
 
 
 def _restored(
-    robot: HybridRobot, effects: Effects, whole: Artifact, threads: int, parameters: Parameters
+    robot: HybridRobot, effects: Effects, built: Built, threads: int, parameters: Parameters, whole: Artifact
 ) -> CompiledRobot:
-    """Restore a pickled compiled robot; its library is in the cache, or is built again."""
-    return CompiledRobot(robot, effects, whole.loaded(Library, quick=True), threads, parameters, whole)
+    """Restore a pickled compiled robot; its library is built again where its file is gone."""
+    try:
+        library = Library(built)
+    except OSError:
+        library = whole.loaded(Library, quick=True)
+    return CompiledRobot(robot, effects, library, threads, parameters, whole)

@@ -72,6 +72,18 @@ def test_rows_follow_one_another(symmetric: hybridyn.CompiledRobot) -> None:
     same_bits((tau, *state), (symmetric.idm(*state), *symmetric.close(*given)))
 
 
+def test_a_step_moves_to_the_library_that_is_taken_into_use(symmetric: hybridyn.CompiledRobot) -> None:
+    held, asked = symmetric._control_at_once, []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(type(symmetric), "_control", lambda self: asked.append(self) or held)
+        symmetric.idm_from_motors(at_home(symmetric.robot))
+        assert not asked
+        symmetric._current._take(symmetric.library)
+        symmetric.idm_from_motors(at_home(symmetric.robot))
+        symmetric.idm_from_motors(at_home(symmetric.robot))
+    assert len(asked) == 1
+
+
 def single(x: np.ndarray) -> np.ndarray:
     return x.astype(np.float32)
 

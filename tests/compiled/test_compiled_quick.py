@@ -4,12 +4,12 @@ import atexit
 import functools
 import os
 import pickle
-import shlex
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +29,7 @@ from hybridyn.compiled.library.cache import Built, folder_in_use
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.library.current import Current, build_beside, different_programs
 from tests import ROOT
+from tests.comparing import refused
 from tests.compiled_toys import inputs, toy
 from tests.waiting import PATIENCE, wait_until
 
@@ -50,8 +51,8 @@ def source() -> Source:
     return library_source([TOY], Scalar("float64", 1))
 
 
-def artifact(check: Callable[[Built], None] | None = None) -> Artifact:
-    return Artifact(None, "a toy", source, check)
+def artifact(check: Callable[[Built], None] | None = None, key: str = "a toy") -> Artifact:
+    return Artifact(None, key, source, check)
 
 
 find, kept = artifact().built, artifact().known
@@ -140,15 +141,16 @@ def test_the_folder_that_replaces_the_cache_is_removed_at_the_end(
     assert not made.exists()
 
 
-def test_a_library_with_other_bits_is_not_used(
-    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(current, "different_programs", lambda *_: ["idm"])
-    model = Model(find(quick=True))
-    first = model.library
-    model.current.wait()
-    assert model.library is first
-    assert "other bits in idm" in caplog.text
+def test_a_library_with_other_bits_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process that builds compares the bits before a key leads to the library."""
+    sent: list[Artifact] = []
+    monkeypatch.setattr(current, "build_beside", lambda artifact, _: sent.append(artifact))
+    Model(find(quick=True))
+    with monkeypatch.context() as patch:
+        patch.setattr(current, "different_programs", lambda *_: ["idm"])
+        refused(sent[0].built, hybridyn.CompileError, "other bits in idm")
+        assert kept() is None
+    assert not sent[0].built().quick
 
 
 def refuse(built: Built) -> None:
@@ -199,12 +201,27 @@ def test_what_a_program_begins_the_next_one_finds(ending: str) -> None:
 #: A compiler that writes its process into a file, and takes longer than any test waits.
 SLOW = "#!/bin/sh\nsleep 3600 & echo $! > {pid}.new; mv {pid}.new {pid}; wait\n"
 
-#: A process that builds for a program that has ended, and does not wait long.
-LATE = """
-import hybridyn.compiled.library.current as current
-current.LEFT = 0.0
-current.build_asked()
+#: A program that ends as soon as a file exists; its build has little time then.
+ENDS = """
+import os, subprocess, sys, time
+late = "from hybridyn.compiled.library.current import build_asked\\nbuild_asked({}, 0.1)"
+subprocess.Popen([sys.executable, "-c", late.format(os.getpid())], process_group=0)
+while not os.path.exists(sys.argv[1]):
+    time.sleep(0.01)
 """
+
+
+def test_a_temporary_folder_is_removed_by_the_build_that_outlives_its_program(
+    empty_cache: Path, tmp_path: Path
+) -> None:
+    """Nobody finds a library there."""
+    (tmp_path / "request").write_bytes(pickle.dumps(artifact()))
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = "from hybridyn.compiled.library.current import build_asked; build_asked(0, 0.0)"
+    with (tmp_path / "request").open("rb") as asked:
+        words = [sys.executable, "-c", command]
+        subprocess.run(words, stdin=asked, env=environment, timeout=PATIENCE, process_group=0)
+    assert not empty_cache.exists()
 
 
 def test_no_compiler_goes_on_for_long_after_the_program(tmp_path: Path) -> None:
@@ -212,10 +229,10 @@ def test_no_compiler_goes_on_for_long_after_the_program(tmp_path: Path) -> None:
     compiler.write_text(SLOW.format(pid=pid))
     compiler.chmod(0o700)
     request.write_bytes(pickle.dumps(artifact()))
-    started = shlex.join([sys.executable, "-c", LATE])
-    command = f"{started} < {request} & until [ -e {pid} ]; do sleep 0.05; done"
     environment = os.environ | {"PYTHONPATH": str(ROOT), "CC": str(compiler)}
-    subprocess.run(["sh", "-c", command], env=environment, timeout=PATIENCE, check=True)
+    with request.open("rb") as asked:
+        command = [sys.executable, "-c", ENDS, str(pid)]
+        subprocess.run(command, stdin=asked, env=environment, timeout=PATIENCE, check=True)
     number = int(pid.read_text())
     wait_until(lambda: not Path(f"/proc/{number}").exists(), "the end of what the compiler started")
 
@@ -247,16 +264,34 @@ def test_a_program_that_is_missing_is_built_once(monkeypatch: pytest.MonkeyPatch
         return whole
 
     monkeypatch.setattr(current, "build_beside", lambda *_: None)
-    monkeypatch.setattr(current, "different_programs", lambda *_: [])
-    tried: Any = Current(first, used.append, SimpleNamespace(loaded=load))  # type: ignore[arg-type]
+    monkeypatch.setattr(Artifact, "loaded", load)
+    tried: Any = Current(first, used.append, artifact())
     assert tried.program("idm") == 1
     assert not built
     assert tried.program("ddm") == 3
     assert tried.whole() is whole
-    tried._replace(later)
+    tried._take(later)
     assert tried.program("ddm") == 5
     assert used == [first, whole, later]
     assert built == [1]
+
+
+def alone(folder: Path, built: Built) -> None:
+    """Fail where another process does so at the same time."""
+    folder.mkdir()
+    time.sleep(0.2)
+    folder.rmdir()
+
+
+@pytest.mark.slow
+def test_builds_of_a_cache_folder_take_turns(tmp_path: Path) -> None:
+    """A loop over many robots starts one process after the other."""
+    quick, check = find(quick=True), functools.partial(alone, tmp_path / "taken")
+    toys = [artifact(check, f"toy {k}") for k in range(3)]
+    models = [Current(Library(quick), lambda library: None, toy) for toy in toys]
+    for model in models:
+        model.wait()
+    assert not any(model.library.built.quick for model in models)
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ import fcntl
 import logging
 import os
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,14 +21,16 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from typing import IO
 
 import numpy as np
 
-from ...description.cache_folder import VARIABLE, hashed
+from ...description.cache_folder import VARIABLE, folder
 from ...errors import CompileError, HybridynError
 from .artifact import Artifact
-from .cache import folder_in_use
+from .cache import Built, folder_in_use
 from .calls import Calls, Library
 
 log = logging.getLogger("hybridyn.compiled")
@@ -39,70 +42,78 @@ LEFT = 30.0
 #: How much rather the processor serves the program, which may be building other libraries.
 POLITE = 5
 UNUSED = "the quick build stays in use: %s"
-#: Program of the process, which gets the path of Python's modules.
+#: Program of the process, which gets the program's number, the time that it has after it, and Python's path.
 PROGRAM = """
 import sys
-sys.path[:] = sys.argv[1:]
+program, left, *sys.path[:] = sys.argv[1:]
 from hybridyn.compiled.library.current import build_asked
-build_asked()
+build_asked(int(program), float(left))
 """
 
 
 def build_beside(artifact: Artifact, use: Callable[[Library], None]) -> threading.Thread | None:
-    """Build a library in a process of its own. Programs that want the same one wait for the first.
+    """Build a library in a process of its own, one after the other in a cache folder.
 
     Args:
         artifact: The library. It is pickled.
-        use: Receives the library. It may raise a CompileError.
+        use: Receives the library.
 
     Returns:
         The thread that waits for the process and calls `use`; where there is no library, it logs why. None,
         and a warning, if no process can be started.
     """
+    asked = pickle.dumps(artifact)  # here: the caller may change the robot's caches while the thread runs
     process = None
     try:
-        turn = open(folder_in_use() / f"building-{hashed(artifact.key)}", "a")  # noqa: SIM115
+        turn = open(folder_in_use() / "turn", "a")  # noqa: SIM115
         with contextlib.suppress(BlockingIOError):
             fcntl.flock(turn, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            process = _started(artifact, turn.fileno())
+            process = _started(asked, turn.fileno())  # here: the program may end before the thread runs
     except OSError as error:
         log.warning(UNUSED, f"no process can be started: {error}")
         return None
     thread = threading.Thread(
-        target=_wait, args=[process, turn, artifact, use], name="hybridyn-build", daemon=True
+        target=_wait, args=[process, turn, asked, artifact, use], name="hybridyn-build", daemon=True
     )
     thread.start()
     return thread
 
 
-def _started(artifact: Artifact, turn: int) -> subprocess.Popen[bytes]:
+def _started(asked: bytes, turn: int) -> subprocess.Popen[bytes]:
     """Start the process, which holds the lock `turn`.
 
     Raises:
         OSError: It cannot be started.
     """
+    left = LEFT if folder_in_use() == folder() else 0.0  # nobody finds a library in a temporary folder
     with tempfile.TemporaryFile() as request:
-        pickle.dump(artifact, request)  # here: the caller may change the robot's caches while the thread runs
+        request.write(asked)
         request.seek(0)
         return subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, *sys.path],
+            [sys.executable, "-c", PROGRAM, str(os.getpid()), str(left), *sys.path],
             stdin=request,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             env=os.environ | {VARIABLE: str(folder_in_use())},
+            process_group=0,
             pass_fds=[turn],
         )
 
 
 def _wait(
-    process: subprocess.Popen[bytes] | None, turn: IO[str], artifact: Artifact, use: Callable[[Library], None]
+    process: subprocess.Popen[bytes] | None,
+    turn: IO[str],
+    asked: bytes,
+    artifact: Artifact,
+    use: Callable[[Library], None],
 ) -> None:
     """Wait for the library and use it; the quick one stays in use where there is none."""
-    said = "another program could not build the optimised one"
-    with turn:
-        if process is None:
-            fcntl.flock(turn, fcntl.LOCK_EX)
-        else:
+    said = "the process that builds ended without a word"
+    try:
+        with turn:
+            if process is None:
+                fcntl.flock(turn, fcntl.LOCK_EX)
+                process = _started(asked, turn.fileno())
             assert process.stdout is not None
             with process:
                 for line in process.stdout:
@@ -110,7 +121,6 @@ def _wait(
                     log.info("%s", said)
             if process.returncode == 0:
                 said = "the package or the compiler changed while the optimised one was built"
-    try:
         if (built := artifact.known()) is None:
             raise CompileError(said)
         use(Library(built))
@@ -118,26 +128,45 @@ def _wait(
         log.warning(UNUSED, error)
 
 
-def build_asked() -> None:
-    """Build the library that another process asks for."""
-    os.setpgrp()  # its compiler ends with it, and no Ctrl-C of the program ends them
+def build_asked(program: int, left: float) -> None:
+    """Build the library that another process asks for.
+
+    Args:
+        program: Number of that process.
+        left: Time that the build has after its end [s]; 0 in a temporary folder, which is then removed.
+    """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # temporary files are removed
     artifact: Artifact = pickle.load(sys.stdin.buffer)
-    threading.Thread(target=_end_after_program, args=[os.getppid()], daemon=True).start()
+    threading.Thread(target=_end_after_program, args=[program, left], daemon=True).start()
     os.nice(POLITE)
     logging.basicConfig(stream=sys.stdout, level=logging.INFO, format="%(message)s")
     try:
         artifact.built(jobs=1)
     except HybridynError as error:
         sys.exit(str(error))
+    finally:
+        if left == 0.0 and os.getppid() != program:
+            shutil.rmtree(folder(), ignore_errors=True)
 
 
-def _end_after_program(program: int) -> None:
-    """Wait for the end of the program and `LEFT` seconds, then end this process and its compiler."""
+def _end_after_program(program: int, left: float) -> None:
+    """Wait for the end of the program and some seconds, then end this process group: the compiler, too."""
     while os.getppid() == program:
         time.sleep(1.0)
-    time.sleep(LEFT)
+    time.sleep(left)
     os.killpg(0, signal.SIGTERM)
+
+
+def check_bits(check: Callable[[Built], None] | None, quick: Built, built: Built) -> None:
+    """Check a library, and that it gives the bits of a quick one.
+
+    Raises:
+        CompileError: It does not, or as `check` raises.
+    """
+    if check is not None:
+        check(built)
+    if differing := different_programs(Library(quick), Library(built)):
+        raise CompileError(f"the optimised build gives other bits in {', '.join(differing)}")
 
 
 def different_programs(first: Library, second: Library) -> list[str]:
@@ -164,11 +193,12 @@ class Current:
     def __init__(self, library: Library, use: Callable[[Library], None], artifact: Artifact) -> None:
         """Use a library; if it is a quick build, have the optimised one built. `use` takes each."""
         self.library, self._use, self.artifact = library, use, artifact
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._building: threading.Thread | None = None
         use(library)
         if library.built.quick:
-            self._building = build_beside(artifact, self._replace)
+            check = partial(check_bits, artifact.check, library.built)
+            self._building = build_beside(replace(artifact, check=check), self._take)
 
     def program(self, name: str) -> Calls:
         """Return the calls of a program; if it is not there yet, a quick library of all is built."""
@@ -188,17 +218,7 @@ class Current:
         if self._building is not None:
             self._building.join()
 
-    def _replace(self, library: Library) -> None:
-        """Use the optimised library.
-
-        Raises:
-            CompileError: It gives other bits.
-        """
-        with self._lock:
-            if differing := different_programs(self.library, library):
-                raise CompileError(f"the optimised build gives other bits in {', '.join(differing)}")
-            self._take(library)
-
     def _take(self, library: Library) -> None:
-        self.library = library
-        self._use(library)
+        with self._lock:
+            self.library = library
+            self._use(library)
