@@ -86,7 +86,7 @@ def writing(
 
     Raises:
         HybridynError: The folder has parts and `resume` is false, or they were computed with something else;
-            it has files with the names of parts, but no record of parts; another process holds the folder, or
+            it has files with the names of parts, but no record of them; another process holds the folder, or
             it is no folder.
         OSError: It cannot be made or written to.
     """
@@ -110,12 +110,13 @@ def _begun(
     """Begin or continue the results in a folder that is held, and return its record."""
     for draft in before.folder.glob(DRAFTS):  # of a program that was killed
         draft.unlink(missing_ok=True)
+    files = (file.name for name in names for file in before.folder.glob(name))
+    if unknown := sorted(file for file in files if ascii(file) not in before.parts):
+        raise HybridynError(
+            f"{before.folder}: has {listed(unknown)}, of which it has no record: choose another folder, or "
+            "remove them"
+        )
     if not before.begun:
-        if unknown := sorted(file.name for name in names for file in before.folder.glob(name)):
-            raise HybridynError(
-                f"{before.folder}: has {listed(unknown)}, of which it has no record: choose another "
-                "folder, or remove them"
-            )
         write_text(before.folder / RECORD, json.dumps({"asked": asked, "told": told}))
         return Record(before.folder, asked, told, {})
     if not resume:

@@ -141,6 +141,9 @@ def test_a_table_of_another_hand_is_never_replaced(place: Path, lost: dict[str, 
         err = run("idm", "pendulum.urdf", "in/*.csv", "-o", "out", *more, status=1).err
         assert "out: has 't[1].csv', of which it has no record: choose another folder" in err
     assert shard.read_text() == "another's"
+    run("idm", "pendulum.urdf", "in/t[03].csv", "-o", "out")
+    err = run("idm", "pendulum.urdf", "in/*.csv", "-o", "out", "--resume", status=1).err
+    assert "out: has 't[1].csv', of which it has no record: choose another folder" in err
 
 
 def test_a_folder_belongs_to_one_process(place: Path, lost: dict[str, int], run: Any) -> None:

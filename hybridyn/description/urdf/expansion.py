@@ -34,8 +34,8 @@ IN_WORDS: dict[type[BaseException], str] = {
 #: What an element, text or comment, and an attribute take in xacro's document [bytes].
 NODE, ATTRIBUTE = 400, 500
 #: What count a macro or block that is replaced, a node that is moved, or passed in a search, a text that is
-#: evaluated, and a character of YAML [bytes]: they take time.
-REPLACED, MOVED, PASSED, TEXT, YAML = 1000, 8, 2, 50, 500
+#: evaluated, a character of YAML, and a note [bytes]: they take time.
+REPLACED, MOVED, PASSED, TEXT, YAML, NOTE = 1000, 8, 2, 50, 500, 10_000
 
 
 class Expansion:
@@ -108,6 +108,7 @@ class Expansion:
             raise UntracedError
         file, line = _place_in(walk_stack(None)) or ("", 0)
         where = f"{file or shown(Path(self.folders.file))}:{line}: " if line else ""
+        self._budget.spend(NOTE)
         self.notes.append(f"{where}xacro: " + " ".join(" ".join(map(str, words)).split()))
         return ""
 
@@ -120,14 +121,18 @@ class Expansion:
             raise self._xacro.XacroException(exc=error) from None
         if self._traced and OPEN.encode() in content:
             raise UntracedError
-        self._budget.spend(len(content))
+        self._budget.spend(len(content) + NODE * content.count(b"<"))  # tags, comments and texts
         file = "" if filename == self.folders.file else shown(Path(filename))
         return _Placing(file, self._budget).parseString(content)
 
     def _opened(self, path: str) -> io.TextIOBase:
         """Open a file of YAML."""
         content = self.folders.ask("read", path)
-        self._budget.spend(YAML * len(content))
+        self._budget.spend(
+            YAML * len(content),
+            f"the YAML file {shown(Path(path))} of {len(content) / 1e6:.2f} MB counts {YAML} times its size, "
+            "each time it is read: take out what the robot does not need",
+        )
         return io.TextIOWrapper(io.BytesIO(content), encoding="utf-8")
 
     def _located(self, stated: Any) -> str:
@@ -252,7 +257,7 @@ class _Placing(ExpatBuilderNS):
         super().start_element_handler(name, attributes)
         begun: Any = self.curNode
         begun.__class__, begun.place = _Counted, place
-        self._budget.spend(2 * NODE + ATTRIBUTE * len(attributes) // 2)  # with their places
+        self._budget.spend(NODE + ATTRIBUTE * len(attributes) // 2)  # with their places
 
 
 @cache
@@ -267,6 +272,8 @@ def _own_xacro() -> Any:
     xacro.substitution_args.os = SimpleNamespace(environ={}, path=os.path)  # no environment
     xacro.absolute, xacro.boolean = xacro.abs_filename_spec, xacro.get_boolean_value
     xacro.literal = xacro.Table._eval_literal
+    # what a default holds is never divided in another way, for which there are exponentially many
+    xacro.re_macro_arg = xacro.re.compile(xacro.re_macro_arg.pattern.replace("+)+|", "+)++|"))
     symbols = xacro._global_symbols
     for table in (symbols, symbols["math"], symbols["python"]):
         for name in FORBIDDEN:

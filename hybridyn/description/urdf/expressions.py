@@ -50,10 +50,6 @@ _METHODS: dict[type, frozenset[str]] = {
 FORBIDDEN = ("type", "vars", "issubclass", "factorial", "comb", "perm", "prod", "lcm")
 
 
-#: Nodes whose values are counted already.
-_KNOWN = ast.Constant | ast.Name | ast.Attribute | ast.Subscript
-
-
 class RefusedError(Exception):
     """The xacro file uses something that is not allowed."""
 
@@ -67,14 +63,15 @@ class Budget:
 
     made = 0
 
-    def spend(self, size: int) -> None:
-        """Count what is made; raise RunawayError if it is too much."""
+    def spend(
+        self, size: int, mend: str = "find the macro that calls itself or repeats its blocks too often"
+    ) -> None:
+        """Count what is made; raise RunawayError, which says the mend, if it is too much."""
         self.made += size
         if self.made > MOST_MADE:
             raise RunawayError(
-                f"macros, blocks, includes and expressions make more than {MOST_MADE // 10**6:,} MB; find "
-                "the macro that calls itself or repeats its blocks too often. If the robot is that large, "
-                "expand it by the program xacro, and open what that writes"
+                f"macros, blocks, includes and expressions make more than {MOST_MADE // 10**6:,} MB; {mend}. "
+                "If the robot is that large, expand it by the program xacro, and open what that writes"
             )
 
 
@@ -118,8 +115,7 @@ def repeating(text: str, method: str, *arguments: Any) -> str:
     """Return what `join` or `replace`, which repeat a text, make of it."""
     sizes = (len(one) for one in arguments if not isinstance(one, int))  # an integer counts replacements
     refuse_large(len(text) * sum(sizes), LARGEST_VALUE)
-    made: str = getattr(text, method)(*arguments)
-    return made
+    return str(getattr(text, method)(*arguments))
 
 
 def bounded_round(number: Any, ndigits: Any = None) -> Any:
@@ -187,7 +183,12 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
         value = self.nodes[type(node)](node)
         if isinstance(value, int | str | list | tuple):
             refuse_large(value.bit_length() if isinstance(value, int) else len(value))
-        return value if isinstance(node, _KNOWN) else self._counted(value)
+        # these are counted already
+        return (
+            value
+            if isinstance(node, ast.Constant | ast.Name | ast.Attribute | ast.Subscript)
+            else self._counted(value)
+        )
 
     def _counted(self, value: Any) -> Any:
         """Return a new value, what makes its elements one by one as their list; count its size."""
