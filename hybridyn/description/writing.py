@@ -11,16 +11,17 @@ from pathlib import Path
 #: Errors that only writing causes, and that the system reports without the name of the file.
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
-#: Pattern of the names of drafts.
-DRAFTS = f".*.{'[0-9a-f]' * 8}.*"
-
 
 @contextlib.contextmanager
-def appearing(target: str | os.PathLike[str]) -> Iterator[Path]:
+def appearing(target: str | os.PathLike[str], start: str = "") -> Iterator[Path]:
     """Yield the path of a draft that replaces a file at the end, or is removed on any error.
 
     The draft is beside the file and has its ending. If the target is a link, the file behind it is replaced.
     A device or a pipe is never replaced: it is its own draft.
+
+    Args:
+        target: The file.
+        start: How the draft's name starts, after a dot; by default as that of the file.
 
     Raises:
         OSError: The file cannot be written; the error names the target and not the draft.
@@ -30,7 +31,8 @@ def appearing(target: str | os.PathLike[str]) -> Iterator[Path]:
         with naming(target):
             yield file
         return
-    draft = file.with_name(f".{file.name}.{os.urandom(4).hex()}{file.suffix}")
+    # short: systems allow 255 bytes, and a draft may have one
+    draft = file.with_name(f".{start or file.name[:40]}.{os.urandom(8).hex()}{file.suffix}")
     try:
         with naming(target):
             yield draft

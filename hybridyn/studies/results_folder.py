@@ -18,11 +18,14 @@ from pathlib import Path
 from typing import Any
 
 from ..description.names import listed
-from ..description.writing import DRAFTS, appearing, write_text
+from ..description.writing import appearing, write_text
 from ..errors import HybridynError
 
 #: The file that says what the parts of a folder are.
 RECORD = "record.txt"
+#: How the drafts of parts begin, and the pattern of their names and of those of their own drafts.
+DRAFT = "hybridyn-part"
+DRAFTS = f".*{DRAFT}.{'[0-9a-f]' * 16}.*"
 #: The file that the process holds which writes in a folder.
 LOCK = "writing.lock"
 
@@ -101,15 +104,16 @@ def writing(
                 f"{folder}: another process writes its results here: wait for its end, or choose another "
                 "folder"
             ) from None
-        yield _begun(read_record(folder), asked, told, names, resume)
+        record = _begun(read_record(folder), asked, told, names, resume)
+        for draft in record.folder.glob(DRAFTS):  # of a program that was killed
+            draft.unlink(missing_ok=True)
+        yield record
 
 
 def _begun(
     before: Record, asked: Mapping[str, str], told: Mapping[str, Any], names: Iterable[str], resume: bool
 ) -> Record:
     """Begin or continue the results in a folder that is held, and return its record."""
-    for draft in before.folder.glob(DRAFTS):  # of a program that was killed
-        draft.unlink(missing_ok=True)
     files = (file.name for name in names for file in before.folder.glob(name))
     if unknown := sorted(file for file in files if ascii(file) not in before.parts):
         raise HybridynError(
@@ -146,7 +150,7 @@ def part(folder: Path, name: str, of: str = "") -> Iterator[Path]:
     Raises:
         OSError: The disk is full, or the folder is gone; the error names the part.
     """
-    with appearing(folder / name) as draft:
+    with appearing(folder / name, DRAFT) as draft:
         yield draft
         with open(folder / RECORD, "a", encoding="utf-8") as record:
             record.write(f"\n{digest(draft)}{of} {name!a}")  # after a line that a full disk cut

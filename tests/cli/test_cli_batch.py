@@ -134,6 +134,24 @@ def test_another_robot_or_option_is_named(
     assert said in run("ddm", *words[1:], "--resume", status=1).err
 
 
+@pytest.mark.parametrize("name", ["\u684c" * 80, "t" * 240])
+def test_tables_may_have_long_names_and_move_with_their_robot(
+    place: Path, lost: dict[str, int], run: Any, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Systems allow 255 bytes."""
+    (place / "in" / "t1.csv").rename(place / "in" / f"{name}.csv")
+    words = ["idm", str(place / "pendulum.urdf"), f"in/{name[0]}*.csv", "-o", "out", "--resume"]
+    (place / "in" / "t2.csv").unlink()
+    assert "computed now" in run(*words).err
+    assert f"{name}.csv" in shards("out")
+    (place / "moved").mkdir()
+    for part in ("in", "out", "pendulum.urdf"):
+        (place / part).rename(place / "moved" / part)
+    monkeypatch.chdir(place / "moved")
+    words[1] = str(place / "moved" / "pendulum.urdf")
+    assert ", 0 computed now" in run(*words).err
+
+
 def test_a_table_of_another_hand_is_never_replaced(place: Path, lost: dict[str, int], run: Any) -> None:
     shard = save(place / "out", "another's", "t[1].csv")
     (place / "in" / "t1.csv").rename(place / "in" / "t[1].csv")

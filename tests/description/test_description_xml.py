@@ -71,6 +71,7 @@ def test_numbers_must_be_finite_and_as_many_as_needed(
     ("change", "note"),
     [
         (lambda text: text.replace("<link", "<!-- limits -- see the manual --><link", 1), "2: '--' in"),
+        (lambda text: "\ufeff" + text.replace("<link", "<!-- a -- b --><link", 1), "2: '--' in"),
         (lambda text: "<!-- by hand --><?xml version='1.0'?>" + text, "1: an XML declaration"),
         (lambda text: text.replace("<link", "<drake:group name='g'/><link", 1), "2: a prefix without xmlns"),
         (lambda text: text.replace("<link", "<material name='<grey>'/><link", 1), "2: '<' in an attribute"),

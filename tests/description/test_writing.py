@@ -45,6 +45,13 @@ def test_no_draft_is_left_by_an_error_which_names_the_target(
     assert getattr(caught.value, "filename", str(file)) == str(file)
 
 
+def test_a_file_with_the_longest_name_is_written_also_as_a_draft(tmp_path: Path) -> None:
+    file = tmp_path / ("\u684c" * 83 + ".csv")
+    with appearing(file) as draft, appearing(draft) as inner:
+        inner.write_text("new")
+    assert file.read_text() == "new"
+
+
 def test_a_pipe_is_written_to_and_not_replaced(tmp_path: Path) -> None:
     pipe, link = tmp_path / "pipe", tmp_path / "link.csv"
     os.mkfifo(pipe)

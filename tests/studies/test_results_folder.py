@@ -8,6 +8,7 @@ from unittest.mock import Mock
 import pytest
 
 import hybridyn
+from hybridyn.description.writing import appearing
 from hybridyn.studies.results_folder import RECORD, part, read_record, writing
 from tests.comparing import refused
 
@@ -69,6 +70,25 @@ def test_what_differs_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
         refused(lambda asked=asked: begin(tmp_path, resume=True, **asked), hybridyn.HybridynError, said)
     begin(tmp_path, resume=True, robot="2", effects="model")
     assert read_record(tmp_path).has("part")
+
+
+def test_only_the_drafts_of_parts_of_a_killed_run_are_removed(tmp_path: Path) -> None:
+    """A file may have a date in its name, and another command may write its own table into the folder."""
+    begin(tmp_path, robot="1")
+    with part(tmp_path, "part.csv") as draft, appearing(draft) as inner:
+        left = draft.name, inner.name
+        inner.write_text("")
+    (tmp_path / "part.csv").unlink()
+    with appearing(tmp_path / "single.csv") as single:
+        kept = {".backup.20261127.tar", ".x.deadbeef.txt", ".a.0123456789abcdef.csv", single.name}
+        for name in (*left, *kept):
+            (tmp_path / name).write_text("")
+        begin(tmp_path, robot="2")
+        assert {path.name for path in tmp_path.iterdir()} == {RECORD, "writing.lock", *kept}
+    add(tmp_path, "part")
+    (tmp_path / left[0]).write_text("")
+    refused(lambda: begin(tmp_path, robot="2"), hybridyn.HybridynError, "of an earlier run")
+    assert (tmp_path / left[0]).exists()
 
 
 @pytest.mark.parametrize("record", ["", '{"broken', '{"asked": {}, "told": {}}'])

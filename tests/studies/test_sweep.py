@@ -274,6 +274,18 @@ def test_a_sweep_continues_from_its_shards(folder: Path, here: Any) -> None:
     )
 
 
+def test_a_record_of_another_version_is_told(folder: Path, here: Any) -> None:
+    study = written("method = 'grid'")
+    hybridyn.sweep(study, "out")
+    record = Path("out", "record.txt")
+    record.write_text(record.read_text().replace('"designs":', '"newer":', 1))
+    refused(
+        lambda: hybridyn.sweep(study, "out", resume=True),
+        hybridyn.HybridynError,
+        "^out: holds no results of a sweep",
+    )
+
+
 def test_no_sweep_is_mixed_with_shards_without_a_record(folder: Path, here: Any) -> None:
     """All Parquet files of the folder are read as one table."""
     study = written("method = 'grid'")

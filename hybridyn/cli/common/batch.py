@@ -112,7 +112,7 @@ def _asked(command: Callable[..., int], options: dict[str, Any]) -> dict[str, st
     choice: RobotChoice = options["load"]
     with recorded() as files:
         choice()
-    words = options | vars(choice) | {"robot": os.path.abspath(choice.robot)}
+    words = options | vars(choice) | {"robot": os.path.basename(choice.robot)}
     said = {one.name: max(one.opts, key=len) for one in click.get_current_context().command.params}
     asked = {said.get(name, name): repr(words[name]) for name in words if name not in OTHERS}
     return {"command": command.__module__, **asked, **by_name(files)}

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from typing import NamedTuple, cast
@@ -92,7 +93,10 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
     # After the first error, libxml2 leaves out what follows the root without a word.
     if (
         errors
-        and etree.fromstring(b"<all>%b</all>" % text, parser).xpath("count(*|text()[normalize-space()])") != 1
+        and etree.fromstring(b"<all>%b</all>" % text.removeprefix(BOM_UTF8), parser).xpath(
+            "count(*|text()[normalize-space()])"
+        )
+        != 1
     ):
         raise ModelError("not well-formed XML: something follows the root element", file=file)
     first = {entry.type_name: entry.line for entry in reversed(errors)}

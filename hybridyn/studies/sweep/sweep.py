@@ -22,7 +22,7 @@ from .designs import designs_of
 from .evaluation import Chunk, Designer, Evaluated, Row
 from .measures import unit_of
 from .reading import identity, read_study
-from .shards import About, gaps, read_shards, write_shard
+from .shards import About, about_of, gaps, read_shards, write_shard
 from .study_file import StudyFile
 from .variants import Variants
 
@@ -131,8 +131,8 @@ def sweep(
         _units(source, designs[0]),
     )  # fmt: skip
     asked = {"command": "sweep", **identity(source, designs[0])}
-    with writing(output, asked, asdict(about), ["*.parquet"], resume=resume) as record:
-        about = About(**record.told)
+    with writing(output, asked, asdict(about), ["[!.]*.parquet"], resume=resume):
+        about = about_of(state.folder)
         state.statuses.update(read_shards(state.folder, ["status"])["status"])
         if left := gaps(state.folder, len(designs)):
             if about.compiled and plan is None:
