@@ -139,20 +139,25 @@ def _begun(
 
 
 @contextlib.contextmanager
-def part(folder: Path, name: str, of: str = "") -> Iterator[Path]:
+def part(folder: Path, name: str, of: str = "", asked: Mapping[str, str] | None = None) -> Iterator[Path]:
     """Yield the path of a draft, which becomes a part of the results at the end, or is removed on any error.
 
     Args:
         folder: A folder that is being written (`writing`), also by the process that started this one.
         name: Name of the part.
         of: Digest of what else than asked it is computed from.
+        asked: What was asked of a process that may outlive the one that holds the folder; None for that one.
 
     Raises:
+        HybridynError: Something else has been asked since.
         OSError: The disk is full, or the folder is gone; the error names the part.
     """
     with appearing(folder / name, DRAFT) as draft:
         yield draft
-        with open(folder / RECORD, "a", encoding="utf-8") as record:
+        with open(folder / RECORD, "a+", encoding="utf-8") as record:
+            record.seek(0)
+            if asked not in (None, json.loads(record.readline())["asked"]):
+                raise HybridynError(f"{folder}: another run has begun here")
             record.write(f"\n{digest(draft)}{of} {name!a}")  # after a line that a full disk cut
 
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from hybridyn.studies.results_folder import writing
+from hybridyn.cli.common import batch
+from hybridyn.studies.results_folder import RECORD, writing
 from tests.extras import needs
 from tests.files import save
 from tests.studies.test_sweep import pendulum_in, pool_here
@@ -110,6 +111,23 @@ def test_a_killed_program_is_continued(place: Path, lost: dict[str, int], run: A
     run(*words, "whole")
     assert shards("out") == shards("whole")
     assert not list(place.glob("out/.*"))
+
+
+def test_a_worker_knows_its_run(
+    place: Path, lost: dict[str, int], run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Begin another run where the first one was killed before its worker has a result."""
+    words = ["idm", "pendulum.urdf", "in/t[013].csv", "-o", "out"]
+    compute = batch.one_table
+
+    def meanwhile(*task: Any) -> int:
+        record = Path("out", RECORD)
+        record.write_text(record.read_text().replace('"command": "', '"command": "other '))
+        return compute(*task)
+
+    monkeypatch.setattr(batch, "one_table", meanwhile)
+    assert "another run has begun here" in run(*words, status=1).err
+    assert not shards("out")
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,23 @@ def test_what_differs_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
     assert read_record(tmp_path).has("part")
 
 
+def test_a_process_that_outlives_its_run_adds_nothing_to_another(tmp_path: Path) -> None:
+    """The parent is killed, another run begins with something else, and the worker goes on."""
+    begin(tmp_path, robot="1")
+
+    def outlive(again: str) -> None:
+        with part(tmp_path, "part", asked={"robot": "1"}) as draft:
+            begin(tmp_path, robot=again)
+            draft.write_text("of robot 1")
+
+    refused(lambda: outlive("2"), hybridyn.HybridynError, f"{tmp_path}: another run has begun here")
+    assert {path.name for path in tmp_path.iterdir()} == {RECORD, "writing.lock"}
+    assert not read_record(tmp_path).parts
+    begin(tmp_path, robot="1")
+    outlive("1")
+    assert read_record(tmp_path).has("part")
+
+
 def test_only_the_drafts_of_parts_of_a_killed_run_are_removed(tmp_path: Path) -> None:
     """A file may have a date in its name, and another command may write its own table into the folder."""
     begin(tmp_path, robot="1")

@@ -5,7 +5,7 @@ import glob
 import io
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -64,7 +64,9 @@ def compute_each(command: Callable[..., int], options: dict[str, Any], ending: s
     with writing(options["output"], _asked(command, options), {}, names, resume=resume) as record:
         digests = {file: digest(file) for file in shards}
         left = [file for file in shards if not record.has(shards[file].name, digests[file])]
-        tasks = [(command, options | {"source": file}, shards[file], digests[file]) for file in left]
+        tasks = [
+            (command, options | {"source": file}, shards[file], digests[file], record.asked) for file in left
+        ]
         try:
             with progress("tables") as show:
                 for outcome in open_pool(options["jobs"]).run(compute, tasks, lost) if tasks else ():
@@ -118,20 +120,22 @@ def _asked(command: Callable[..., int], options: dict[str, Any]) -> dict[str, st
     return {"command": command.__module__, **asked, **by_name(files)}
 
 
-def lost(command: Callable[..., int], options: dict[str, Any], shard: Path, of: str) -> Outcome:
+def lost(command: Callable[..., int], options: dict[str, Any], *_: object) -> Outcome:
     """Return what became of a table that ended its process each time."""
     why = f"its process ended without a result {counted(MOST_DEATHS, 'time')}"
     return Outcome(options["source"], error=f"{options['source']}: {why}")
 
 
-def compute(command: Callable[..., int], options: dict[str, Any], shard: Path, of: str) -> Outcome:
+def compute(
+    command: Callable[..., int], options: dict[str, Any], shard: Path, of: str, asked: Mapping[str, str]
+) -> Outcome:
     """Compute one table, in whatever process; the first process has printed the notes on the robot."""
     source, out = options["source"], io.StringIO()
     own = {"load": partial(_robot, options["load"]), "jobs": 1, "quiet": True}
     try:
         with (
             one_thread(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()),
-            part(shard.parent, shard.name, of) as draft,
+            part(shard.parent, shard.name, of, asked) as draft,
         ):  # fmt: skip
             status = one_table(command, options | own | {"output": str(draft)})
     except (HybridynError, OSError, click.ClickException) as error:
