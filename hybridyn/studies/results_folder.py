@@ -105,9 +105,17 @@ def writing(
                 "folder"
             ) from None
         record = _begun(read_record(folder), asked, told, names, resume)
-        for draft in record.folder.glob(DRAFTS):  # of a program that was killed
-            draft.unlink(missing_ok=True)
-        yield record
+        _remove_drafts(record.folder)
+        try:
+            yield record
+        finally:
+            _remove_drafts(record.folder)
+
+
+def _remove_drafts(folder: Path) -> None:
+    """Remove the drafts of processes that were killed from a folder that is held."""
+    for draft in folder.glob(DRAFTS):
+        draft.unlink(missing_ok=True)
 
 
 def _begun(

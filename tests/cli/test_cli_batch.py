@@ -113,6 +113,12 @@ def test_a_killed_program_is_continued(place: Path, lost: dict[str, int], run: A
     assert not list(place.glob("out/.*"))
 
 
+def test_errors_name_the_shard_and_no_draft(place: Path, lost: dict[str, int], run: Any) -> None:
+    (place / "in" / "t1.csv").rename(place / "in" / "t1.txt")
+    err = run("idm", "pendulum.urdf", "in/*.txt", "-o", "out", status=1).err
+    assert "error: in/t1.txt: out/t1.txt: a result file ends in .csv or .parquet" in err
+
+
 def test_a_worker_knows_its_run(
     place: Path, lost: dict[str, int], run: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -102,6 +102,9 @@ def test_only_the_drafts_of_parts_of_a_killed_run_are_removed(tmp_path: Path) ->
             (tmp_path / name).write_text("")
         begin(tmp_path, robot="2")
         assert {path.name for path in tmp_path.iterdir()} == {RECORD, "writing.lock", *kept}
+        with writing(tmp_path, {"robot": "2"}, {}, [], resume=False):  # one of its processes is killed
+            (tmp_path / left[1]).write_text("")
+        assert {path.name for path in tmp_path.iterdir()} == {RECORD, "writing.lock", *kept}
     add(tmp_path, "part")
     (tmp_path / left[0]).write_text("")
     refused(lambda: begin(tmp_path, robot="2"), hybridyn.HybridynError, "of an earlier run")

@@ -130,7 +130,7 @@ def compute(
     command: Callable[..., int], options: dict[str, Any], shard: Path, of: str, asked: Mapping[str, str]
 ) -> Outcome:
     """Compute one table, in whatever process; the first process has printed the notes on the robot."""
-    source, out = options["source"], io.StringIO()
+    source, out, draft = options["source"], io.StringIO(), shard
     own = {"load": partial(_robot, options["load"]), "jobs": 1, "quiet": True}
     try:
         with (
@@ -139,7 +139,7 @@ def compute(
         ):  # fmt: skip
             status = one_table(command, options | own | {"output": str(draft)})
     except (HybridynError, OSError, click.ClickException) as error:
-        said = " ".join(explained(error)[0].split())
+        said = " ".join(explained(error)[0].replace(str(draft), str(shard)).split())
         return Outcome(source, error=said if said.startswith(source) else f"{source}: {said}")
     return Outcome(source, status, out.getvalue())
 
