@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sized
 from functools import cache, partial
 from typing import Any
 
@@ -27,8 +27,9 @@ LARGEST_VALUE = 10_000_000
 #: Most that one expansion may make [bytes], which takes less than 10 s and 500 MB. A stack of 256 six-legged
 #: modules, 80,000 elements, makes 85 % of it; arms, hands and humanoids below 10 %.
 MOST_MADE = 500_000_000
-#: What a step of an expression, and a character of its syntax tree, count [bytes]: they take time, or memory.
-STEP, SYNTAX = 100, 250
+#: What a step of an expression, an element of a value that it may read, and a character of a syntax tree
+#: count [bytes]: they take time, or memory.
+STEP, READ, SYNTAX = 100, 4, 250
 
 _WIDE_FIELD = re.compile(r"%[^a-zA-Z%]*(\d{5}|\*)")
 
@@ -177,10 +178,10 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
 
     def _eval(self, node: ast.AST) -> Any:
         """Return the value of a node; count it, and all that it holds where it is new."""
-        self.budget.spend(STEP)
         if type(node) not in self.nodes:
             raise RefusedError(f"{type(node).__name__} is not allowed in an expression")
         value = self.nodes[type(node)](node)
+        self.budget.spend(STEP + READ * (len(value) if isinstance(value, Sized) else 0))
         if isinstance(value, int | str | list | tuple):
             refuse_large(value.bit_length() if isinstance(value, int) else len(value))
         # these are counted already
