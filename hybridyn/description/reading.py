@@ -180,7 +180,9 @@ def open_robot(
     ending = next((ending for start, ending in USD_STARTS.items() if text.startswith(start)), None)
     if ending and not Path(file).suffix.lower().startswith(".usd"):
         raise ModelError(
-            f"holds USD, which OpenUSD reads by its ending; rename it to end in {ending}", file=file
+            f"{'is a ZIP; if it ' if ending == '.usdz' else ''}holds USD, which OpenUSD reads by its ending; "
+            f"rename it to end in {ending}",
+            file=file,
         )
     root = None if file.endswith(".xacro") else parse(USD if ending else text, file)
     if root is None or any(node.tag.startswith("xacro:") for node in root.descendants()):

@@ -27,6 +27,7 @@ NO_ROBOTS = [
     ("<!doctype robot><robot/>", "not well-formed XML"),
     ("", "four_bar.urdf: not readable as XML: Document is empty, line 1, column 1"),
     ("#usda 1.0\n", "holds USD, which OpenUSD reads by its ending; rename it to end in .usda"),
+    (b"PK\x03\x04 any archive", "four_bar.urdf: is a ZIP; if it holds USD, which OpenUSD reads"),
     (b"PXR-USDC\0\0", "rename it to end in .usdc"),
     ("  \n ", "not well-formed XML"),
     ("no xml at all", "not well-formed XML"),
