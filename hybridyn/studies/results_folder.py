@@ -157,15 +157,14 @@ def part(folder: Path, name: str, of: str = "", asked: Mapping[str, str] | None 
         asked: What was asked of a process that may outlive the one that holds the folder; None for that one.
 
     Raises:
-        HybridynError: Something else has been asked since.
+        HybridynError: Something else has been asked since, or the record is gone.
         OSError: The disk is full, or the folder is gone; the error names the part.
     """
     with appearing(folder / name, DRAFT) as draft:
         yield draft
-        with open(folder / RECORD, "a+", encoding="utf-8") as record:
-            record.seek(0)
-            if asked not in (None, json.loads(record.readline())["asked"]):
-                raise HybridynError(f"{folder}: another run has begun here")
+        if asked not in (None, read_record(folder).asked):
+            raise HybridynError(f"{folder}: another run has begun here, or the record is gone")
+        with open(folder / RECORD, "a", encoding="utf-8") as record:
             record.write(f"\n{digest(draft)}{of} {name!a}")  # after a line that a full disk cut
 
 

@@ -76,6 +76,14 @@ def test_a_process_that_outlives_its_run_adds_nothing_to_another(tmp_path: Path)
     """The parent is killed, another run begins with something else, and the worker goes on."""
     begin(tmp_path, robot="1")
 
+    def lose() -> None:
+        with part(tmp_path, "part", asked={"robot": "1"}) as draft:
+            draft.write_text("of robot 1")
+            (tmp_path / RECORD).unlink()
+
+    refused(lose, hybridyn.HybridynError, "or the record is gone")
+    begin(tmp_path, robot="1")
+
     def outlive(again: str) -> None:
         with part(tmp_path, "part", asked={"robot": "1"}) as draft:
             begin(tmp_path, robot=again)
