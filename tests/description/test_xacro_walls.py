@@ -298,8 +298,8 @@ RUNAWAYS = {
     "comments": "<!---->" * 1_500_000,
     "sections": "<![CDATA[a]]> " * 1_500_000,
     **{
-        read: f"""<xacro:property name="big" value="${{list(python.range(9999))}}"/>
-            <a b="${{[len([{read} for i in python.range(9000)]) for j in python.range(2)]}}"/>"""
+        read: """<xacro:property name="big" value="${list(python.range(9999))}"/>"""
+        + f"""<a b="${{len([{read} for i in python.range(9000)])}}"/>""" * 2
         for read in ("max(big, key=str)", "-1 in big")
     },
     "notes": """<a b="${len([xacro.message('') for i in python.range(9000)])}"/>""" * 10,
