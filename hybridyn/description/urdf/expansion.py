@@ -35,7 +35,7 @@ IN_WORDS: dict[type[BaseException], str] = {
 NODE, ATTRIBUTE = 400, 500
 #: What count a macro or block that is replaced, a node that is moved, or passed in a search, a text that is
 #: evaluated, a character of YAML, and a note [bytes]: they take time.
-REPLACED, MOVED, PASSED, TEXT, YAML, NOTE = 1000, 8, 2, 50, 500, 10_000
+REPLACED, MOVED, PASSED, TEXT, YAML, NOTE = 1000, 8, 2, 75, 500, 10_000
 
 
 class Expansion:

@@ -274,7 +274,7 @@ class Node(NamedTuple):
 
     def refuse_misspelt(self, attributes: Sequence[str], children: Sequence[str]) -> None:
         """Raise for attributes and children that resemble an absent one of the given names; ignore others."""
-        written, nodes = self.attributes(), {_written(xml): xml for xml in self.xml}
+        written, nodes = dict.fromkeys(self.attributes()), {_written(xml): xml for xml in self.xml}
         for name in written:
             if name not in attributes and (
                 best := closest(name, [x for x in attributes if x not in written])
