@@ -35,7 +35,7 @@ from tests.oracle import Oracle
 
 ROBOTS = ("ur5", "five_bar", "gough_stewart", "lx4")
 #: Name of our calls.
-OURS = "hybridyn, compiled"
+OURS, GIVEN = "hybridyn, compiled", "hybridyn, compiled, given arrays"
 #: What follows the name of a model whose derivatives are over the motors.
 MOTORS = " over motors"
 #: Largest error of hybridyn's derivatives.
@@ -152,6 +152,8 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
         count = f"{whole:.3g} times the model's operations, {sparse:.3g} without dense products"
         row = Row(case, words, OURS, count, error=error)
         candidates.append(Candidate(row, 1, partial(derive, q, v, x)))
+        filled = partial(derive, q, v, x, out=derive.allocate())
+        candidates.append(Candidate(row._replace(method=GIVEN), 1, filled))
         candidates.append(Candidate(row._replace(batch=batch), batch, partial(derive, *given)))
     try:
         for name, setting, blocks, call in peers(robot, model, (q, v, x)):

@@ -158,6 +158,34 @@ def test_while_the_compiler_takes_long_casadi_computes(
         assert np.abs(block - meanwhile[name]).max() <= EXACT * np.abs(block).max()
 
 
+def test_calls_fill_arrays(interpreted: None) -> None:
+    robot = hybridyn.load("five_bar")
+    q, v, a, _ = random_states(robot, 2)
+    derive = Derivatives(robot, "idm")
+    assert_filled(derive, q[0], v[0], a[0])
+    for given, words in (
+        (derive.allocate(), "out is for a single sample, the arguments are 2 rows"),
+        (derive(q, v, a), "what `allocate` of the same derivatives returned"),
+    ):
+        refused(lambda given=given: derive(q, v, a, out=given), hybridyn.TrajectoryError, words)
+
+
+@pytest.mark.slow
+def test_compiled_calls_fill_arrays() -> None:
+    robot = hybridyn.load("five_bar")
+    q, v, a, _ = random_states(robot, 1)
+    assert_filled(Derivatives(robot, "idm"), q[0], v[0], a[0])
+
+
+def assert_filled(derive: Derivatives, *given: np.ndarray) -> None:
+    """Check that a call with `out` fills and returns it, with the same numbers."""
+    out = derive.allocate()
+    places = {name: block.ctypes.data for name, block in out.items()}
+    assert derive(*given, out=out) is out
+    assert {name: block.ctypes.data for name, block in out.items()} == places
+    same_bits(out, derive(*given))
+
+
 @pytest.mark.parametrize(
     ("name", "base"),
     [slow("five_bar", "moving"), slow("rps3", "fixed"), slow("rps3", "floating"),

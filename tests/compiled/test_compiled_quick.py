@@ -162,7 +162,7 @@ def test_a_library_that_is_wrong_is_not_used(caplog: pytest.LogCaptureFixture) -
     model = Model(find(quick=True), refuse)
     model.current.wait()
     assert model.library.built.quick
-    assert "the quick build stays in use: it is wrong" in caplog.text
+    assert "no optimised library, so what is in use stays: it is wrong" in caplog.text
     assert kept() is None
 
 

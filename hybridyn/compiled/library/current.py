@@ -41,7 +41,7 @@ SAMPLES = 37
 LEFT = 30.0
 #: How much rather the processor serves the program, which may be building other libraries.
 POLITE = 5
-UNUSED = "the quick build stays in use: %s"
+UNUSED = "there is no optimised library, so what is in use stays: %s"
 #: Program of the process, which gets the program's number, the time that it has after it, and Python's path.
 PROGRAM = """
 import sys

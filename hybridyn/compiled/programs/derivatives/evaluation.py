@@ -239,20 +239,44 @@ class Derivatives:
         with as_compile_error(self.robot):
             return Interpreted([self.program])
 
-    def __call__(self, *given: ArrayLike) -> Jacobians:
+    def allocate(self) -> Jacobians:
+        """Return arrays that calls of one sample fill: this takes half of a small robot's time."""
+        return _Room(self, np.zeros(self._size))
+
+    def split(self, flat: Array) -> Jacobians:
+        """Return the derivatives within a program's outputs of one sample, without a copy."""
+        return {name: flat[at].reshape(shape) for name, at, shape in self._blocks}
+
+    def __call__(self, *given: ArrayLike, out: Jacobians | None = None) -> Jacobians:
         """Evaluate at one sample or many.
 
         Args:
             given: The model's arguments, shapes (n,) or (T, n).
+            out: Arrays of `allocate`, which are filled and returned; None returns new arrays.
 
         Raises:
-            TrajectoryError: An array is missing, has a wrong shape, or has a number that is not finite.
+            TrajectoryError: An array is missing, has a wrong shape, or has a number that is not finite; or
+                `out` is not from `allocate`, or there are many samples.
             HybridynError: The loops are open or rank is lost at a state (errors of the general path).
             SingularityError: The pivots of the elimination vanish at a state, so digits are lost.
         """
-        flat = np.empty(self._size)
-        if self._at_once(*given, flat) == 0:
-            return {name: flat[at].reshape(shape) for name, at, shape in self._blocks}
+        if out is None:
+            flat = np.empty(self._size)
+            if self._at_once(*given, flat) == 0:
+                return self.split(flat)
+            return self._checked(*given)
+        if not isinstance(out, _Room) or out.owner is not self:
+            raise TrajectoryError("out must be what `allocate` of the same derivatives returned")
+        if self._at_once(*given, out.flat) == 0:
+            return out
+        for name, block in self._checked(*given).items():
+            if block.shape != out[name].shape:
+                raise TrajectoryError(f"out is for a single sample, the arguments are {len(block)} rows")
+            out[name][...] = block
+        return out
+
+    def _checked(self, *given: ArrayLike) -> Jacobians:
+        """Check the arguments and evaluate."""
         if len(given) != len(self._inputs):
             raise TrajectoryError(f"expected the arrays {', '.join(self._inputs)}; {len(given)} were given")
         arguments = named(self.robot, dict(zip(self._inputs, given, strict=True)))
@@ -282,6 +306,14 @@ class Derivatives:
                     f"(limit {DERIVATIVE_AGREES:g}). Move away from that posture",
                     sample=t,
                 )
+
+
+class _Room(Jacobians):
+    """Derivatives of one sample, which are views of one array."""
+
+    def __init__(self, owner: Derivatives, flat: Array) -> None:
+        super().__init__(owner.split(flat))
+        self.owner, self.flat = owner, flat
 
 
 def _seconds_of(source: Source) -> float:
