@@ -157,8 +157,13 @@ class Quantities(Postures):
         """
         if any(len(own) not in (0, m.mobility) for m, own in zip(self.robot.modules, u.own, strict=True)):
             return None
-        make, use = artifact_of(self.robot, u, str(self.dtype)).tried, partial(Following, self.robot, u)
-        return kept(self._followings, u.joints, partial(make, use, BY_GENERAL))
+
+        def found() -> Following | None:
+            """Load or build what computes them."""
+            artifact = artifact_of(self.robot, u, str(self.dtype))  # its key takes a millisecond
+            return artifact.tried(partial(Following, self.robot, u), BY_GENERAL)
+
+        return kept(self._followings, u.joints, found)
 
     def _driven_by(self, joints: Joints, *laws: type[Any], only: bool = False) -> Following | None:
         """Return the motions over some joints, where compiled models compute the forces along them.
