@@ -1,24 +1,15 @@
-"""Every number of a robot read from MJCF is MuJoCo's; shipped robots are the same from MJCF and from URDF."""
+"""Every number of a robot read from MJCF is MuJoCo's. `tests/conversion` compares shipped robots."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import hybridyn
-from hybridyn import ddm, idm
-from hybridyn.description import Description
-from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.command_line import call, table_text
-from tests.comparing import close_to
-from tests.conversion.judge import mapped, order
 from tests.files import save
-from tests.judging import efforts
 from tests.mjcf_states import Pair
 from tests.mjcf_texts import ROBOTS, random_tree
-from tests.shipped import shipped, states_near_home
 from tests.snippets import blocks
 
 #: Numbers against MuJoCo's, relative to the largest of each table: two ways through ten products of doubles.
@@ -44,41 +35,6 @@ def test_a_robot_has_the_numbers_of_mujoco(name: str, tmp_path: Path) -> None:
         if pair.data.ne:
             J = pair.data.efc_J.reshape(-1, pair.model.nv)[: pair.data.ne]
             assert_close(pair.our_rows(q), J, "equality rows")
-
-
-# -------------------- shipped robots
-
-
-#: Two readers of the same numbers: each rotation passes through a quaternion in one of them.
-TWO_READERS = 1e-11
-
-
-def written(description: Description, folder: Path) -> Path:
-    """Write a robot as MJCF with motors and home; MuJoCo judges what is written in `tests/conversion`."""
-    file = folder / f"{description.name}.xml"
-    hybridyn.convert(build_robot(description), file)
-    return file
-
-
-@pytest.mark.parametrize("name", ["five_bar", "gough_stewart", "delta", "tanev"])
-def test_both_models_are_those_of_the_urdf(name: str, tmp_path: Path) -> None:
-    description = shipped(name)
-    if name == "five_bar":  # planar: the hinge of its loop is a point
-        (hinge,) = description.closures
-        description = replace(description, closures=(replace(hinge, kind="spherical", rotation="free"),))
-    urdf, mjcf = build_robot(description), hybridyn.load(written(description, tmp_path))
-    assert mjcf.motors == urdf.motors
-    q, v, a = states_near_home(description, "fixed", 5, 2)
-    columns, theirs = order(urdf, mjcf), mapped(urdf, mjcf, q)
-    tau = idm(urdf, q, v, a)
-    close_to(idm(mjcf, theirs, v[:, columns], a[:, columns]), tau, TWO_READERS)
-    tau = efforts(description, len(q))
-    close_to(ddm(mjcf, theirs, v[:, columns], tau), ddm(urdf, q, v, tau)[:, columns], TWO_READERS)
-
-
-def test_the_home_of_the_file_closes_the_loops(tmp_path: Path) -> None:
-    robot = hybridyn.load(written(shipped("gough_stewart"), tmp_path))
-    assert hybridyn.closure_residual(robot, robot.home) < 1e-9  # what its model.toml states
 
 
 def test_the_commands_take_the_robot_of_the_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

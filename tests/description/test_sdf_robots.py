@@ -3,18 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pinocchio as pin
 import pytest
 
 import hybridyn
-from hybridyn import ddm, idm
 from hybridyn.structure.robot import HybridRobot
-from tests.comparing import close_to
-from tests.conversion.judge import mapped, order
+from tests.conversion.judge import same_robot
 from tests.description.reading import holds
-from tests.judging import efforts
-from tests.oracle import Oracle
 from tests.samples import slow
 from tests.sdf_texts import random_pair, sdf
 from tests.shipped import states_near_home
@@ -49,23 +44,5 @@ def test_both_models_are_those_of_the_urdf(seed: int, version: str, tmp_path: Pa
     endless = {
         name: (1.0, 0.0) for name, kind in zip(urdf.joints, urdf.kinds, strict=True) if kind == "continuous"
     }
-    q, v, a = states_near_home(replace(urdf.description, home=endless), "fixed", seed, 2)
-    theirs, at = mapped(urdf, read, q), order(urdf, read)
-    tau = idm(urdf, q, v, a, effects="model")
-    close_to(idm(read, theirs, v[:, at], a[:, at], effects="model"), tau, TWO_READERS)
-    tau = efforts(urdf.description, len(q))
-    expected = ddm(urdf, q, v, tau)[:, at]
-    close_to(ddm(read, theirs, v[:, at], tau), expected, TWO_READERS)
-    turn = np.random.default_rng(seed).uniform(-1, 1, size=20)
-    close_to(open_loop(read, turn), open_loop(urdf, turn), TWO_READERS)
-
-
-def open_loop(robot: HybridRobot, turn: np.ndarray) -> np.ndarray:
-    """Return the oracle's closure rows [m, -] with its joints, by name, at drawn positions."""
-    oracle = Oracle(robot.description)
-    q = np.zeros(oracle.nq)
-    for number, name in enumerate(sorted(oracle.coordinates)):
-        kind, at, _ = oracle.coordinates[name]
-        x = turn[number]
-        q[at] = (np.cos(x), np.sin(x)) if kind == "continuous" else x
-    return oracle.tree.values(oracle.posture(q), q)
+    batch = states_near_home(replace(urdf.description, home=endless), "fixed", seed, 2)
+    same_robot(urdf.description, read.description, batch, links=False, tolerance=TWO_READERS)

@@ -10,7 +10,7 @@ import hybridyn
 from hybridyn.description.placement import rotation_from_quaternion
 from hybridyn.description.urdf.robot_folders import RobotFolders
 from hybridyn.description.usd.schema import AXES
-from tests.comparing import close_to
+from tests.conversion.judge import same_robot
 from tests.extras import needs
 from tests.files import save
 from tests.shipped import states_near_home
@@ -93,13 +93,8 @@ def test_the_same_robot_in_urdf_has_the_same_models(tmp_path: Path) -> None:
     urdf = hybridyn.load(save(tmp_path, FIVE_BAR_URDF, "robot.urdf"), motors=usd.motors)
     assert usd.motors == ("motor_left", "motor_right")
     assert usd.joints == urdf.joints
-    draw = np.random.default_rng(0)
-    q, v, a = states_near_home(urdf.description, "fixed", 1, 3)
-    tau = draw.normal(size=(3, 2))
-    close_to(hybridyn.idm(usd, q, v, a), hybridyn.idm(urdf, q, v, a), TWO_READERS)
-    close_to(hybridyn.ddm(usd, q, v, tau), hybridyn.ddm(urdf, q, v, tau), TWO_READERS)
-    q += draw.normal(size=q.shape)
-    close_to(hybridyn.closure_residual(usd, q), hybridyn.closure_residual(urdf, q), TWO_READERS)
+    batch = states_near_home(urdf.description, "fixed", 1, 3)
+    same_robot(urdf.description, usd.description, batch, tolerance=TWO_READERS)
 
 
 @pytest.mark.parametrize("axis", ["X", "Y", "Z"])
