@@ -111,11 +111,9 @@ def models(on: Any, name: str, sizes: tuple[int, ...]) -> Iterator[dict[str, Any
                 found["of_memory"] = count * width * np.dtype(dtype).itemsize / seconds / copied
                 if model in ("idm", "ddm"):
                     found["of_arithmetic"] = count * operations(threaded, model) / seconds / fused
-                if (
-                    model in ("idm", "ddm") and dtype == "float64"
-                ):  # states in single precision are open to it
-                    host = best(getattr(threaded, model), *(x.numpy() for x in arrays))
-                    yield row("compile", name, model, dtype, count, host)
+                    if dtype == "float64":  # to the host, states closed in single precision are open
+                        host = best(getattr(threaded, model), *(x.numpy() for x in arrays))
+                        yield row("compile", name, model, dtype, count, host)
                 if model == "close":  # from home, like the batch, one after the other
                     few = x.numpy()[:64]
                     yield row("compile", name, model, dtype, len(few), best(closings, threaded, few))

@@ -34,7 +34,7 @@ from hybridyn.studies.compare.methods import MODELS, Model, Setting, grid, writt
 from tests.oracle import Oracle
 
 ROBOTS = ("ur5", "five_bar", "gough_stewart", "lx4")
-#: Name of our calls.
+#: Names of our calls: with new arrays, and with arrays that are filled again, as Pinocchio's data are.
 OURS, GIVEN = "hybridyn, compiled", "hybridyn, compiled, given arrays"
 #: What follows the name of a model whose derivatives are over the motors.
 MOTORS = " over motors"

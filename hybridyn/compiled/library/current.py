@@ -108,24 +108,30 @@ def _wait(
     use: Callable[[Library], None],
 ) -> None:
     """Wait for the library and use it; the quick one stays in use where there is none."""
-    said = "the process that builds ended without a word"
+    said = ""
     try:
         with turn:
             if process is None:
                 fcntl.flock(turn, fcntl.LOCK_EX)
-                process = _started(asked, turn.fileno())
-            assert process.stdout is not None
-            with process:
-                for line in process.stdout:
-                    said = line.decode(errors="replace").strip() or said
-                    log.info("%s", said)
-            if process.returncode == 0:
-                said = "the package or the compiler changed while the optimised one was built"
+                if artifact.known() is None:  # nobody has built it meanwhile
+                    process = _started(asked, turn.fileno())
+            if process is not None:
+                said = _said(process)
         if (built := artifact.known()) is None:
             raise CompileError(said)
         use(Library(built))
     except (CompileError, OSError) as error:
         log.warning(UNUSED, error)
+
+
+def _said(process: subprocess.Popen[bytes]) -> str:
+    """Wait for the process, log its progress, and return what to say if there is no library."""
+    said = "the process that builds ended without a word"
+    with process:
+        for line in process.stdout or ():
+            said = line.decode(errors="replace").strip() or said
+            log.info("%s", said)
+    return said if process.returncode else "the package or the compiler changed while it was built"
 
 
 def build_asked(program: int, left: float) -> None:

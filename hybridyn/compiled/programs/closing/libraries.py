@@ -148,9 +148,9 @@ class ClosingLibraries:
             rows = self._rows(built)
             if designs is None:
                 check_rows(rows, robot, parts, np.zeros(0))
-            for design, like, _ in designs_to_verify(robot, designs) if designs is not None else ():
-                own = _like(parts, like, requests)
-                if own:
+                return
+            for design, like, _ in designs_to_verify(robot, designs):
+                if own := _like(parts, like, requests):
                     check_rows(rows, like, own, design)
 
         name = f"closing {structure_of(requests)!r} {robot_key(robot, None)} {scalar!r} {slots!r}"
