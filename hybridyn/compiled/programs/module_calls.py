@@ -127,11 +127,6 @@ class ModuleCalls:
         own = self.request.plans[self.k].parts.v
         return np.asarray(self.module.v_index[own[own >= 0]])
 
-    @property
-    def motions(self) -> int:
-        """Number of motions of its core. Idle spins of legs are not among them, but in the mobility."""
-        return len(self.request.plans[self.k].motions)
-
     def call(self, s: int) -> None:
         """Add the call of a stage."""
         if self.below is not None:

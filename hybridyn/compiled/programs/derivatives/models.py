@@ -91,17 +91,17 @@ class Responses:
             A, V = (end.part(first) for end in x.through(output))
             for group, known in self.to_motion[output].items():
                 terms = [(by_columns(known, 0, A.size), A), (by_columns(known, A.size, V.size), V)]
-                self.to_motion[place][group] = self._product(count, terms, [], group.motions)
+                self.to_motion[place][group] = self._product(count, terms, [], group.mobility)
 
     def _to_wrench(self, group: Group, place: Place) -> None:
         """Add the responses of all groups to a wrench on an output."""
-        x, at, n = self.relations[group], self.relations[group].wrench_at(place), group.motions
+        x, at, n = self.relations[group], self.relations[group].wrench_at(place), group.mobility
         out = {group: x.of_units["motions"].part(at)}
         passed = x.of_units["wrench"].part(at) if group.parent else None
         if passed is not None:
             for other, known in self.to_wrench[group.base].items():
                 if other not in group.subtree():
-                    out[other] = self._product(6, [(by_columns(known, 0, 6), passed)], [], other.motions)
+                    out[other] = self._product(6, [(by_columns(known, 0, 6), passed)], [], other.mobility)
         if passed is not None and group in self.own:
             out[group] = self._product(6, [(by_columns(self.own[group], 0, 6), passed)], [out[group]], n)
         for output in group.children if not x.held else ():
@@ -112,7 +112,7 @@ class Responses:
                 self.motion[place] = moved
             if output != place or len(group.children[place]) > 1:
                 for other, known in self.to_motion[output].items():
-                    out[other] = self._product(6, [(by_columns(known, 0, 6), moved)], [], other.motions)
+                    out[other] = self._product(6, [(by_columns(known, 0, 6), moved)], [], other.mobility)
         self.to_wrench[place] = out
 
     def _settle(self, group: Group) -> None:
@@ -122,7 +122,7 @@ class Responses:
             return
         first = x.moved[0]
         K = by_columns(x.of_units["motions"], first, 6)
-        self.own[group] = self._product(6, [(K, below)], [], group.motions)
+        self.own[group] = self._product(6, [(K, below)], [], group.mobility)
         for place in group.children:
             over_A = by_columns(x.through(place)[0], first, 6)
             self.onwards[place] = self._product(6, [(over_A, below)], [], 6)
@@ -139,9 +139,9 @@ def _runs(modules: Sequence[ModuleCalls]) -> list[list[ModuleCalls]]:
 
     def of(calls: ModuleCalls) -> int:
         """Return the number of a module with loops; -1 of others."""
-        return -1 if calls.motions == len(calls.module.v_index) else calls.k
+        return -1 if calls.module.mobility == len(calls.module.v_index) else calls.k
 
-    moving = [calls for calls in modules if calls.motions]
+    moving = [calls for calls in modules if calls.module.mobility]
     return [list(run) for _, run in groupby(moving, key=of)]
 
 
@@ -174,8 +174,8 @@ class Results:
         ends = x.caused(reading, len(index), onwards)
         for y in self._relations.values():
             place = w.result(f"d_{name}", y.rows * self._widths[name] + index[:, None])
-            terms = self._terms(x.group, ends, y.group) if y.group.motions else []
-            motions = [ends["motions"]] if y is x and y.group.motions else []
+            terms = self._terms(x.group, ends, y.group) if y.group.mobility else []
+            motions = [ends["motions"]] if y is x and y.group.mobility else []
             more = [ends["more"]] if y is x and "more" in ends else []
             mapped = (y.Psi, y.pattern) if y.pattern is not None and (terms or motions) else None
             add_terms(w, len(index), len(y.rows), terms, motions, place, mapped, more)
@@ -271,7 +271,7 @@ def _by_groups(request: Request, w: Writer, widths: dict[str, int], *, motors: b
     given = [w.from_given(name, np.arange(size)) for name, size in w.inputs]
     known: dict[Group, Relations] = {}
     for group in reversed(groups_of(request, balance)):
-        if motors and not group.motions:
+        if motors and not group.mobility:
             continue
         a, outputs = w.from_given("a", group.at.v), [group.output(place) for place in group.children]
         u_dot = [calls.ports["u_dot"] for calls in group.modules]
@@ -300,7 +300,7 @@ Columns = Iterator[tuple[str, Index, Reading]]
 def _over_joints(x: Relations) -> Columns:
     """Return the columns of a group's joints; those of each of several equal legs are found apart."""
     w, modules = x.writer, x.group.modules
-    closed = [calls for calls in modules if calls.motions < len(calls.module.v_index)]
+    closed = [calls for calls in modules if calls.module.mobility < len(calls.module.v_index)]
     sets = [
         sorted(set(x.group.at.v.tolist()).difference(*(calls.module.v_index.tolist() for calls in closed)))
     ]

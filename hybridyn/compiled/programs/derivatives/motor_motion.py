@@ -87,7 +87,7 @@ class MotorMotion:
         self._numbers = w.from_given("a", self._at.v).numbers(0)
         freedoms, driven = self._at.v.tolist(), robot.motor_v.tolist()
         self.motors = modules[0].module.motor_index
-        if modules[0].motions == len(v_index[0]):
+        if modules[0].module.mobility == len(v_index[0]):
             self.motors = np.array([driven.index(k) for x in modules for k in x.joints.tolist()], dtype=int)
         n = len(self.motors)
         self._rows = [freedoms.index(driven[k]) for k in self.motors]

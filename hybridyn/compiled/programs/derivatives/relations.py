@@ -60,9 +60,9 @@ class Group:
         return module.parent, module.parent_output
 
     @property
-    def motions(self) -> int:
+    def mobility(self) -> int:
         """Number of its motions."""
-        return sum(calls.motions for calls in self.modules)
+        return sum(calls.module.mobility for calls in self.modules)
 
     @property
     def motors(self) -> Index:
@@ -97,8 +97,8 @@ def groups_of(request: Request, balance: list[ModuleCalls]) -> list[Group]:
     members: list[list[ModuleCalls]] = []
     of: dict[int, list[ModuleCalls]] = {}
     for calls in balance:
-        below, own = of.get(calls.module.parent), calls.motions
-        joined = sum(x.motions for x in below or ())
+        below, own = of.get(calls.module.parent), calls.module.mobility
+        joined = sum(x.module.mobility for x in below or ())
         if below and (not (own and joined) or own + joined <= JOINED):
             below.append(calls)
         else:
@@ -158,9 +158,9 @@ class Relations:
         self._runs, self._graphs, self._carried = runs, graphs, carried
         outputs = [group.output(place) for place in group.children]
         self._sizes = [size for A, V, _ in outputs for size in (A.size, V.size)]
-        self._rows = group.motions + (6 if group.parent else 0)
+        self._rows = group.mobility + (6 if group.parent else 0)
         names = [f"{x} {k}" for k in range(len(outputs)) for x in "AV"]
-        self._caused = {"motions": group.motions} | ({"wrench": 6} if group.parent else {})
+        self._caused = {"motions": group.mobility} | ({"wrench": 6} if group.parent else {})
         self._caused |= dict(zip(names, self._sizes, strict=True))
         self.rows = np.concatenate([part.motors for part in parts]) if parts else group.at.v
         at = [x for part in parts for x in part.accelerations] or a.numbers(0)
@@ -185,9 +185,9 @@ class Relations:
         """Which entries of Psi are not always zero; None over motors, where motions are the results."""
         if self.parts:
             return None
-        out, first, at = np.zeros((self.group.motions, len(self.rows)), dtype=bool), 0, self.rows.tolist()
+        out, first, at = np.zeros((self.group.mobility, len(self.rows)), dtype=bool), 0, self.rows.tolist()
         for calls in chain(*self._runs):
-            n, freedoms = calls.motions, calls.module.v_index
+            n, freedoms = calls.module.mobility, calls.module.v_index
             own = np.arange(first, first + n)
             if n == len(freedoms):  # each joint is a motion
                 out[own, [at.index(k) for k in calls.joints.tolist()]] = True
@@ -269,7 +269,7 @@ class Relations:
 
     def _eliminate(self) -> None:
         """Add the relations over the motions, module by module, and their factors."""
-        w, n, size = self.writer, self.group.motions, len(self._ends) - self._rows - sum(self._sizes)
+        w, n, size = self.writer, self.group.mobility, len(self._ends) - self._rows - sum(self._sizes)
         blocks = w.each(n, self._rows), w.each(n, sum(self._sizes[::2])), w.each(n, size)
         self._over_u, self._S, self.Psi = blocks
         self._factors = w.shared(n * (n + 1) // 2)
@@ -312,7 +312,7 @@ class Relations:
         mode = (
             self.held,
             tuple(len(part.motors) for part in self.parts),
-            self.group.motions,
+            self.group.mobility,
             self._rows,
             tuple(self._sizes),
         )
@@ -321,7 +321,7 @@ class Relations:
 
     def _given(self, reading: Reading, raw: bool) -> dict[str, tuple[Source, int, int]]:
         """Return the matrices that a call reads, with their numbers of rows and columns."""
-        n, rows, last = self.group.motions, self._rows, self._rows + sum(self._sizes)
+        n, rows, last = self.group.mobility, self._rows, self._rows + sum(self._sizes)
         given: dict[str, tuple[Source, int, int]] = {}
         for k, (place, onto) in enumerate(self.onto.items() if any(reading.pattern[rows:last]) else ()):
             given |= {f"H {k} {i}": (H, H.size // 6, 6) for i, H in enumerate(self._carried[place])}
@@ -339,7 +339,7 @@ class Relations:
 
     def _column(self, x: Expression, given: dict[str, Expression]) -> dict[str, Expression]:
         """Return what one column causes, from its changes at given motions and the matrices that are read."""
-        n, rows, sizes = self.group.motions, self._rows, self._sizes
+        n, rows, sizes = self.group.mobility, self._rows, self._sizes
         forces, a = x[:rows], x[rows + sum(sizes) :]
         moved = np.split(x[rows:], np.cumsum(sizes))[:-1]
         for k in range(len(self.onto)):
@@ -372,7 +372,7 @@ class Relations:
         self, given: dict[str, Expression], name: str, x: Expression, *, turned: bool = False
     ) -> Expression:
         """Return matrices of the runs times x; where each joint has a motor, they are the identity."""
-        first, out = 0, x.copy()[: self.group.motions]
+        first, out = 0, x.copy()[: self.group.mobility]
         for k, part in enumerate(self.parts):
             own = slice(first, first + len(part.motors))
             first = own.stop
