@@ -170,8 +170,8 @@ static M advanced(Work *w, M certain, int lone) {
         take(left, w->turning, w->settled.turning, MODULES);
         const V step = largest_lanes(w->settled.step);
         w->later += SELECT(left, step, C(0));
-        const M open = NOT(LE(step, C(LAST_STEP)));
-        good = AND(good, OR(NOT(left), AND(trusted, OR(open, LE(largest_lanes(w->settled.open), C(OPEN))))));
+        const M open = NOT(AND(LE(step, C(LAST_STEP)), LE(largest_lanes(w->settled.open), C(OPEN))));
+        good = AND(good, OR(NOT(left), trusted));
         left = AND(left, open);
         if (!ANY(AND(left, good))) break;
     }

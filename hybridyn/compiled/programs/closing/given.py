@@ -182,8 +182,9 @@ CLOSED_TO_ROUNDING = 1e-13
 #: Largest rounding of over-determined closures in the robot's file. Above it they can only be met in the
 #: least-squares sense, which elimination with pivots cannot do.
 CONTRADICTING_FILE = 1e-12
-#: Newton steps below this (rad, module lengths) are followed by the rates: the next step is its square.
-QUADRATIC = 1e-6
+#: Newton steps below this (rad, module lengths) are followed by the rates: the next step is its square, which
+#: is below the limits of a last step and of its residual.
+QUADRATIC = 3e-7
 #: Largest last step: the rates before it are those after it to rounding.
 LAST_ROW_STEP = 2e-13
 #: Largest bound t of |J'^-1 (J' - J)|: then |J^-1 (J' - J)| <= t / (1 - t) is within `MOST_TURNING`, and a
