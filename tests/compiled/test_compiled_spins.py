@@ -1,5 +1,7 @@
 """Rods between two balls spin idly: compiled models compute them, whatever spins the caller gives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,7 +63,16 @@ def compare(robot: hybridyn.HybridRobot, size: float, samples: int = 25) -> None
 
 def spins(robot: hybridyn.HybridRobot) -> int:
     """Count the spins that compiled models know."""
-    return sum(len(plan.parts.spins) for plan in request(robot, None).plans)
+    return sum(len(plan.parts.idle) for plan in request(robot, None).plans)
+
+
+@pytest.mark.parametrize("thin", [False, True])
+def test_equal_legs_carry_their_spins(thin: bool) -> None:
+    """As with universal joints, legs share their code, wherever the line of a rod is in its frame."""
+    for name in ("ball_gough", "slides"):
+        (plan,) = request(build_robot(getattr(rods, name)(1, thin=thin)), None).plans
+        assert [len(group) for group in plan.parts.groups] == [6]
+        assert not plan.parts.spins
 
 
 @pytest.mark.parametrize(("name", "seed", "foot", "thin"), MACHINES)
@@ -70,6 +81,20 @@ def test_no_sample_is_handed_over(name: str, seed: int, foot: rods.Foot, thin: b
     robot = build_robot(getattr(rods, name)(seed, foot, thin=thin))
     assert spins(robot) == (0 if foot == "universal" else 1 if name == "crank" else 6)
     compare(robot, 0.04 if name in ("ball_gough", "slides") else 0.4)
+
+
+def test_a_floating_base_feels_the_spins_of_its_legs() -> None:
+    """No friction takes them along; the other joints feel those of rods that are not round."""
+    description, skew = rods.slides(6), 0.01 * np.outer([0.3, 0.5, 0.8], [0.3, 0.5, 0.8])
+    links = [replace(x, inertia=x.inertia + skew * ("rod" in x.name)) for x in description.links]
+    robot = build_robot(replace(description, links=tuple(links)), base="floating")
+    assert len(request(robot, None).plans[1].parts.groups) == 1
+    q, v, _, tau = random_states(robot, 5)
+    rods.spin(robot, q, v, None, np.random.default_rng(7))
+    (found,), guard = Interpreted(robot, ("ddm",)).batch("ddm", q, v, tau)
+    wanted = hybridyn.ddm(robot, q, v, tau)
+    assert (guard <= GUARD_LIMIT).all()
+    assert np.abs(found - wanted).max() <= 1e2 * ROUNDING * np.abs(wanted).max()
 
 
 @pytest.mark.slow
@@ -93,14 +118,14 @@ def test_shipped_robots_with_balls_at_their_feet(name: str, legs: int, size: flo
 def test_twelve_rods_in_two_modules() -> None:
     """The upper Delta is carried by the lower one's platform, so its spins feel the motion of their base."""
     robot = build_robot(rods.stack())
-    assert [len(plan.parts.spins) for plan in request(robot, None).plans] == [6, 6]
+    assert [len(plan.parts.idle) for plan in request(robot, None).plans] == [6, 6]
     compare(robot, 0.3, 9)
 
 
 def test_mass_beside_the_line_is_no_idle_spin() -> None:
     """Its spin moves mass: the efforts of accelerations that no motor gives it are refused, as before."""
     robot = build_robot(rods.crank(3, beside=0.02))
-    assert not request(robot, None).plans[0].parts.spins
+    assert not request(robot, None).plans[0].parts.idle
     turning = build_robot(rods.crank(3))
     q, v, a = rods.moved(turning, 5, 0.4)
     refused(lambda: hybridyn.idm(robot, q, v, a), hybridyn.ActuationError, "no motor can produce")
@@ -108,14 +133,19 @@ def test_mass_beside_the_line_is_no_idle_spin() -> None:
     assert not (guard <= GUARD_LIMIT).any()
 
 
-def test_where_parameters_move_mass_or_an_end_beside_the_line_the_general_path_decides() -> None:
+@pytest.mark.parametrize(("name", "stem", "size"), [("crank", "rod", 0.4), ("ball_gough", "slide", 0.02)])
+def test_where_parameters_move_mass_or_an_end_beside_the_line_the_general_path_decides(
+    name: str, stem: str, size: float
+) -> None:
     """A longer rod spins as before; a centre of mass or an end beside the line makes it no idle spin."""
-    robot = build_robot(rods.crank(4))
-    link = next(link for link in robot.description.links if "rod" in link.name)
+    robot = build_robot(getattr(rods, name)(4))
     closure = robot.description.closures[0]
-    side, frame = (
-        ("predecessor", closure.frame_a) if closure.link_a == link.name else ("successor", closure.frame_b)
+    side, end, frame = (
+        ("predecessor", closure.link_a, closure.frame_a)
+        if stem in closure.link_a
+        else ("successor", closure.link_b, closure.frame_b)
     )
+    link = next(link for link in robot.description.links if link.name == end)
     names = [f"centre:{link.name}", f"position:{closure.name}/{side}"]
     parameters = Parameters(robot.description, names)
     program = programs(robot, None, models=("idm",), parameters=parameters.slots)["idm"]
@@ -127,7 +157,7 @@ def test_where_parameters_move_mass_or_an_end_beside_the_line_the_general_path_d
         (link.com, frame[:3, 3] + 0.02 * across, False),
     ):
         design = robot.with_parameters(dict(zip(names, (centre, end), strict=True)))
-        q, v, a = rods.moved(design, 4, 0.4) if idle else random_states(design, 4)[:3]
+        q, v, a = rods.moved(design, 4, size) if idle else random_states(design, 4)[:3]
         numbers = parameters.slot_values(np.concatenate([centre, end])[None])[0]
         samples = [function_of(program)(*sample, numbers) for sample in zip(q, v, a, strict=True)]
         assert all((guard <= GUARD_LIMIT) == idle for _, guard in samples)
@@ -213,13 +243,21 @@ def test_designs_of_spinning_rods_close_in_c(foot: rods.Foot) -> None:
 
 
 @pytest.mark.parametrize(
-    ("foot", "thin"), [slow("ball", False), ("ball", True), ("floating", True), slow("floating aside", True)]
+    ("name", "foot", "thin"),
+    [
+        slow("crank", "ball", False),
+        ("crank", "ball", True),
+        ("crank", "floating", True),
+        slow("crank", "floating aside", True),
+        slow("ball_gough", "ball", False),
+        slow("ball_gough", "ball", True),
+    ],
 )
-def test_derivatives_along_a_closed_motion(foot: rods.Foot, thin: bool, interpreted: None) -> None:
+def test_derivatives_along_a_closed_motion(name: str, foot: rods.Foot, thin: bool, interpreted: None) -> None:
     """Without inertia about its line a rod's spin gets the least acceleration, at every state alike."""
-    robot = build_robot(rods.crank(1, foot, thin=thin))
+    robot = build_robot(getattr(rods, name)(1, foot, thin=thin))
     found, jerk = along_a_motion(robot)
     limits = np.full(robot.nv, DIFFERENCES * np.abs(jerk).max())
-    rod = next(i for i, kind in enumerate(robot.kinds) if kind in ("spherical", "floating"))
-    limits[robot.v_slices[rod]] *= 1.0 if thin else SPUN / ROUNDING
+    for kind, at in zip(robot.kinds, robot.v_slices, strict=True):
+        limits[at] *= SPUN / ROUNDING if kind in ("spherical", "floating") and not thin else 1.0
     assert (np.abs(found - jerk) <= limits).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,9 +29,9 @@ from .guarded_elimination import (
     solve,
     weighed,
 )
-from .legs import PlatformMotion, leg_pivots
+from .legs import PlatformMotion, WrittenLeg, leg_pivots
 from .loops import Rows, write_rows
-from .parts import Parts, first_moment
+from .parts import UNFELT, Parts, first_moment
 from .rigid import Link, links_of, motion_to_parent, to_child
 from .states import seen_postures
 
@@ -125,6 +126,10 @@ class Plan:
         spins = [spin.col for spin in self.parts.spins]
         return spins + [k for k in self.free if k not in spins]
 
+    def thin(self, freedoms: Container[int]) -> list[int]:
+        """Return the numbers of the core's spins for which freedoms of the tree after the cuts stand."""
+        return [i for i, spin in enumerate(self.parts.spins) if self.parts.tree_v[spin.col] in freedoms]
+
 
 def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = True) -> Plan:
     """Choose all pivots of a module.
@@ -141,8 +146,9 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
     groups = []
     for group in parts.groups:
         leg = group[0]
-        rows = np.array([1 / m.length] * 3 + [1.0] * (len(leg.tree_v) - 3))
-        groups.append(leg_pivots(group, postures, (rows, m.reduction.col_scale[leg.tree_v])))
+        rows = np.array([1 / m.length] * 3 + [1.0] * (leg.closure.rows - 3))
+        units = np.abs(leg.unspun.T) @ m.reduction.col_scale[leg.tree_v]
+        groups.append(leg_pivots(group, postures, (rows, units)))
     closed = max(GUARD_CLOSED[dtype], OF_ROUNDED * m.rounding if m.reduction.rounded else 0.0)
     wrists = [wrist_pivots(m, path, positions) for path in paths]
     scale = Scale(m.length, closed, TINY_RATE[dtype], compared)
@@ -161,19 +167,24 @@ def _loop_pivots(plan: Plan, positions: Array) -> Pivots:
     return choose_pivots(sampled(K, [column], [[x] for x in positions]), parts.rank, *scales)
 
 
-def _spin_guard(plan: Plan, rows: Rows) -> Any:
-    """Return the guard that spins are idle where arguments change the closures or the centres of mass."""
-    parts, m = plan.parts, plan.mechanism
-    guard: Any = ca.SX(0.0)
-    for spin in parts.spins:
-        felt = (
-            dot(rows.K[:, 6 + np.array(spin.cols)], spin.axis)
-            * m.reduction.row_scale[list(parts.closure_rows)]
-        )
-        guard = guard + weighed([(felt, 1.0)], plan.scale.weight_of_positions)
-        moved = first_moment(spin, parts.links) / m.length
-        guard = guard + weighed([(moved, sum(body.mass for body in m.spec.leg_bodies if body))], IDLE**-2)
-    return guard
+def spin_guard(plan: Plan, felt: Expression, moved: Expression, idle: float) -> Any:
+    """Return the guard that a spin is idle where arguments change the closures or the centres of mass.
+
+    Args:
+        felt: How far the closures feel it, without units.
+        moved: `first_moment` of the spin.
+        idle: Largest part of the module's mass and length in it.
+    """
+    unit = plan.mechanism.length * sum(body.mass for body in plan.mechanism.spec.leg_bodies if body)
+    return weighed([(felt, 1.0)], plan.scale.weight_of_positions) + weighed([(moved, unit)], idle**-2)
+
+
+def leg_guard(plan: Plan, leg: WrittenLeg) -> ca.SX:
+    """Return the guard of a leg; with arguments, that its spin is idle, too."""
+    if leg.spin is None or plan.column is None:
+        return leg.guard
+    felt = np.concatenate([leg.felt[:3] / plan.mechanism.length, leg.felt[3:]])
+    return ca.SX(leg.guard + spin_guard(plan, felt, first_moment(leg.spin, leg.chain.links), UNFELT))
 
 
 @dataclass(eq=False)
@@ -243,10 +254,12 @@ def write_core(
     rates = np.concatenate([V_base, twists])
     weights = [plan.scale.weight(size) for size in sizes]
     rows = write_rows(chain, parts, positions, rates, tree_a, plan.scale, weights)
-    if plan.column is not None:
-        rows.guard = rows.guard + _spin_guard(plan, rows)
-    for spin in parts.spins:  # the rows do not feel the freedoms that stand for spins
-        rows.K[:, 6 + spin.col] = 0.0
+    for spin in parts.spins:
+        if plan.column is not None:
+            felt = dot(rows.K[:, 6 + np.array(spin.cols)], spin.axis)
+            felt = felt * plan.mechanism.reduction.row_scale[list(parts.closure_rows)]
+            rows.guard = rows.guard + spin_guard(plan, felt, first_moment(spin, parts.links), IDLE)
+        rows.K[:, 6 + spin.col] = 0.0  # the rows do not feel the freedoms that stand for spins
     if is_coarse(plan.mechanism):
         rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]

@@ -20,6 +20,7 @@ from .core import (
     Core,
     Plan,
     core_body,
+    leg_guard,
     motions_of,
     own_inertia,
     rank_guard,
@@ -33,13 +34,14 @@ from .expressions import (
     hat,
     numbers,
     pack,
+    plus,
     symmetric,
     symmetric_product,
     upper,
     zeros,
 )
 from .guarded_elimination import size_of, solve, solve_definite, squares, weighed
-from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
+from .legs import PlatformMotion, leg_accelerations, leg_sums, spinning_legs, write_leg
 from .request import Options
 from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_child, to_parent
 from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
@@ -126,8 +128,8 @@ def write_direct(plan: Plan, options: Options, *, motion: bool = False) -> Writt
     """Write a module's direct model and cut it into its stages: outwards, inwards, outwards, wrists.
 
     Args:
-        motion: Whether the accelerations along the module's motions are given, "u_dot". Nothing is solved
-            for, and the second stage is empty.
+        motion: Whether the accelerations along the core's motions are given, "u_dot of core". Nothing is
+            solved for, and the second stage is empty.
     """
     parts, (outwards, inwards, back, last) = plan.parts, (Given(), Given(), Given(), Given())
     if motion:
@@ -138,7 +140,7 @@ def write_direct(plan: Plan, options: Options, *, motion: bool = False) -> Writt
     X, doubts = motions_of(plan, core.rows.K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
     outputs = [_motion_outwards(core, plan, options), {}, {}, {}]
     if motion:
-        u_dot = back.take("u_dot", X.shape[1] - 7)
+        u_dot = back.take("u_dot of core", X.shape[1] - 7)
     else:
         forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
         form = quadratic_form(core, plan, options, forced, inwards)
@@ -215,7 +217,7 @@ def _hold_thin(
         f: The forces along y, of whose terms those on the spins may be rounding.
     """
     A_t, E, Q_0 = equation
-    thin = list(options.thin)
+    thin = plan.thin(options.thin)
     if not thin:
         return 0.0
     size = size_of(f, 1.0 / plan.mechanism.reduction.col_scale[plan.parts.tree_v], [], 1.0)
@@ -283,7 +285,7 @@ def write_direct_legs(
     """Write the direct model of group n of a module, and return its stages and its legs' own numbers.
 
     Args:
-        motion: Whether one stage computes the accelerations "a" alone.
+        motion: Whether one stage computes the accelerations "a" alone, also from those of spins.
     """
     group, given, later = plan.parts.groups[n], Given(), Given()
     leg, forced = group[0], group[0].among(options.motors)
@@ -294,9 +296,19 @@ def write_direct_legs(
     tau[forced] = given.take("tau", len(forced))
     written = write_leg(group, q, v, (base, zeros(6)), platform, plan.scale, plan.leg_pivots[n])
     rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
-    sums = leg_sums(written, tau, options.velocity, rotor)
-    numbers = {"numbers": written.folding.symbol()} | given
-    outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS} | {"guard": ca.SX(written.guard)}
-    follows = {"a": pack(leg_accelerations(written, later.take("delta", 6)))}
-    inputs, wanted = ([numbers | later], [follows]) if motion else ([numbers, later], [outputs, follows])
-    return cut(inputs, wanted), written.folding.table(len(group))
+    delta = later.take("delta", 6)
+    if motion:
+        a = leg_accelerations(written, delta)
+        a = plus(a, written.S * later.take("u_dot of leg", 1)) if written.spin else a
+    else:
+        spinning = written.folding.array(spinning_legs(group, options.thin))
+        sums, written, over_base = leg_sums(written, tau, options.velocity, rotor, *spinning)
+        a = leg_accelerations(written, delta)
+        if written.spin and options.base is None:
+            a = plus(a, dot(over_base, later.base_acceleration(options)[3:]))
+    inputs = {"numbers": written.folding.symbol()} | given
+    if motion:
+        return cut([inputs | later], [{"a": pack(a)}]), written.folding.table(len(group))
+    outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
+    outputs["guard"] = ca.SX(leg_guard(plan, written))
+    return cut([inputs, later], [outputs, {"a": pack(a)}]), written.folding.table(len(group))

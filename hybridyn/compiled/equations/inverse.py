@@ -17,10 +17,10 @@ from ...spatial import Array
 from ...structure.module import Module
 from ..code.scalars import GUARD_LIMIT
 from .chains import Chain, Placed, forces, motion_map, sweep
-from .core import Core, Plan, motions_of, own_inertia, rank_guard, write_core
+from .core import Core, Plan, leg_guard, motions_of, own_inertia, rank_guard, write_core
 from .expressions import Expression, along, dot, is_zero, pack, symbols, times, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, Scale, choose_pivots, solve, squares, weighed
-from .legs import PlatformMotion, write_leg
+from .legs import PlatformMotion, spinning_legs, write_leg
 from .request import Options
 from .rigid import classical, crf, crm, momentum, resting, to_child, to_parent
 from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
@@ -40,10 +40,10 @@ def write_inverse(
     Args:
         options: Options of the inverse model.
         pivots: Pivots of the motor map.
-        balance: Whether the output is "Q" = Psi^T b, what is left of the forces along the module's motions,
-            instead of the motor efforts "tau". Motor efforts are then among the laws. Along a thin spin, what
-            is left is its acceleration, which the direct model makes zero.
-        motions: Whether the first stage has the output "u_dot", the accelerations along its motions.
+        balance: Whether the output is "Q of core" = Psi^T b, what is left of the forces along the core's
+            motions, instead of the motor efforts "tau". Motor efforts are then among the laws. Along a thin
+            spin, what is left is its acceleration, which the direct model makes zero.
+        motions: Whether the first stage has the output "u_dot of core", the accelerations along its motions.
     """
     parts, given, received = plan.parts, Given(), Given()
     core, (q, _, a), base = begun(plan, options, given, accelerations=True)
@@ -56,8 +56,9 @@ def write_inverse(
     guard = rank_guard(plan, core.rows, core.rows.guard + squares(doubts), X[:, 1:])
     if balance:
         left = dot(X[:, 1:].T, b[6:])
-        left[list(options.thin)] = _along_motions(core, plan, a)[list(options.thin)]
-        efforts = {"guard": ca.SX(guard), "Q": pack(left)}
+        thin = plan.thin(options.thin)
+        left[thin] = _along_motions(core, plan, a)[thin]
+        efforts = {"guard": ca.SX(guard), "Q of core": pack(left)}
     else:
         Psi = X[:, 1 + len(parts.spins) :]
         B = _motor_map(core, plan, options, Psi, received)
@@ -69,7 +70,7 @@ def write_inverse(
         efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
     if options.base is None:
         efforts["F_base"] = pack(_base_wrench(core, b))
-    along = {"u_dot": pack(_along_motions(core, plan, a))} if motions else {}
+    along = {"u_dot of core": pack(_along_motions(core, plan, a))} if motions else {}
     stages = cut([given, received], [_motion_outwards(core, options) | along, efforts])
     return WrittenModule(stages, *read_by_core(plan), {"laws": parts.tree_v[laws]})
 
@@ -201,10 +202,13 @@ def _motor_map(core: Core, plan: Plan, options: Options, Psi: Expression, receiv
 LEG_WRENCHES = (("b_base", 6), ("b_delta", 6))
 
 
-def write_inverse_legs(plan: Plan, n: int, options: Options) -> tuple[list[Stage], Array]:
+def write_inverse_legs(
+    plan: Plan, n: int, options: Options, *, motions: bool = False
+) -> tuple[list[Stage], Array]:
     """Write the inverse model of group n of a module, and return its stage and its legs' own numbers.
 
     The outputs are `LEG_WRENCHES`; "motors", wrenches along delta of unit efforts of the motors; and "guard".
+    With `motions` those of a spin, too: "u_dot of leg" and "Q of leg" (as of `write_inverse`).
     """
     group, given = plan.parts.groups[n], Given()
     leg, width = group[0], len(group[0].v)
@@ -224,7 +228,11 @@ def write_inverse_legs(plan: Plan, n: int, options: Options) -> tuple[list[Stage
     b = forces(moving)
     H = b[6:] - law + a * rotor
     outputs = {"b_base": pack(b[:6]), "b_delta": pack(written.wrench(dot(written.X.T, H)))}
-    outputs["guard"] = ca.SX(written.guard)
+    outputs["guard"] = ca.SX(leg_guard(plan, written))
+    if motions and written.spin:
+        (spinning,), spin = written.folding.array(spinning_legs(group, options.thin)), written.spin_in(a)
+        outputs["u_dot of leg"] = pack([spin])
+        outputs["Q of leg"] = pack([spinning * along(written.S, H) + (1.0 - spinning) * spin])
     if driven:
         outputs["motors"] = pack(*(written.wrench(written.X[k]) for k in driven))
     inputs = known | {"numbers": written.folding.symbol()} | given
@@ -241,7 +249,7 @@ def motor_pivots(plan: Plan, module: Module, motors: tuple[int, ...]) -> Pivots 
         The pivots; none if there are more motors than motions; None if the map is singular at most of the
         positions, and so everywhere.
     """
-    if not motors or len(motors) > plan.mechanism.mobility - len(plan.parts.spins):
+    if not motors or len(motors) > plan.mechanism.mobility - len(plan.parts.idle):
         return Pivots((), (), ())
     m, parts, loose = plan.mechanism, plan.parts, Scale(plan.scale.length, 1.0)
     column, q = symbols("q", m.spanning.nq)

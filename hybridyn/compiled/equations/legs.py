@@ -5,11 +5,15 @@ V_dot_base,
 
     q_ddot = X [delta at the closure's point] + y_0
 
-so the leg acts on the module only through its inertia over [V_dot_base; delta].
+so the leg acts on the module only through its inertia over [V_dot_base; delta]. Nothing drives its idle spin
+S (`parts.Spin`), whose acceleration s follows from
+
+    S^T (M [V_dot_base; q_ddot + S s] + b) = 0
 """
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -33,11 +37,12 @@ from .expressions import (
     plus,
     sampled,
     symbols,
+    times,
     upper,
     zeros,
 )  # fmt: skip
 from .guarded_elimination import Pivots, Scale, choose_pivots, solve, squares, weighed
-from .parts import Leg
+from .parts import Leg, Spin
 from .rigid import Link, matrix_moved, to_parent
 
 
@@ -85,6 +90,8 @@ class WrittenLeg:
         point: The closure's point in the base's frame, shape (3,).
         X: Joint rates over the relative motion [v, w] of the closure's point, base axes, shape (nv, 6).
         y0: Joint accelerations at delta = 0, shape (nv,); not of a leg with accelerations.
+        spin: The idle spin, to which X and y0 are orthogonal, or None.
+        felt: How far the closure feels the spin, shape (rows,).
     """
 
     folding: Folding
@@ -92,7 +99,21 @@ class WrittenLeg:
     point: Expression
     X: Expression
     y0: Expression
+    spin: Spin | None
+    felt: Expression
     guard: ca.SX
+
+    @property
+    def S(self) -> Expression:
+        """Joint rates at a spin of one, shape (nv,)."""
+        out = zeros(self.chain.nv)
+        if self.spin:
+            out[list(self.spin.cols)] = self.spin.axis
+        return out
+
+    def spin_in(self, a: Expression) -> Any:
+        """Return the spin in joint accelerations."""
+        return along(self.spin.share, a[list(self.spin.cols)]) if self.spin else 0.0
 
     def wrench(self, F: Expression) -> Expression:
         """Transform a wrench at the closure's point to the base's frame, shape (6,)."""
@@ -167,7 +188,8 @@ def write_leg(
     point = plus(chain.p0[leg.end], dot(R0, p_s))
     rotation = leg.closure.rotation
     N = _rows(rotation, R_s)
-    J = dot(N, _jacobian(chain, leg.end, p_s))
+    J, spin, T = dot(N, _jacobian(chain, leg.end, p_s)), _fold_spin(folding, group), _unspun(folding, group)
+    felt = dot(J[:, list(spin.cols)], spin.axis) if spin else zeros(0)
     v_other, w_other = point_velocity(platform.V, point), platform.V[3:]
     apart = minus(dot(R0.T, v_other), point_velocity(V, p_s))
     turning = minus(dot(R0.T, w_other), V[3:])
@@ -176,7 +198,8 @@ def write_leg(
     if rotation == "parallel":
         k[3:] = k[3:] + [along(cross(V[3:], R_s[:, i]), turning) for i in range(2)]
     right = np.concatenate([dot(N, np.kron(plain(np.eye(2)), R0.T)), k[:, None]], axis=1)
-    X, doubts = solve(J, right, pivots)
+    solved, doubts = solve(dot(J, T), right, pivots)
+    X = dot(T, solved)
     other = plus(platform.p, dot(platform.R, p_o))
     open_by = [
         (minus(other, point), scale.length),
@@ -187,7 +210,30 @@ def write_leg(
     if a is not None:
         opened = opened + weighed([(k[:3], scale.length), (k[3:], 1.0)], platform.acceleration_weight)
     guard = squares(doubts) + (opened if scale.compared else 0.0)
-    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], guard)
+    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], spin, felt, guard)
+
+
+def _fold_spin(folding: Folding, group: tuple[Leg, ...]) -> Spin | None:
+    """Return the spin whose numbers represent those of all legs."""
+    spins = [leg.spin for leg in group if leg.spin]
+    if not spins:
+        return None
+    axis, share = (folding.array([getattr(spin, name) for spin in spins]) for name in ("axis", "share"))
+    return replace(spins[0], axis=axis, share=share)
+
+
+def spinning_legs(group: tuple[Leg, ...], thin: Container[int]) -> list[Array]:
+    """Return for each leg 1 if its spin has inertia, else 0, arrays of shape (1,).
+
+    Args:
+        thin: Freedoms of the tree after the cuts that stand for spins without inertia.
+    """
+    return [np.ones(1) * (leg.spin is not None and leg.tree_v[leg.spin.col] not in thin) for leg in group]
+
+
+def _unspun(folding: Folding, group: tuple[Leg, ...]) -> Expression:
+    """Return a basis of the joint rates orthogonal to the legs' spins, shape (nv, rows of the closure)."""
+    return folding.array([leg.unspun for leg in group])
 
 
 #: Axes of frames A and B that are perpendicular while a closure holds.
@@ -206,7 +252,7 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
 
     Args:
         mechanism_postures: Postures of the tree after the cuts, shape (samples, nq).
-        scales: Factor of each row of the closure, and unit of each freedom of the leg.
+        scales: Factor of each row of the closure, and unit of each of its unknowns.
     """
     folding = Folding()
     links = fold_links(folding, [list(leg.links) for leg in group])
@@ -214,38 +260,60 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
     column, q = symbols("q", len(group[0].tree_q))
     chain = sweep(links, q, zeros(len(group[0].tree_v)), zeros(6))
     J = dot(_rows(group[0].closure.rotation, R_s), _jacobian(chain, group[0].end, p_s))
+    J = dot(J, _unspun(folding, group))
     numbers_of = zip(group, folding.table(len(group)), strict=True)
     points = [(x[leg.tree_q], own) for leg, own in numbers_of for x in mechanism_postures]
     return choose_pivots(sampled(J, [column, folding.symbol()], points), len(J), *scales)
 
 
-def leg_sums(leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression) -> dict[str, Expression]:
-    """Compute a leg's contributions to the direct model, over [V_dot_base; delta].
+def leg_sums(
+    leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression, spinning: Any
+) -> tuple[dict[str, Expression], WrittenLeg, Expression]:
+    """Compute a leg's contributions to the direct model, over [V_dot_base; delta], and free its spin.
 
     Args:
         tau: Generalised forces on its joints.
         velocity: Whether velocity terms are on.
         rotor: Rotor inertias of its joints, shape (nv,).
+        spinning: 1 if its spin has inertia; 0 if not: its acceleration is then zero.
 
     Returns:
         "S1": ten numbers on the base; "B": M_base,delta row by row; "L": M_delta,delta, upper triangle;
-        "b_base", "b_delta": forces at zero accelerations.
+        "b_base", "b_delta": forces at zero accelerations. The leg whose X and y0 have the acceleration of the
+        spin, and its part over the angular acceleration of the base, shape (nv, 3).
     """
     M, S1 = mass_matrix(leg.chain)
     D, A = M[:6, 6:], M[6:, 6:]
     for i, inertia in enumerate(rotor):
         A[i, i] = A[i, i] + inertia
     bias = forces(leg.chain) if velocity else zeros(6 + leg.chain.nv)
+    over_base = zeros(leg.chain.nv, 3)
+    if leg.spin:  # it moves no mass, so that the base feels its angular momentum h alone
+        S, h = leg.S, dot(D[3:], leg.S)
+        momenta = dot(A, S)
+        per = spinning / (spinning * along(S, momenta) + (1.0 - spinning))
+        responds = np.array([-times(x, per) for x in S], dtype=object)[:, None]
+        needed = along(S, bias[6:] - tau) + along(momenta, leg.y0)
+        over_base = dot(responds, h[None])
+        leg = replace(
+            leg,
+            X=plus(leg.X, dot(responds, dot(leg.X.T, momenta)[None])),
+            y0=plus(leg.y0, dot(responds, np.array([needed]))),
+        )
+        S1 = np.concatenate(
+            [S1[:4], minus(S1[4:], upper(dot(h[:, None], np.array([[times(x, per) for x in h]]))))]
+        )
     B = dot(D, leg.X)
     B[:, 3:] = B[:, 3:] - dot(B[:, :3], hat(leg.point))
     needed = bias[6:] + dot(A, leg.y0) - tau
-    return {
+    sums = {
         "S1": S1,
         "B": B.ravel(),
         "L": upper(matrix_moved(congruence(leg.X, A), numbers(np.eye(3)), leg.point)),
         "b_base": bias[:6] + dot(D, leg.y0),
         "b_delta": leg.wrench(dot(leg.X.T, needed)),
     }
+    return sums, leg, over_base
 
 
 def leg_accelerations(leg: WrittenLeg, delta: Expression) -> Expression:

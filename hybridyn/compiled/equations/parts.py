@@ -1,7 +1,8 @@
 """Split a module into its core and groups of equal legs between the base and a platform.
 
 A leg of a group starts at the base and ends at one platform, and its closure determines all its joints from
-the platform's motion. Everything else (platforms, serial joints, other loops) belongs to the core.
+the platform's motion, except one idle spin. Everything else (platforms, serial joints, other loops) belongs
+to the core.
 
 Idle spins: a rod between two balls turns about its axis, which moves no output, motor or centre of mass. A
 spin is a motion of one joint about a line that is fixed in the joint's body. The closures of the loops do not
@@ -28,7 +29,8 @@ from .chains import motion_subspace
 from .expressions import Expression, dot, is_zero, numbers, plain, settled, snap, times, zeros
 from .rigid import TURNING, Link, aligned, links_of, momentum, moved, regrouped, ten_numbers, to_child
 
-#: A closure does not feel a motion that opens it by less than this, without units: rounding.
+#: A closure does not feel a motion that opens it by less than this, without units: rounding. The spin of a
+#: leg moves its mass by less, too.
 UNFELT = 1e-13
 #: Joints that may spin.
 SPINNING = ("spherical", "floating", *TURNING)
@@ -67,9 +69,9 @@ class Spin:
                 y if is_zero(x) or is_zero(z) else y - times(x, z) for y, z in zip(X[i], share, strict=True)
             ]
 
-    def at(self, number: dict[int, int]) -> Spin:
+    def at(self, number: dict[int, int] | Index) -> Spin:
         """Return the spin with its freedoms numbered anew."""
-        return replace(self, cols=tuple(number[col] for col in self.cols))
+        return replace(self, cols=tuple(int(number[col]) for col in self.cols))
 
 
 def spins_of(m: Mechanism, driven: Container[int]) -> list[Spin]:
@@ -206,6 +208,7 @@ class Leg:
         on_a: Whether the leg's body is the closure's predecessor.
         end: Body of the leg in the closure, numbered inside the leg (1 is the first).
         platform: Link of the core that the closure connects it to.
+        spin: Its idle spin, with freedoms of the leg, or None.
         q, v: Its coordinates in the module's spanning tree.
         tree_v: Its freedoms in the tree after the cuts.
         tree_q: Its coordinates in the tree after the cuts.
@@ -216,10 +219,21 @@ class Leg:
     on_a: bool
     end: int
     platform: int
+    spin: Spin | None
     q: Index
     v: Index
     tree_q: Index
     tree_v: Index
+
+    @property
+    def unspun(self) -> Array:
+        """Basis of its joint rates orthogonal to its spin, shape (nv, rows of the closure)."""
+        basis = np.eye(len(self.tree_v))
+        if self.spin is None:
+            return basis
+        at = list(self.spin.cols)
+        own = snap(axis_frame(self.spin.axis))[:, :2] if len(at) == 3 else np.zeros((1, 0))
+        return np.concatenate([basis[:, : at[0]], basis[:, at] @ own, basis[:, at[-1] + 1 :]], axis=1)
 
     def among(self, freedoms: Container[int]) -> list[int]:
         """Return those of its freedoms that are among some of `tree_v`, numbered inside the leg."""
@@ -244,7 +258,7 @@ class Parts:
         groups: Groups of equal legs.
         base: Ten inertial numbers that regrouping moves to the base.
         rank: Rank of the core's closures.
-        spins: Its idle spins.
+        spins: Idle spins of the core.
         rods: Rods at the ends of its closures, by the closure's number.
     """
 
@@ -265,6 +279,12 @@ class Parts:
     rank: int
     spins: tuple[Spin, ...]
     rods: dict[int, Rod]
+
+    @property
+    def idle(self) -> list[Spin]:
+        """All idle spins, with freedoms of the tree after the cuts: first those of legs, by group."""
+        legs = [leg.spin.at(leg.tree_v) for group in self.groups for leg in group if leg.spin]
+        return legs + [spin.at(self.tree_v) for spin in self.spins]
 
 
 def parts_of(
@@ -287,10 +307,12 @@ def parts_of(
     if free:
         links, base = regrouped(links)
     closures = [_turned(c, turns) for c in spec.cut_closures]
-    held = _held_legs(mechanism) if free else {}
+    driven = {k for k, mark in enumerate(marks) if "motor" in mark}
+    spins = spins_of(mechanism, driven)
+    held = _held_legs(mechanism, spins, leg_inertia=leg_inertia) if free else {}
     kept = [i for i in range(len(links)) if not any(i + 1 in bodies for bodies in held)]
     number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
-    legs = [_leg(mechanism, bodies, links, closures[at], number) for bodies, at in held.items()]
+    legs = [_leg(mechanism, bodies, links, closures[at], number, spins) for bodies, at in held.items()]
     used = [i for i, c in enumerate(closures) if c.body_a in number and c.body_b in number]
     core_links, core_closures = _core(links, closures, kept, used)
     constants, axes, _ = _links(mechanism.spec, False, None)  # rods are found by the numbers of the robot
@@ -310,8 +332,8 @@ def parts_of(
         **columns,
         groups=_groups(legs, marks),
         base=base,
-        rank=mechanism.reduction.rank - sum(len(leg.tree_v) for leg in legs),
-        spins=_spins(mechanism, marks, columns["tree_v"]),
+        rank=mechanism.reduction.rank - sum(leg.closure.rows for leg in legs),
+        spins=_among(spins, columns["tree_v"]),
         rods=rods_of(*known),
     )
 
@@ -327,11 +349,10 @@ def _core(
     )
 
 
-def _spins(mechanism: Mechanism, marks: tuple[str, ...], tree_v: Index) -> tuple[Spin, ...]:
-    """Return the idle spins of a core, with its freedoms."""
-    driven = {k for k, mark in enumerate(marks) if "motor" in mark}
+def _among(spins: Sequence[Spin], tree_v: Index) -> tuple[Spin, ...]:
+    """Return the spins of some freedoms, numbered among these."""
     number = {int(col): k for k, col in enumerate(tree_v)}
-    return tuple(spin.at(number) for spin in spins_of(mechanism, driven) if number.keys() >= {*spin.cols})
+    return tuple(spin.at(number) for spin in spins if number.keys() >= {*spin.cols})
 
 
 def _links(
@@ -351,28 +372,43 @@ def _links(
     return links, turns, np.zeros(10)
 
 
-def _held_legs(mechanism: Mechanism) -> dict[tuple[int, ...], int]:
-    """Return the legs that may be grouped, as bodies of the tree, each with the closure at its end."""
-    found = {bodies: _closure_of_leg(mechanism, bodies) for bodies in mechanism.spec.legs}
+def _held_legs(
+    mechanism: Mechanism, spins: Sequence[Spin], *, leg_inertia: bool
+) -> dict[tuple[int, ...], int]:
+    """Return the legs that may be grouped, as bodies of the tree, each with the closure at its end.
+
+    A spin that moves mass by more than rounding, if less than `IDLE`, is left to the core, as are those of
+    floating bodies.
+    """
+    links, size = _links(mechanism.spec, leg_inertia, None)[0], mechanism.length
+    size *= sum(body.mass for body in mechanism.spec.leg_bodies if body)
+    still = [
+        spin
+        for spin in spins
+        if len(spin.cols) <= 3 and np.abs(first_moment(spin, links)).max() <= UNFELT * size
+    ]
+    found = {bodies: _closure_of_leg(mechanism, bodies, still) for bodies in mechanism.spec.legs}
     return {bodies: at for bodies, at in found.items() if at is not None}
 
 
 def _leg(
     mechanism: Mechanism, bodies: tuple[int, ...], links: list[Link], closure: TreeClosure,
-    core: dict[int, int],
+    core: dict[int, int], spins: Sequence[Spin],
 ) -> Leg:  # fmt: skip
     """Return a leg; `core` numbers the bodies of the core."""
     joints = [b - 1 for b in sorted(bodies)]
     number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(joints)}
     on_a = closure.body_a in bodies
     end, platform = (closure.body_a, closure.body_b) if on_a else (closure.body_b, closure.body_a)
+    columns = _columns(mechanism, joints)
     return Leg(
         links=_renumbered(links, joints, number),
         closure=closure,
         on_a=on_a,
         end=number[end],
         platform=core[platform] - 1,
-        **_columns(mechanism, joints),
+        spin=next(iter(_among(spins, columns["tree_v"])), None),
+        **columns,
     )
 
 
@@ -406,8 +442,8 @@ def _turned(c: TreeClosure, turns: list[Array]) -> TreeClosure:
     return replace(c, R_a=Ta @ c.R_a, p_a=Ta @ c.p_a, R_b=Tb @ c.R_b, p_b=Tb @ c.p_b)
 
 
-def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...]) -> int | None:
-    """Return the one closure that connects a leg to a platform and determines its joints, or None."""
+def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...], spins: Sequence[Spin]) -> int | None:
+    """Return the one closure that connects a leg to a platform and determines all but its spin, or None."""
     spec, tree, inside = mechanism.spec, mechanism.tree, set(bodies)
     touching = [i for i, c in enumerate(spec.cut_closures) if {c.body_a, c.body_b} & inside]
     if len(touching) != 1 or not _hangs_alone(spec, inside):
@@ -417,9 +453,13 @@ def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...]) -> int | None
     other = c.body_b if c.body_a in inside else c.body_a
     whole = len(c.translations) == 3 and c.rotation in ("free", "fixed", "parallel")
     cols = np.concatenate([np.arange(tree.nv)[tree.v_slices[b - 1]] for b in bodies])
-    if other - 1 not in spec.platforms or not whole or c.rows != len(cols):
+    idle = [spin.col for spin in _among(spins, cols)]
+    determined = np.delete(cols, idle)
+    if other - 1 not in spec.platforms or not whole or c.rows != len(determined) or len(idle) > 1:
         return None
-    K = mechanism.reduction.scaled(mechanism.generic_K)[:, mechanism.closures.row_slices[at]][:, :, cols]
+    K = mechanism.reduction.scaled(mechanism.generic_K)[:, mechanism.closures.row_slices[at]][
+        :, :, determined
+    ]
     s = np.linalg.svd(K, compute_uv=False)
     return at if np.median(s[:, -1] / s[:, 0]) > LOCATED_LEG else None
 
@@ -436,7 +476,8 @@ def _groups(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ...], .
     """Group legs that differ in their numbers only."""
     out: dict[tuple[object, ...], list[Leg]] = {}
     for leg in legs:
-        shape = tuple((link.kind, link.parent, tuple(link.axis.tolist())) for link in leg.links)
-        acting = tuple(marks[k] for k in leg.tree_v)
+        axes = [tuple(link.axis.tolist()) if link.nv == 1 else () for link in leg.links]
+        shape = tuple((link.kind, link.parent, axis) for link, axis in zip(leg.links, axes, strict=True))
+        acting = tuple(marks[k] for k in leg.tree_v), leg.spin and leg.spin.cols
         out.setdefault((shape, acting, leg.end, leg.platform, leg.closure.rotation), []).append(leg)
     return tuple(tuple(group) for group in out.values())

@@ -198,8 +198,8 @@ class Options:
         moving: Indices of the motors that the closures let move.
         share: Share of the load of each moving motor if they are redundant, else empty.
         laws: Freedoms with joint laws, of the inverse model.
-        thin: Numbers of the core's spins that are excepted where forces are balanced: without inertia, they
-            get no acceleration.
+        thin: Freedoms that stand for spins without inertia, which get no acceleration: they are excepted
+            where forces are balanced.
         massless: Whether some motion of the module has no inertia; the general path then computes it.
         usual: Largest inertia that each freedom moves with all other joints locked, for the direct model of a
             module without loops that carries others; else empty.
@@ -247,7 +247,7 @@ def _massless(request: Request, k: int) -> bool:
     motion, rotor = m.tree.sweep(m.postures[:1]), np.array(request.rotor(request.robot.modules[k]))
     Psi = m.basis(m.closures.matrix(motion)).Psi[0]
     motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0]
-    thin = _spins(request, k)[:, list(_thin(request, k))] / m.reduction.col_scale[:, None]
+    thin = _spins(request, k, _thin(request, k)) / m.reduction.col_scale[:, None]
     if thin.size:
         motions = np.linalg.svd(motions - thin @ (thin.T @ motions))[0][:, : m.mobility - thin.shape[1]]
     motions = motions * m.reduction.col_scale[:, None]
@@ -261,24 +261,25 @@ def _massless(request: Request, k: int) -> bool:
     return bool(values[0] <= max(MASSLESS_MOTION * values[-1], ROUNDED_MOTION * float(np.trace(free))))
 
 
-def _spins(request: Request, k: int) -> Array:
-    """Return the spins of the core of module k as motions of its tree after the cuts, shape (n, spins)."""
-    parts = request.plans[k].parts
-    out = np.zeros((parts.mechanism.tree.nv, len(parts.spins)))
-    for i, spin in enumerate(parts.spins):
-        out[parts.tree_v[list(spin.cols)], i] = spin.axis
+def _spins(request: Request, k: int, freedoms: Sequence[int]) -> Array:
+    """Return the spins for which freedoms stand as motions of the tree after the cuts, shape (n, spins)."""
+    spins = {spin.col: spin for spin in request.plans[k].parts.idle}
+    out = np.zeros((request.plans[k].mechanism.tree.nv, len(freedoms)))
+    for i, col in enumerate(freedoms):
+        out[list(spins[col].cols), i] = spins[col].axis
     return out
 
 
 def _thin(request: Request, k: int) -> tuple[int, ...]:
-    """Return the numbers of the spins of module k without inertia: what is left of it is rounding."""
-    m, spins = request.plans[k].mechanism, _spins(request, k)
+    """Return `Options.thin` of module k: what is left of the inertia of these spins is rounding."""
+    m, cols = request.plans[k].mechanism, tuple(spin.col for spin in request.plans[k].parts.idle)
     if request.on.leg_inertia is None:
-        return tuple(range(spins.shape[1]))
+        return cols
+    spins = _spins(request, k, cols)
     M = m.legs.crba(m.postures[:1])[0, 6:, 6:] + np.diag(request.rotor(request.robot.modules[k]))
     terms = np.einsum("ik,ij,jk->k", np.abs(spins), np.abs(M), np.abs(spins))
     left = np.einsum("ik,ij,jk->k", spins, M, spins)
-    return tuple(np.flatnonzero(left <= ROUNDED_INERTIA * terms).tolist())
+    return tuple(np.array(cols, dtype=int)[left <= ROUNDED_INERTIA * terms].tolist())
 
 
 def inverse_options(request: Request, k: int) -> Options:

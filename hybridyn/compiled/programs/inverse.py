@@ -71,6 +71,8 @@ class _Sweeps(Sweeps):
     def outwards(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Add the motion outwards, and the legs' forces."""
         w, calls = self.w, self._calls(k, modules)
+        if self.motors:
+            calls.allocate_motions()
         for o in np.flatnonzero(calls.options.carries).tolist():
             calls.ports[f"F {o}"] = w.start(w.shared(6), np.zeros(6))
         calls.call(0)
@@ -84,7 +86,7 @@ class _Sweeps(Sweeps):
         if len(laws := calls.written.at["laws"]):
             calls.ports["laws"] = self.efforts(calls.k, laws[None])
         if self.pushed and calls.k == 0:
-            calls.ports["Q"] = self.w.result("tau", np.arange(6))
+            calls.ports["Q of core"] = self.w.result("tau", np.arange(6))
         elif not self.motors:
             calls.ports["tau"] = self.w.result("tau", 6 * self.pushed + calls.module.motor_index)
         calls.call(1)
@@ -111,9 +113,10 @@ class _Sweeps(Sweeps):
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
         lawful, driven = group[0].among(options.laws), group[0].among(options.motors)
         more_of = options.velocity, options.rotor, tuple(lawful), tuple(driven)
-        key = ("idm of legs", id(plan), n, options.base, *more_of)
-        stages, table = self.w.once(key, write_inverse_legs, plan, n, options)
+        key = ("idm of legs", id(plan), n, options.base, options.thin, *more_of)
+        stages, table = self.w.once(key, write_inverse_legs, plan, n, options, motions=self.motors)
         more: Ports = {"numbers": self.w.numbers(table, plan.column)}
+        more |= calls.spin_ports(n) if self.motors else {}
         if lawful:
             more["laws"] = self.efforts(calls.k, np.array([leg.tree_v[lawful] for leg in group]))
         if driven:

@@ -23,7 +23,7 @@ from ..equations.parts import Leg
 from ..equations.request import Request
 from ..equations.rigid import classical, quaternion_matrix
 from ..equations.stages import Stage, WrittenModule
-from ..program import Add, Call, Constants, Own, Shared, Source, Target, Worst
+from ..program import Add, Call, Constants, Each, Own, Shared, Source, Target, Worst
 from .writer import Writer
 
 
@@ -134,6 +134,19 @@ class ModuleCalls:
             names = {name: f"{of} {output}" for name, of in OF_BASE.items()}
             self.ports |= {name: known[of] for name, of in names.items() if of in known}
         self.stages.call(s, self.ports)
+
+    def allocate_motions(self) -> None:
+        """Allocate "u_dot" and "Q" along all motions of the module: spins of legs, then those of the core."""
+        w, m, plan = self.writer, self.module.mobility, self.request.plans[self.k]
+        first = len(plan.parts.idle) - len(plan.parts.spins)
+        for name in ("u_dot", "Q"):
+            whole = self.ports[name] = w.shared(m)
+            self.ports[f"{name} of core"] = Shared(whole.start + first, m - first)
+
+    def spin_ports(self, n: int) -> Ports:
+        """Return the places of "u_dot" and "Q" along the spins of group n."""
+        first = sum(len(group) for group in self.groups[:n] if group[0].spin)
+        return {f"{name} of leg": Each(self.ports[name].start + first, 1) for name in ("u_dot", "Q")}
 
     def start_sums(self, sums: Sequence[tuple[str, int]]) -> None:
         """Start the sums over the legs of each platform, given by name and size, at zero."""

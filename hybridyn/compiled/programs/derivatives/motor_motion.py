@@ -53,7 +53,7 @@ def motion_nodes(w: Writer, calls: ModuleCalls) -> list[Node]:
         of_legs = ("motion of legs", id(plan), n, calls.options)
         code, table = w.once(of_legs, write_direct_legs, plan, n, calls.options, motion=True)
         own: Ports = {name: ports[f"{name} {group[0].platform}"] for name in ("platform", "delta")}
-        own |= {"numbers": w.numbers(table, plan.column)} | calls.coordinates(group)
+        own |= {"numbers": w.numbers(table, plan.column)} | calls.coordinates(group) | calls.spin_ports(n)
         own["a"] = w.from_given("a", v_index[np.array([leg.v for leg in group])])
         Stages(w, of_legs, code, ["motion"], len(group)).call(0, ports | own)
     stages.call(3, ports)
