@@ -18,7 +18,7 @@ from ...linkage.closures import TURNING, TreeClosure, TreeCoupling, normals
 from ...spatial import Array
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
-from .chains import Chain, motion_map, point_acceleration, point_map, point_velocity, sweep
+from .chains import Chain, motion_map, own_columns, point_acceleration, point_map, point_velocity, sweep
 from .expressions import (
     Expression,
     Folding,
@@ -84,6 +84,38 @@ class SpanningRows:
         rates = [along(A[:, i], at) for i in c.translations]
         rates += [along(n, twist[3:]) for _, n in _turning(c.rotation, A, B)]
         return np.array(rates, dtype=object)
+
+    def on_rod(
+        self, c: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool
+    ) -> tuple[Expression, Expression]:
+        """Compute `closure` for a rod's end, A, in the rod's axes, with few operations.
+
+        How the rod moves its own end does not depend on where the rod is. The end is taken at A, where the
+        closure is once it is closed.
+
+        Args:
+            turns: Freedoms that turn the rod about a point of its line.
+            on_line: Whether A is on this line; arguments may move it off.
+        """
+        residual, rows = self.closure(c, frames)
+        own, slices = own_columns(self._chain, c.body_a), self._chain.v_slices
+        for joint in self._path(c.body_a) - self._path(c.body_b):
+            if slices[joint].stop > min(turns, default=self._chain.nv):
+                for k in range(slices[joint].start, slices[joint].stop):
+                    rows[:, k] = -dot(frames[0].T, point_velocity(own[k], frames[1]))
+        if on_line:
+            rows[2, list(turns)] = 0.0  # rounding
+        return residual, rows
+
+    def drift(self, c: TreeClosure, frames: Frames) -> Expression:
+        """Compute the derivative of a closure's three rows times the chain's rates, which close it."""
+        a, b = (
+            point_acceleration(self._chain.V[body], self._chain.c[body], p)
+            for body, p in ((c.body_a, frames[1]), (c.body_b, frames[3]))
+        )
+        A = dot(self._chain.R0[c.body_a], frames[0])
+        out: Expression = minus(dot(A.T, dot(self._chain.R0[c.body_b], b)), dot(frames[0].T, a))
+        return out
 
     def _twist(self, body: int, other: int, v: Expression) -> Expression:
         """Compute the twist of a body in the base frame, without joints that carry the other body, too."""

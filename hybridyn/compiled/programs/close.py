@@ -238,10 +238,15 @@ def _turning(kernel: LoopKernel) -> Kernel:
     return kernel.kernel("turning", [near_col, q_col], [turned / MOST_TURNING])
 
 
-def drift(rates: Expression, q: ca.SX, w: ca.SX, v: Expression, tree: Tree) -> Expression:
-    """Compute K_dot v, shape (rows,), from K w, shape (rows,); positions q and rates w are symbols."""
+def drift(
+    rates: Expression, q: ca.SX, w: ca.SX, v: Expression, tree: Tree, known: Expression | float = 0.0
+) -> Expression:
+    """Compute K_dot v, shape (rows,), from K w, shape (rows,); positions q and rates w are symbols.
+
+    Rows of which K_dot w is known have zeros in K w; the others have zeros in `known`.
+    """
     rate = by_joint(tree, position_rate, unpack(q), unpack(w), positions=1)
-    return unpack(ca.substitute(ca.jtimes(pack(rates), q, pack(rate)), w, pack(v)))
+    return unpack(ca.substitute(ca.jtimes(pack(rates), q, pack(rate)) + pack(known), w, pack(v)))
 
 
 #: Largest rounding of over-determined closures in the robot's file. Above it they can only be met in the

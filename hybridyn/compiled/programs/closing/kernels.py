@@ -287,7 +287,7 @@ class ModuleKernels:
         solved, doubts = self._solved(rows, right)
         step, rate = solved[:, 0], rate + solved[:, 1]
         wanted_dot = self._wanted(rows, g_ddot[len(given) :]) - drift(
-            rows.rates, z[0], self.u.rates[0], rate, tree
+            rows.rates, z[0], self.u.rates[0], rate, tree, rows.drift
         )
         solved, _ = self._solved(rows, (wanted_dot - dot(rows.K, acceleration))[:, None])
         acceleration = acceleration + solved[:, 0]
@@ -322,9 +322,10 @@ class ModuleKernels:
     def _kept(self, left: tuple[Expression, Expression], motion: tuple[Expression, Expression]) -> Any:
         """Return the guard of redundant rows of the loops: what rates and accelerations leave of them.
 
-        With spins it looks at all rows, since arguments may move a rod's end off its line.
+        Where arguments may move a rod's end off its line, it looks at all rows.
         """
-        rest = [i for i in range(self.u.loops) if i not in self.pivots.rows or self.u.spins]
+        moved = bool(self.u.spins) and self.u.with_arguments != self.u.trees
+        rest = [i for i in range(self.u.loops) if moved or i not in self.pivots.rows]
         rate, acceleration = (largest(x / self.e.unit) for x in motion)
         guard, scale = ca.SX(0.0), Scale(1.0, GUARD_CLOSED["float64"])
         for miss, size in zip(left, (rate, acceleration + rate * rate), strict=True):

@@ -38,20 +38,30 @@ class Rows:
         upright: Cosines that are positive where no two axes are more than a right angle apart.
         frames: Axes of each target, shape (3, 3).
         rates: K times given rates, shape (rows,), from the twists of the bodies; empty if none were given.
+            Those of rods are left out.
+        drift: K_dot times these rates for the rods' rows, else 0, shape (rows,).
     """
 
     def __init__(self, chain: Chain, v: Expression | None) -> None:
         """Begin without rows."""
-        self.K, self.residual, self.rates = zeros(0, chain.nv), zeros(0), zeros(0)
+        self.K, self.residual = zeros(0, chain.nv), zeros(0)
+        self.rates, self.drift = zeros(0), zeros(0)
         self.upright: list[ca.SX] = []
         self.frames: list[Expression] = []
         self.chain, self.writer, self._v = chain, SpanningRows(chain), v
 
-    def add(self, K: Expression, residual: Expression, rates: Expression | None = None) -> None:
+    def add(
+        self,
+        K: Expression,
+        residual: Expression,
+        rates: Expression | None = None,
+        drift: Expression | None = None,
+    ) -> None:
         """Add rows, by default with the rates K v."""
         if self._v is not None:
             own = dot(K, self._v) if rates is None else rates
             self.rates = np.concatenate([self.rates, own])
+            self.drift = np.concatenate([self.drift, zeros(len(K)) if drift is None else drift])
         self.K, self.residual = np.concatenate([self.K, K]), np.concatenate([self.residual, residual])
 
     def close(self, closure: TreeClosure, frames: Frames) -> None:
@@ -67,6 +77,11 @@ class Rows:
             cosines = [ca.SX(dot(A[:, i], B[:, i][:, None])[0]) for i in range(3)]
             whole = cosines[0] + cosines[1] + cosines[2] - 1.0
             self.upright.append(cosines[2] if closure.rotation == "parallel" else whole)
+
+    def close_rod(self, closure: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool) -> None:
+        """Add the rows of a closure on a rod, see `SpanningRows.on_rod`."""
+        off, over = self.writer.on_rod(closure, frames, turns, on_line)
+        self.add(over, off, zeros(3), self.writer.drift(closure, frames))
 
     def prescribe(self, some: Coordinates, wanted: Expression, frames: Frames) -> None:
         """Add the rows of coordinates of a link: x, y, z, roll, pitch and yaw as in `linkage.targets`.
@@ -122,11 +137,14 @@ def rows_at(
     """
     links = fold_links(folding, [links_of(t.joints, [np.zeros(10)] * len(t.joints)) for t in trees])
     nv = trees[0].tree.nv
-    out, positions = Rows(sweep(links, z, zeros(nv), zeros(6)), v), [z[at] for at in trees[0].tree.q_slices]
+    rates = zeros(nv) if v is None else v
+    out, positions = Rows(sweep(links, z, rates, zeros(6)), v), [z[at] for at in trees[0].tree.q_slices]
     for k, same in enumerate(zip(*(t.closures for t in trees), strict=True)):
-        out.close(same[0], _folded(folding, same))
-        if k in trees[0].rods and not any(c.p_a.dtype == object for c in same):
-            out.K[-1, list(trees[0].rods[k].turns)] = 0.0  # rounding
+        own, rod = _folded(folding, same), trees[0].rods.get(k)
+        if rod is None:
+            out.close(same[0], own)
+        else:
+            out.close_rod(same[0], own, rod.turns, not any(c.p_a.dtype == object for c in same))
     for coupled in zip(*(t.couplings for t in trees), strict=True):
         offset = folding.array([scalar(c.offset) for c in coupled])[0]
         miss, row = coupling_row(out.chain, coupled[0], positions, offset)
