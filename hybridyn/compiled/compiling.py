@@ -22,7 +22,7 @@ from .library.calls import Library
 from .model import CompiledRobot
 from .programs.designs import designs_to_verify
 from .programs.sources import MODELS, asked_for, library_of
-from .verifying import verify, warn_of_handed_over
+from .verifying import verify
 
 
 @one_thread()
@@ -118,4 +118,3 @@ def accept(robot: HybridRobot, effects: Effects, parameters: Parameters, built: 
             verify(library, like, at_robot(effects, like), required=required, design=design)
         else:
             verify(library, like, effects)
-            warn_of_handed_over(library, robot, effects)

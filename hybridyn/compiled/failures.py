@@ -39,16 +39,11 @@ BUG = "it is not used. This is a bug: report it with the robot's files; the gene
 
 
 def difference(result: NDArray[Any], reference: Array) -> Array:
-    """Compute the difference of each sample, relative to its largest entry, shape (T,)."""
-    scale = np.abs(reference).max(axis=1, initial=0.0)
-    out: Array = np.abs(result - reference).max(axis=1, initial=0.0) / np.where(scale > 0, scale, 1.0)
+    """Compute the difference of each sample, shape (T, ...), relative to its largest entry, shape (T,)."""
+    axes = tuple(range(1, reference.ndim))
+    scale = np.abs(reference).max(axis=axes, initial=0.0)
+    out: Array = np.abs(result - reference).max(axis=axes, initial=0.0) / np.where(scale > 0, scale, 1.0)
     return out
-
-
-def part_of_all(result: NDArray[Any], reference: Array, scale: Array) -> float:
-    """Compute the largest difference, relative to the largest entry of all samples of `scale`."""
-    off = np.abs(result - reference).max(initial=0.0)
-    return float(off / (1e-300 + np.abs(scale).max(initial=0.0)))
 
 
 def check_agreement(robot: HybridRobot, what: str, off: Any, limit: Any) -> None:

@@ -169,10 +169,7 @@ def _factors(robot: HybridRobot, parameters: StandardParameters, scale: Array) -
 def random_motions(robot: HybridRobot, count: int) -> tuple[Array, Array, Array]:
     """Draw q, v, a, shapes (count, nq), (count, nv), (count, nv), that the loops allow, all independent."""
     q, v, _ = moving_states(robot, count, positions=_spread)
-    a = any_accelerations(robot, q, v, seed=1)  # of another seed: v must not be a
-    if robot.base == "moving":
-        a[:, :6] = np.random.default_rng(2).normal(size=(count, 6))
-    return q, v, a
+    return q, v, any_accelerations(robot, q, v, seed=1)  # of another seed: v must not be a
 
 
 def _spread(module: Module, count: int, rng: np.random.Generator) -> Array:

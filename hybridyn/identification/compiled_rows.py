@@ -15,10 +15,11 @@ import numpy as np
 from ..compiled.code.library_source import Source, library_source
 from ..compiled.code.rules import compacted
 from ..compiled.code.scalars import GUARD_LIMIT, Scalar
+from ..compiled.comparing import compare_at_states
 from ..compiled.equations.arguments import ModuleArguments
 from ..compiled.equations.expressions import unpack
 from ..compiled.equations.request import Request, request
-from ..compiled.failures import as_compile_error, check_agreement
+from ..compiled.failures import as_compile_error
 from ..compiled.library.artifact import Artifact
 from ..compiled.library.building import best_lanes
 from ..compiled.library.cache import Built
@@ -34,7 +35,6 @@ from ..errors import CompileError
 from ..spatial import Array, Index
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from .base_parameters import random_motions
 from .inertial import OF_BODY
 from .parameters import StandardParameters
 from .regressor import add_laws, effort_rows
@@ -42,8 +42,8 @@ from .regressor import add_laws, effort_rows
 #: Largest difference from the general path at the states that a new library is compared at, relative to the
 #: largest entry.
 AGREES = 1e-10
-#: Name of the program, and number of states of the comparison.
-NAME, COMPARED = "regressor", 8
+#: Name of the program.
+NAME = "regressor"
 
 
 #: Indices of (m, h, Ixx, Ixy, Ixz, Iyy, Iyz, Izz) in `pinocchio.Inertia.toDynamicParameters`.
@@ -160,12 +160,18 @@ class CompiledRows:
         Raises:
             CompileError: They differ.
         """
-        q, v, a = random_motions(self.robot, COMPARED)
-        Y, guard = self._run(Library(built), q, v, a)
-        wanted = effort_rows(self.robot, self.parameters, q, v, a)[..., self.columns[self._inertial]]
-        sure = guard <= GUARD_LIMIT
-        off = np.abs(Y - wanted)[sure].max(initial=0.0) / np.abs(wanted).max(initial=1e-300)
-        check_agreement(self.robot, "regressor", off, AGREES)
+        library, columns = Library(built), self.columns[self._inertial]
+
+        def run(q: Array, v: Array, _: Array, a: Array) -> tuple[list[Array], Array]:
+            """Run the program."""
+            Y, guard = self._run(library, q, v, a)
+            return [Y], guard
+
+        def general(q: Array, v: Array, _: Array, a: Array) -> list[Array]:
+            """Compute the columns by the general path."""
+            return [effort_rows(self.robot, self.parameters, q, v, a)[..., columns]]
+
+        compare_at_states(self.robot, "regressor", run, general, AGREES)
 
     def _run(self, library: Library, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Return the inertial columns, shape (T, motors, k), and the guards, shape (T,)."""

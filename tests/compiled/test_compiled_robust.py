@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled import verifying
+from hybridyn.compiled import comparing
 from hybridyn.compiled.equations.guarded_elimination import choose_pivots
 from hybridyn.compiled.equations.states import moving_states, random_states
 from hybridyn.compiled.export import export
 from hybridyn.compiled.programs.general import GENERAL, body_rows
-from hybridyn.compiled.verifying import MODEL_AGREES, SAMPLES, difference, verify
+from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.effects.choice import Effects, choose
 from hybridyn.manifold.manifold import Manifold
@@ -336,21 +336,29 @@ EDITS: dict[str, tuple[Any, str, str, int]] = {
         ),
         "'ddm' of the robot 'door' differs", "", 1,
     ),
-    "trusts few": (lambda name, outputs, guard: (outputs, every_third(guard)), "", "", 3),
+    "trusts few": (
+        lambda name, outputs, guard: (outputs, every_third(guard)),
+        "", "'door': the compiled 'idm' hands 24 of 36 random states", 3,
+    ),
+    "says nothing of itself": (
+        lambda name, outputs, guard: (outputs, every_third(guard, np.nan)),
+        "'ddm' of the robot 'door' differs from the general path by nan", "", 1,
+    ),
     "trusts nothing": (
         lambda name, outputs, guard: (outputs, guard + 2.0),
-        f"robot 'door' would hand every one of {8 * SAMPLES} random states", "", 8,
+        "models of the robot 'door' would hand every one of 96 random states",
+        "'door': the compiled 'ddm' hands 96 of 96", 8,
     ),
     "one model trusts nothing": (
         lambda name, outputs, guard: (outputs, guard + 2.0 * (name == "idm")),
-        "", "'door': the compiled 'idm' hands every one of", 8,
+        "", "'door': the compiled 'idm' hands 96 of 96", 1,
     ),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("what", EDITS)
 def test_models_that_say_something_else(what: str, caplog: pytest.LogCaptureFixture) -> None:
-    """Samples that the general path computes prove nothing; more states are drawn where few count."""
+    """States that the general path computes prove nothing; more are drawn where few count."""
     edit, raised, logged, draws = EDITS[what]
     robot = door()
     library = Edited(robot, edit)
@@ -386,11 +394,11 @@ def test_the_inverse_model_is_verified_where_a_motion_has_no_inertia(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The five-bar moves legs alone: without their inertia its direct model is not defined."""
-    monkeypatch.setattr(verifying, "ROUNDS", 1)
+    monkeypatch.setattr(comparing, "ROUNDS", 1)
     robot = hybridyn.load("five_bar")
     effects = choose(robot, ["gravity", "inertia", "velocity"])
     verify(WithoutDirectModel(robot, effects, 0.0), robot, effects)
-    assert "the compiled 'ddm' hands every one of" in caplog.text
+    assert "the compiled 'ddm' hands 12 of 12 random states to the general path, which refuses" in caplog.text
     assert "has no inertia" in caplog.text
     refused(
         lambda: verify(WithoutDirectModel(robot, effects, 1e-5), robot, effects),

@@ -267,5 +267,5 @@ def test_a_motion_map_that_is_trusted_nowhere_is_not_used(monkeypatch: pytest.Mo
     monkeypatch.setattr(engine, "Library", lambda _: SimpleNamespace(programs={"following": calls}))
     moves = engine.Following(robot, independent_coordinates(robot, None), SimpleNamespace())
     refused(
-        lambda: engine.check_following(moves), hybridyn.CompileError, "trusted at none of 48 random states"
+        lambda: engine.check_following(moves), hybridyn.CompileError, "hand every one of 96 random states"
     )

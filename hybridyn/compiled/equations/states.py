@@ -99,6 +99,8 @@ def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0) -> 
         target = m.tree.sweep(state.q, state.v, x_ddot)
         m.wrists.recover(q[:, state.module.q_index], v[:, at], own, target)
         out[:, at] = own
+    if robot.base == "moving":
+        out[:, :6] = np.random.default_rng(seed + 1).normal(size=(len(q), 6))
     return out
 
 

@@ -15,15 +15,15 @@ from numpy.typing import ArrayLike
 
 from ....description.names import counted
 from ....effects.choice import Choice, Effects, choose
-from ....errors import AT_SAMPLE, CompileError, HybridynError, ModelError, SingularityError, TrajectoryError
+from ....errors import AT_SAMPLE, CompileError, ModelError, SingularityError, TrajectoryError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...code.library_source import Source, library_source
 from ...code.scalars import GUARD_LIMIT, Scalar
+from ...comparing import compare_at_states
 from ...equations.guarded_elimination import TRUSTED_PIVOT
 from ...equations.request import Request, request
-from ...equations.states import any_accelerations, moving_states
-from ...failures import as_compile_error, check_agreement, part_of_all
+from ...failures import as_compile_error
 from ...library.artifact import Artifact
 from ...library.building import best_lanes, find_compiler
 from ...library.cache import Built
@@ -96,9 +96,10 @@ DERIVATIVE_ROUNDED = 5e-16 / TRUSTED_PIVOT**2
 STATEMENTS_A_SECOND = 1000
 
 
-#: Random states at which a new library is compared, factors on their rates, and the largest difference from a
-#: difference quotient, relative to the largest entry: friction is no polynomial of the rates.
-STATES, SPEEDS, DERIVATIVE_CHECKED = 4, (0.999, 1.0, 1.001), 1e-5
+#: Largest difference of a new library's derivatives from a difference quotient, relative to the largest entry
+#: (friction is no polynomial of the rates), factors on the rates, and one on random efforts, beside which
+#: terms of the rates would vanish.
+DERIVATIVE_CHECKED, SPEEDS, EFFORTS = 1e-5, (0.9999, 1.0, 1.0001), 1e-3
 
 
 class Derivatives:
@@ -202,31 +203,32 @@ class Derivatives:
     def _check(self, built: Built) -> None:
         """Compare a new library with the general path at random states whose rates grow.
 
-        The loops stay closed. Efforts, or accelerations that keep the loops closed, change with the rates.
+        Efforts grow with the rates, accelerations with their squares, so that the loops stay closed.
 
         Raises:
             CompileError: The model differs, or its change from what the derivatives say.
         """
         robot, model, direct = self.robot, GENERAL[self._model], self._model == "ddm"
-        q, v, tau = moving_states(robot, STATES)
-        last = [s * tau if direct else any_accelerations(robot, q, s * v) for s in SPEEDS]
-        try:
-            found = [
-                model(robot, q, s * v, x, effects=self._effects) for s, x in zip(SPEEDS, last, strict=True)
-            ]
-        except HybridynError:  # it refuses random states: no motor drives a motion
-            return
-        library = Library(built)
-        (value, _, over_v, over_x), guard = library.batch(self._name, q, v, last[1])
-        moved, change = ((x[2] - x[0]) / (SPEEDS[2] - SPEEDS[0]) for x in (last, found))
+        library, power = Library(built), 1 if direct else 2
         driven = robot.motor_v if self._motors else np.arange(robot.nv)
-        change = change[:, driven] if direct else change
-        along = (v[:, driven], moved if direct else moved[:, driven])
-        pairs = zip((over_v, over_x), along, strict=True)
-        follows = sum(np.einsum("tij,tj->ti", J.reshape(*change.shape, x.shape[1]), x) for J, x in pairs)
-        for what, x, y in (("model", value, found[1]), ("derivatives", follows, change)):
-            off = part_of_all(x[guard <= GUARD_LIMIT], y[guard <= GUARD_LIMIT], y)
-            check_agreement(robot, f"'{self._name}' ({what})", off, DERIVATIVE_CHECKED)
+
+        def run(q: Array, v: Array, tau: Array, a: Array) -> tuple[list[Array], Array]:
+            """Compute the model and its change."""
+            x = EFFORTS * tau if direct else a
+            (value, _, over_v, over_x), guard = library.batch(self._name, q, v, x)
+            along = v[:, driven], x if direct else power * x[:, driven]
+            pairs = zip((over_v, over_x), along, strict=True)
+            change = sum(np.einsum("tij,tj->ti", J.reshape(len(q), -1, y.shape[1]), y) for J, y in pairs)
+            return [value, change], guard
+
+        def general(q: Array, v: Array, tau: Array, a: Array) -> list[Array]:
+            """Compute them by the general path."""
+            x = EFFORTS * tau if direct else a
+            found = [model(robot, q, s * v, s**power * x, effects=self._effects) for s in SPEEDS]
+            change = (found[2] - found[0]) / (SPEEDS[2] - SPEEDS[0])
+            return [found[1], change[:, driven] if direct else change]
+
+        compare_at_states(robot, f"'{self._name}'", run, general, DERIVATIVE_CHECKED, told=False)
 
     @cached_property
     def program(self) -> Program:

@@ -31,11 +31,10 @@ from ....dynamics.quantities.joint_map import side_motions
 from ....dynamics.quantities.links import inverse_of
 from ....dynamics.quantities.model import of_brackets
 from ....effects.choice import Effects
-from ....errors import CompileError, HybridynError
 from ....spatial import Array, Index, Mask
 from ....structure.robot import HybridRobot
-from ...code.scalars import GUARD_LIMIT, Scalar
-from ...failures import check_agreement, part_of_all
+from ...code.scalars import Scalar
+from ...comparing import States, compare_at_states, random_states, trusted_nowhere
 from ...library.artifact import Artifact
 from ...library.building import best_lanes
 from ...library.cache import Built
@@ -49,9 +48,9 @@ if TYPE_CHECKING:
 
 #: What a warning says that is done without a library.
 BY_GENERAL = "quantities: the general path computes them"
-#: Number of random states that a new program is compared at, and the largest difference from the general
-#: path, relative to the largest entry of them all: rounding, through the condition of loops at any posture.
-SAMPLES, FOLLOWING_AGREES = 48, {"float64": 1e-9, "float32": 1e-2}
+#: Largest difference of a new program from the general path, relative to the largest entry: rounding, through
+#: the condition of loops at any posture.
+FOLLOWING_AGREES = {"float64": 1e-9, "float32": 1e-2}
 
 
 class Following:
@@ -133,29 +132,28 @@ def check_following(moves: Following) -> None:
         CompileError: They differ, can be trusted nowhere, or the general path refuses the coordinates: a
             program has to choose which freedoms depend on the others, and may have to choose some of u.
     """
-    from ...equations.states import moving_states
-
     robot = moves.robot
-    q, v, _ = moving_states(robot, SAMPLES)
-    for module, own in zip(robot.modules, moves.u.own, strict=True):
-        if not len(own):
-            v[:, module.v_index] = 0.0  # it stays
-    (E, mapped), (a, trusted) = moves.map(q), moves.drift(q, v)
-    good, name = mapped & trusted, robot.description.name
-    if not good.any():
-        raise CompileError(
-            f"the compiled motion map of the robot '{name}' can be trusted at none of {SAMPLES} "
-            "random states: it is not used"
-        )
-    try:
-        right, drift = side_motions(robot, q[good], v[good], moves.u)
-    except HybridynError as error:
-        raise CompileError(f"the motion map of the robot '{name}' is not compiled: {error}") from error
-    offs = [
-        part_of_all(E[good], right, right),
-        part_of_all(a[good], drift, np.hstack([drift, v[good]])),  # a drift may be zero
-    ]
-    check_agreement(robot, "motion map", offs, FOLLOWING_AGREES[str(moves.dtype)])
+    still = [m.v_index for m, own in zip(robot.modules, moves.u.own, strict=True) if not len(own)]
+
+    def states(seed: int) -> States:
+        """Draw q and v; modules without coordinates stay."""
+        q, v, *_ = random_states(robot, seed)
+        v[:, [i for own in still for i in own]] = 0.0
+        return q, v
+
+    def run(q: Array, v: Array) -> tuple[list[Numbers], Array]:
+        """Compute dq/du, and the drift, which may be zero, beside the rates."""
+        (E, mapped), (a, trusted) = moves.map(q), moves.drift(q, v)
+        return [E, np.hstack([a, v])], np.where(mapped & trusted, 0.0, np.inf)
+
+    def general(q: Array, v: Array) -> list[Array]:
+        """Compute them by the general path."""
+        E, drift = side_motions(robot, q, v, moves.u)
+        return [E, np.hstack([drift, v])]
+
+    limit = FOLLOWING_AGREES[str(moves.dtype)]
+    if not compare_at_states(robot, "motion map", run, general, limit, states=states):
+        raise trusted_nowhere(robot, "motion map")
 
 
 MODELS = ("idm_pushed", "ddm_pushed")
@@ -186,18 +184,20 @@ def _check(robot: HybridRobot, on: Effects, dtype: str, built: Built) -> None:
     """
     import pinocchio as pin  # a start with a model from the cache does without it
 
-    from ...equations.states import any_accelerations, moving_states
+    model, library = effective_model(robot, on), Library(built)
 
-    q, v, _ = moving_states(robot, SAMPLES)
-    a, library = any_accelerations(robot, q, v), Library(built)
-    (tau,), guard = library.batch("idm_pushed", q, v, a)
-    (again,), other = library.batch("ddm_pushed", q, v, tau)
-    good = (guard <= GUARD_LIMIT) & (other <= GUARD_LIMIT)
-    model, states = effective_model(robot, on), zip(q[good], v[good], a[good], strict=True)
-    wrench = np.array([pin.rnea(model, model.createData(), *state)[:6] for state in states]).reshape(-1, 6)
-    for name, found, wanted in (("idm", tau[good, :6], wrench), ("ddm", again[good], a[good])):
-        off = part_of_all(found, wanted, wanted)
-        check_agreement(robot, f"'{name}' with a wrench on the base", off, FOLLOWING_AGREES[dtype])
+    def run(q: Array, v: Array, _: Array, a: Array) -> tuple[list[Numbers], Array]:
+        """Compute the wrench, and the accelerations that follow from all efforts."""
+        (tau,), guard = library.batch("idm_pushed", q, v, a)
+        (again,), other = library.batch("ddm_pushed", q, v, tau)
+        return [tau[:, :6], again], np.maximum(guard, other)
+
+    def wanted(q: Array, v: Array, _: Array, a: Array) -> list[Array]:
+        """Compute the wrench by Pinocchio."""
+        states = zip(q, v, a, strict=True)
+        return [np.array([pin.rnea(model, model.createData(), *state)[:6] for state in states]), a]
+
+    compare_at_states(robot, "models with a wrench on the base", run, wanted, FOLLOWING_AGREES[dtype])
 
 
 #: Exponent of the factor on accelerations, and of rates after their factor.

@@ -1,0 +1,136 @@
+"""Compare new code with the general path at random states, before it is used."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import CompileError, HybridynError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from .code.scalars import GUARD_LIMIT
+from .equations.states import any_accelerations, moving_states
+from .failures import check_agreement, difference
+
+log = logging.getLogger("hybridyn.compiled")
+
+#: Number of random states that are drawn at once, and that new code must have computed itself.
+SAMPLES = 12
+
+#: Largest number of draws of `SAMPLES` states.
+ROUNDS = 8
+
+#: Arrays of one row for each state.
+States = Sequence[Array]
+
+
+def random_states(robot: HybridRobot, seed: int = 0) -> States:
+    """Draw q, v, tau, a of `SAMPLES` assembled states, shapes (SAMPLES, n).
+
+    The accelerations are any that keep the loops closed, as tables have them.
+    """
+    q, v, tau = moving_states(robot, SAMPLES, seed)
+    return q, v, tau, any_accelerations(robot, q, v, seed + 1)
+
+
+def compare_at_states(
+    robot: HybridRobot,
+    what: str,
+    run: Callable[..., tuple[Sequence[NDArray[Any]], Array]],
+    general: Callable[..., Sequence[Array]],
+    limit: float,
+    *,
+    states: Callable[[int], States] | None = None,
+    excused: Callable[[States, Sequence[Array]], Array] | None = None,
+    told: bool = True,
+) -> int:
+    """Compare new code with the general path at random states that the code computes itself.
+
+    States whose guard is above its limit are left out, and more are drawn; a guard that is NaN is a fault.
+
+    Args:
+        what: What is compiled.
+        run: Computes results, shapes (T, ...), and guards, shape (T,), from states.
+        general: Computes the results by the general path.
+        limit: Largest difference, relative to the largest entry of each state's result.
+        states: Draws states of a seed; None for `random_states`.
+        excused: Computes the differences that rounding explains, shape (T,), from states and the general
+            path's results; asked where one exceeds `limit`.
+        told: Whether to log a warning if the general path has to compute most states.
+
+    Returns:
+        Number of states that the code has computed itself.
+
+    Raises:
+        CompileError: A result differs, or the general path refuses a state that the code computes.
+    """
+    draw, computed, handed, refused = states or partial(random_states, robot), 0, 0, list[HybridynError]()
+    for seed in range(ROUNDS):
+        drawn = draw(seed)
+        found, guard = run(*drawn)
+        good = ~(guard > GUARD_LIMIT)
+        if good.any():
+            given = [x[good] for x in drawn]
+            try:
+                wanted = general(*given)
+            except HybridynError as error:
+                raise CompileError(
+                    f"the compiled {what} of the robot '{robot.description.name}' computes a state that the "
+                    f"general path refuses ({error}): it is not used"
+                ) from error
+            offs = [difference(x[good], y) for x, y in zip(found, wanted, strict=True)]
+            off = np.where(np.isnan(guard[good]), np.nan, np.max(offs, axis=0))
+            rounding = excused(given, wanted) if excused and not (off <= limit).all() else 0.0
+            check_agreement(robot, what, off, np.maximum(limit, rounding))
+        computed, handed = computed + int(good.sum()), handed + int((~good).sum())
+        if told and seed == 0 and handed > computed:
+            refused = _refused(general, [x[~good] for x in drawn])
+            told = not computed or 2 * (handed - len(refused)) > SAMPLES
+        if computed >= len(good):
+            break
+    if told and handed > computed:
+        log.warning(
+            "robot '%s': the compiled %s hands %d of %d random states to the general path%s",
+            robot.description.name, what, handed, handed + computed, _reason(robot, refused),
+        )  # fmt: skip
+    return computed
+
+
+def _refused(general: Callable[..., Any], states: States) -> list[HybridynError]:
+    """Return the errors of states that the general path refuses, each on its own."""
+    errors = []
+    for t in range(len(states[0])):
+        try:
+            general(*(x[t : t + 1] for x in states))
+        except HybridynError as error:
+            errors.append(error)
+    return errors
+
+
+def trusted_nowhere(robot: HybridRobot, what: str) -> CompileError:
+    """Return the error of code that has computed none of the random states itself."""
+    return CompileError(
+        f"the compiled {what} of the robot '{robot.description.name}' would hand every one of "
+        f"{ROUNDS * SAMPLES} random states to the general path{_reason(robot)}: this is of no use"
+    )
+
+
+def _reason(robot: HybridRobot, refused: Sequence[HybridynError] = ()) -> str:
+    """Return why samples cannot be trusted, if the general path or the robot itself says it, else ""."""
+    from .equations.core import is_coarse
+
+    if refused:
+        return f", which refuses {len(refused)} of the first {SAMPLES} ({refused[0]})"
+    for module in robot.modules:
+        if is_coarse(module.mechanism):
+            dropped = module.mechanism.reduction.report.dropped
+            return (
+                f" (the redundant loops of module '{module.name}' agree with each other to {dropped:.1g} "
+                "only, because its file is rounded: the solution depends on the order of elimination)"
+            )
+    return ""
