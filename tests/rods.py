@@ -160,7 +160,11 @@ def with_balls(description: Description) -> Description:
     for first in description.joints:
         for second in description.joints:
             pair, cross = (first, second), links[first.child]
-            crossed = second.parent == first.child and not second.placement[:3, 3].any() and not cross.mass
+            crossed = (
+                second.parent == first.child
+                and np.abs(second.placement[:3, 3]).max() < 1e-15
+                and not cross.mass
+            )
             turning = {joint.kind for joint in pair} <= {"revolute", "continuous"}
             driven = {joint.name for joint in pair} & {*description.motors}
             if not (crossed and turning and links[second.child].mass) or driven:
@@ -196,13 +200,14 @@ def swings(robot: hybridyn.HybridRobot, samples: int, size: float) -> dict[str, 
 
 
 def spin(robot: hybridyn.HybridRobot, q: Array, v: Array, a: Array | None, rng: np.random.Generator) -> None:
-    """Add spins to the rates, or to the accelerations if these are given, in place."""
+    """Set the spins in the rates, or in the accelerations if these are given, in place."""
     changed = v if a is None else a
     for state in forward(robot, q, v, changed):
         m, at = state.mechanism, state.module.v_index
         tree = state.v if a is None else state.a
         for one in spins_of(m, state.module.motor_columns):
-            tree[:, list(one.cols)] += rng.normal(size=(len(q), 1)) * one.axis.astype(float)
+            cols, axis, share = list(one.cols), one.axis.astype(float), one.share.astype(float)
+            tree[:, cols] += (rng.normal(size=len(q)) - tree[:, cols] @ share)[:, None] * axis
         own = m.cut.to_spanning(tree)
         target = m.tree.sweep(state.q, state.v, None if a is None else tree)
         rates = (own, None) if a is None else (v[:, at], own)

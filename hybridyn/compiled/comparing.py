@@ -29,13 +29,14 @@ ROUNDS = 8
 States = Sequence[Array]
 
 
-def random_states(robot: HybridRobot, seed: int = 0) -> States:
+def random_states(robot: HybridRobot, seed: int = 0, *, spins: bool = True) -> States:
     """Draw q, v, tau, a of `SAMPLES` assembled states, shapes (SAMPLES, n).
 
-    The accelerations are any that keep the loops closed, as tables have them.
+    The accelerations are any that keep the loops closed, as tables have them. Without `spins` rods do not
+    spin idly.
     """
-    q, v, tau = moving_states(robot, SAMPLES, seed)
-    return q, v, tau, any_accelerations(robot, q, v, seed + 1)
+    q, v, tau = moving_states(robot, SAMPLES, seed, spins=spins)
+    return q, v, tau, any_accelerations(robot, q, v, seed + 1, spins=spins)
 
 
 def compare_at_states(

@@ -16,7 +16,9 @@ from hybridyn.compiled.program import Constants, Shared
 from hybridyn.compiled.programs.derivatives.motor_motion import brackets
 from hybridyn.compiled.programs.derivatives.sweeps import Graph, Node, Sweep
 from hybridyn.compiled.programs.writer import Writer
+from hybridyn.description.records import Description
 from hybridyn.structure.building import build_robot
+from tests import rods
 from tests.comparing import close_to, refused
 from tests.effect_cases import CASES
 from tests.locked import hinged_five_bar, with_truss
@@ -26,6 +28,7 @@ from tests.shipped import shipped
 
 ROUNDING = 1e-12  # of both derivatives, and the condition of the mass matrix; 8e-14 is found (snake)
 STEP = 1e-3  # of differences of fourth order: STEP^4 and rounding of the closed loops over STEP
+CLOSED = 1e-9  # of postures that two robots assemble each by itself
 DIFFERENCES = 1e-7  # 8e-8 is found (tanev, over rates, whose derivatives are small)
 
 
@@ -192,3 +195,102 @@ def test_only_numbers_that_results_need_get_derivatives() -> None:
         before = set(sweep.of)
         sweep.through(graph, back=back)
         assert {k for _, k in set(sweep.of) - before} == wanted
+
+
+def thick(description: Description) -> Description:
+    """Give rods a hundred times the inertia about their line, so that their spins matter."""
+    links = []
+    for link in description.links:
+        d = link.com / (np.linalg.norm(link.com) or 1.0)
+        more = 0.01 * link.mass * np.outer(d, d) if "rod" in link.name else np.zeros((3, 3))
+        links.append(replace(link, inertia=link.inertia + more))
+    return replace(description, links=tuple(links))
+
+
+@pytest.mark.parametrize(
+    ("description", "size"),
+    [
+        (thick(rods.crank(1)), 0.3),
+        (thick(rods.crank(1, "floating")), 0.3),
+        (rods.crank(1, "floating aside", thin=True), 0.3),
+        slow(thick(rods.ball_delta(1)), 0.3),
+        slow(rods.ball_delta(1, "floating aside", thin=True), 0.3),
+        slow(rods.ball_gough(1), 0.02),
+    ],
+    ids=["crank", "free crank", "crank aside", "delta", "free delta", "gough"],
+)
+def test_columns_of_spinning_rods_against_differences(
+    description: Description, size: float, interpreted: None
+) -> None:
+    """The rates of spins stay. Their accelerations stay, too, or they respond to the forces."""
+    robot = build_robot(description)
+    n, m = len(robot.motors), rods.swings(robot, 3, size)
+    start = np.array([[x[1] for x in m[name]] for name in robot.motors]).T.ravel()
+    guess, tau = robot.home, np.zeros((1, n))
+
+    def state(x: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Compute a state in which the rods spin at motions of the motors."""
+        motors = {name: tuple(x[i::n][:, None]) for i, name in enumerate(robot.motors)}
+        q, v, a = hybridyn.assemble(robot, motors=motors, guess=guess)
+        rods.spin(robot, q, v, None, np.random.default_rng(7))
+        free = hybridyn.ddm(robot, q, v, tau)
+        moved = {
+            name: (*motors[name][:2], free[:, at]) for name, at in zip(motors, robot.motor_v, strict=True)
+        }
+        a += free - hybridyn.assemble(robot, motors=moved, guess=guess)[2]
+        rods.spin(robot, q, v, a, np.random.default_rng(8))
+        return q[0], v[0], a[0]
+
+    guess, v, a = state(start)
+    tau = hybridyn.idm(robot, guess, v, a)[None]
+    held = idm_jacobian(robot, guess, v, a, coordinates="motors")
+    free = ddm_jacobian(robot, guess, v, tau[0], coordinates="motors")
+
+    def results(x: np.ndarray) -> np.ndarray:
+        """Compute efforts, and the motors' accelerations that `tau` causes."""
+        q, v, a = state(x)
+        return np.concatenate(
+            [hybridyn.idm(robot, q, v, a), hybridyn.ddm(robot, q, v, tau[0])[robot.motor_v]]
+        )
+
+    for j in range(3 * n) if n < 6 else (1, 8, 15):
+        f = [results(start + k * STEP * np.eye(3 * n)[j]) for k in (-2, -1, 1, 2)]
+        change, x, k = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * STEP), "qva"[j // n], j % n
+        for J, found in ((held, change[:n]), (free, change[n:])) if x != "a" else ((held, change[:n]),):
+            assert np.abs(J[x][:, k] - found).max() <= DIFFERENCES * np.abs(J[x]).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "size"), [("crank", 0.3), slow("ball_delta", 0.3), slow("ball_gough", 0.02)]
+)
+def test_spinning_rods_act_as_those_that_cannot_spin(name: str, size: float, interpreted: None) -> None:
+    """With no inertia about their lines, both derivatives are those of rods on universal joints."""
+    both, description = [], getattr(rods, name)(1, "universal", thin=True)
+    balls = rods.with_balls(description)
+    assert sum(joint.kind == "spherical" for joint in balls.joints) >= len(balls.motors)
+    for robot in map(build_robot, (balls, description)):
+        q, v, a = (x[1] for x in hybridyn.assemble(robot, motors=rods.swings(robot, 3, size)))
+        tau = hybridyn.idm(robot, q, v, a)
+        both.append(idm_jacobian(robot, q, v, a, coordinates="motors"))
+        both.append(ddm_jacobian(robot, q, v, tau, coordinates="motors"))
+    for found, known in zip(both[:2], both[2:], strict=True):
+        close_to(found, known, CLOSED)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["idm", "ddm"])
+def test_compiled_derivatives_of_spinning_rods(model: str) -> None:
+    """The library passes its own check: without spins, whose change is no motor's."""
+    robot = build_robot(thick(rods.crank(1)))
+    q, v, a, tau = random_states(robot, 3)
+    derive, last = Derivatives(robot, model, coordinates="motors"), a if model == "idm" else tau
+    assert derive.library is not None
+    (_, *known), _ = derive._interpreted.batch(derive._name, q, v, last)
+    close_to([x.ravel() for x in derive(q, v, last).values()], [x.ravel() for x in known], ROUNDING)
+
+
+def test_a_motion_without_a_motor_is_no_coordinate() -> None:
+    """Spins are no such motions."""
+    robot = build_robot(replace(rods.crank(1), motors=()))
+    words = "0 motors for 1 freedom are not its independent coordinates"
+    refused(partial(Derivatives, robot, "idm", coordinates="motors"), hybridyn.ModelError, words)

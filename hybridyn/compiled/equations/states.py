@@ -13,6 +13,7 @@ from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
+from .parts import spins_of
 
 
 def generic_positions(module: Module) -> Array:
@@ -55,11 +56,14 @@ def moving_states(
     count: int,
     seed: int = 0,
     positions: Callable[[Module, int, np.random.Generator], Array] = seen_positions,
+    *,
+    spins: bool = True,
 ) -> tuple[Array, Array, Array]:
     """Draw assembled states with rates and efforts.
 
     Args:
         positions: Draws positions of a module's spanning tree.
+        spins: Whether rods have idle spins.
 
     Returns:
         q, v, tau, shapes (count, nq), (count, nv), (count, motors).
@@ -80,6 +84,8 @@ def moving_states(
         rates = np.einsum(
             "tij,tj->ti", basis.Psi, u / np.linalg.norm(basis.Psi / m.reduction.col_scale[:, None], axis=1)
         )
+        if not spins:
+            _take_out_spins(module, rates)
         out = m.cut.to_spanning(rates)
         m.wrists.recover(own, out, None, m.tree.sweep(x, rates))
         v[:, module.v_index] = out
@@ -87,14 +93,25 @@ def moving_states(
     return q, v, tau
 
 
-def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0) -> Array:
-    """Draw accelerations that keep the loops closed, whatever forces they need, shape (count, nv)."""
+def _take_out_spins(module: Module, rates: Array) -> None:
+    """Make rates or accelerations of a module's tree after the cuts orthogonal to its spins, in place."""
+    for spin in spins_of(module.mechanism, module.motor_columns):
+        spin.taken_out(rates.T)
+
+
+def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0, *, spins: bool = True) -> Array:
+    """Draw accelerations that keep the loops closed, whatever forces they need, shape (count, nv).
+
+    Those of idle spins are zero without `spins`.
+    """
     rng, out = np.random.default_rng(seed), np.zeros_like(v)
     for state in forward(robot, q, v, out):
         m, at = state.mechanism, state.module.v_index
         basis = m.basis(state.K, m.closures.rates(m.tree.sweep(state.q, state.v), state.v)[1])
         u_dot = rng.normal(size=basis.Psi.shape[::2])
         x_ddot = np.einsum("tij,tj->ti", basis.Psi, u_dot) + basis.drift
+        if not spins:
+            _take_out_spins(state.module, x_ddot)
         own = m.cut.to_spanning(x_ddot)
         target = m.tree.sweep(state.q, state.v, x_ddot)
         m.wrists.recover(q[:, state.module.q_index], v[:, at], own, target)

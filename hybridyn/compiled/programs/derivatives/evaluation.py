@@ -20,8 +20,9 @@ from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...code.library_source import Source, library_source
 from ...code.scalars import GUARD_LIMIT, Scalar
-from ...comparing import compare_at_states
+from ...comparing import compare_at_states, random_states
 from ...equations.guarded_elimination import TRUSTED_PIVOT
+from ...equations.parts import spins_of
 from ...equations.request import Request, request
 from ...failures import as_compile_error
 from ...library.artifact import Artifact
@@ -42,8 +43,8 @@ def check_coordinates(robot: HybridRobot, model: str, coordinates: str) -> None:
 
     Raises:
         ModelError: They are unknown; the base has a prescribed motion, and the model is direct; or they are
-            "motors", and the base is not fixed, or a module has not as many motors as freedoms or one that
-            its loops lock.
+            "motors", and the base is not fixed, or a module has not as many motors as freedoms, but for idle
+            spins, or one that its loops lock.
     """
     if coordinates not in ("joints", "motors"):
         raise ModelError(f"coordinates of derivatives are 'joints' or 'motors', not {coordinates!r}")
@@ -65,10 +66,11 @@ def check_coordinates(robot: HybridRobot, model: str, coordinates: str) -> None:
                 f"module '{module.name}': its loops lock motor '{locked[0]}', which is no coordinate. {mend}",
                 element=locked[0],
             )
-        if len(motors) != module.mobility:
+        freedoms = module.mobility - len(spins_of(module.mechanism, module.motor_columns))
+        if len(motors) != freedoms:
             raise ModelError(
                 f"module '{module.name}': {counted(len(motors), 'motor')} for "
-                f"{counted(module.mobility, 'freedom')} are not its independent coordinates. {mend}",
+                f"{counted(freedoms, 'freedom')} are not its independent coordinates. {mend}",
                 element=module.name,
             )
 
@@ -204,6 +206,7 @@ class Derivatives:
         """Compare a new library with the general path at random states whose rates grow.
 
         Efforts grow with the rates, accelerations with their squares, so that the loops stay closed.
+        Over motors there are no spins, which would grow, too.
 
         Raises:
             CompileError: The model differs, or its change from what the derivatives say.
@@ -228,7 +231,10 @@ class Derivatives:
             change = (found[2] - found[0]) / (SPEEDS[2] - SPEEDS[0])
             return [found[1], change[:, driven] if direct else change]
 
-        compare_at_states(robot, f"'{self._name}'", run, general, DERIVATIVE_CHECKED, told=False)
+        states = partial(random_states, robot, spins=not self._motors)
+        compare_at_states(
+            robot, f"'{self._name}'", run, general, DERIVATIVE_CHECKED, states=states, told=False
+        )
 
     @cached_property
     def program(self) -> Program:

@@ -91,19 +91,21 @@ class Responses:
             A, V = (end.part(first) for end in x.through(output))
             for group, known in self.to_motion[output].items():
                 terms = [(by_columns(known, 0, A.size), A), (by_columns(known, A.size, V.size), V)]
-                self.to_motion[place][group] = self._product(count, terms, [], group.mobility)
+                self.to_motion[place][group] = self._product(count, terms, [], self.relations[group].motions)
 
     def _to_wrench(self, group: Group, place: Place) -> None:
         """Add the responses of all groups to a wrench on an output."""
-        x, at, n = self.relations[group], self.relations[group].wrench_at(place), group.mobility
+        x, at = self.relations[group], self.relations[group].wrench_at(place)
         out = {group: x.of_units["motions"].part(at)}
         passed = x.of_units["wrench"].part(at) if group.parent else None
         if passed is not None:
             for other, known in self.to_wrench[group.base].items():
                 if other not in group.subtree():
-                    out[other] = self._product(6, [(by_columns(known, 0, 6), passed)], [], other.mobility)
+                    size = self.relations[other].motions
+                    out[other] = self._product(6, [(by_columns(known, 0, 6), passed)], [], size)
         if passed is not None and group in self.own:
-            out[group] = self._product(6, [(by_columns(self.own[group], 0, 6), passed)], [out[group]], n)
+            below = by_columns(self.own[group], 0, 6)
+            out[group] = self._product(6, [(below, passed)], [out[group]], x.motions)
         for output in group.children if not x.held else ():
             moved = x.through(output)[0].part(at)
             if passed is not None:
@@ -112,7 +114,8 @@ class Responses:
                 self.motion[place] = moved
             if output != place or len(group.children[place]) > 1:
                 for other, known in self.to_motion[output].items():
-                    out[other] = self._product(6, [(by_columns(known, 0, 6), moved)], [], other.mobility)
+                    size = self.relations[other].motions
+                    out[other] = self._product(6, [(by_columns(known, 0, 6), moved)], [], size)
         self.to_wrench[place] = out
 
     def _settle(self, group: Group) -> None:
@@ -122,7 +125,7 @@ class Responses:
             return
         first = x.moved[0]
         K = by_columns(x.of_units["motions"], first, 6)
-        self.own[group] = self._product(6, [(K, below)], [], group.mobility)
+        self.own[group] = self._product(6, [(K, below)], [], x.motions)
         for place in group.children:
             over_A = by_columns(x.through(place)[0], first, 6)
             self.onwards[place] = self._product(6, [(over_A, below)], [], 6)
@@ -174,8 +177,8 @@ class Results:
         ends = x.caused(reading, len(index), onwards)
         for y in self._relations.values():
             place = w.result(f"d_{name}", y.rows * self._widths[name] + index[:, None])
-            terms = self._terms(x.group, ends, y.group) if y.group.mobility else []
-            motions = [ends["motions"]] if y is x and y.group.mobility else []
+            terms = self._terms(x.group, ends, y.group) if y.motions else []
+            motions = [ends["motions"]] if y is x and y.motions else []
             more = [ends["more"]] if y is x and "more" in ends else []
             mapped = (y.Psi, y.pattern) if y.pattern is not None and (terms or motions) else None
             add_terms(w, len(index), len(y.rows), terms, motions, place, mapped, more)
@@ -270,7 +273,7 @@ def _by_groups(request: Request, w: Writer, widths: dict[str, int], *, motors: b
     motions = {calls.k: motion_nodes(w, calls) for calls in balance}
     given = [w.from_given(name, np.arange(size)) for name, size in w.inputs]
     known: dict[Group, Relations] = {}
-    for group in reversed(groups_of(request, balance)):
+    for group in reversed(groups_of(request, balance, held=held)):
         if motors and not group.mobility:
             continue
         a, outputs = w.from_given("a", group.at.v), [group.output(place) for place in group.children]
@@ -282,9 +285,9 @@ def _by_groups(request: Request, w: Writer, widths: dict[str, int], *, motors: b
         nodes = nodes_of(w, (call for call in steps if id(call) in own))
         graphs = Graph.between(moving, leaves, [a]), Graph.between(nodes, inputs, group.results)
         runs = _runs(group.modules)
-        parts = [MotorMotion(w, run) for run in runs] if motors else []
+        parts = [MotorMotion(w, run, held=held) for run in runs] if motors else []
         carried = {place: [known[x].H for x in children] for place, children in group.children.items()}
-        known[group] = Relations(w, group, graphs, runs, a, carried, parts, held=held)
+        known[group] = Relations(w, group, graphs, runs, a, carried, parts)
     relations = dict(reversed(known.items()))
     results = Results(w, widths, relations)
     for x in relations.values():

@@ -6,6 +6,13 @@ a = Psi u_dot + a_0(q, v), and the rows of the motors marked m,
     E = Psi Psi_m^-1           dq/dm, also dv/dm_dot
     T = a_v E - E (a_v E)_m    da/dm_dot
     D = (T + [v, E]) / 2       dv/dm: a_0 is quadratic in v; [,] of joints with several freedoms
+
+Idle spins sigma follow no motor. Psi = [S, ...] begins with their motions, v = E m_dot + S sigma_dot, and
+sigma_dot and sigma_ddot stay. All these motions commute but for spins: v_E - E_v + [v, E] = S lambda
+with derivatives along each other. These are orthogonal to the spins, as share^T E = 0 and share^T S = 1 are
+constant, so that lambda = share^T [v, E], and
+
+    D = (T + [v, E] - S share^T [v, E]) / 2
 """
 
 from __future__ import annotations
@@ -25,8 +32,27 @@ from ...equations.inverse import motor_pivots
 from ...program import Constants, Each, Own, Shared, Source, Worst
 from ..module_calls import ModuleCalls, Ports, Stages
 from ..writer import Writer
-from .columns import changes_of_coordinates, collect, coordinates_of_freedoms, matrix
+from .columns import by_columns, changes_of_coordinates, collect, coordinates_of_freedoms, matrix
 from .sweeps import PART, Block, Graph, Node, Sweep, nodes_of
+
+#: For each idle spin of a module its freedoms in v, and its share (`parts.Spin`).
+Spins = tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]
+
+
+def spins_of(calls: ModuleCalls) -> Spins:
+    """Return the idle spins of a module; these are the first of its motions, in the same order."""
+    idle, cut = calls.request.plans[calls.k].parts.idle, calls.module.mechanism.cut
+    at = cut.to_tree(calls.module.v_index[None].astype(float))[0].astype(int)
+    return tuple((tuple(at[list(spin.cols)].tolist()), tuple(map(float, spin.share))) for spin in idle)
+
+
+def motions_of(calls: ModuleCalls, name: str, *, held: bool) -> Shared:
+    """Return the port "u_dot" or "Q" of a module, the accelerations or forces left along its motions.
+
+    With held motors the spins' accelerations are given, too, and no effort balances the forces on spins.
+    """
+    port, first = calls.ports[name], len(spins_of(calls)) if held else 0
+    return Shared(port.start + first, port.size - first)
 
 
 def motion_nodes(w: Writer, calls: ModuleCalls) -> list[Node]:
@@ -68,18 +94,20 @@ class MotorMotion:
     Attributes:
         motors: Indices of the motors in tau, one for each column.
         accelerations: The motors' accelerations.
+        idle: Number of spins among its motions, which come first.
         Psi: Psi_m, column by column; None where each joint has a motor, and motions are those of the motors.
         inverse: Its inverse, column by column.
         minus_B: Changes of the forces left along the motions over efforts, -Psi_m^T.
         over_v: Changes over the motors' rates.
     """
 
-    def __init__(self, w: Writer, modules: list[ModuleCalls]) -> None:
+    def __init__(self, w: Writer, modules: list[ModuleCalls], *, held: bool) -> None:
         """Order the motors; where each joint has one, as the motions are.
 
         Args:
             w: The program under construction.
             modules: Calls of the modules.
+            held: Whether the motors are held, as for `motions_of`.
         """
         robot, v_index = modules[0].request.robot, [calls.module.v_index.tolist() for calls in modules]
         self._w, self._module = w, modules[0]
@@ -91,6 +119,8 @@ class MotorMotion:
             self.motors = np.array([driven.index(k) for x in modules for k in x.joints.tolist()], dtype=int)
         n = len(self.motors)
         self._rows = [freedoms.index(driven[k]) for k in self.motors]
+        self._spins = tuple((tuple(map(freedoms.index, at)), share) for at, share in spins_of(modules[0]))
+        self.idle = 0 if held else len(self._spins)
         self._rest = [k for k in range(len(freedoms)) if k not in self._rows]
         self.accelerations = [self._numbers[k] for k in self._rows]
         self.Psi: Shared | None = None
@@ -119,15 +149,16 @@ class MotorMotion:
         self.over_v.seed(w.from_given("v", self._at.v), self._E)
         self.over_v.through(graph)
         if E:
-            self._rates(E)
+            self._rates(E, graph)
 
     def _closed(self, over_u: Sweep) -> Each:
         """Add E of a module with loops, for all lanes column by column."""
-        w, n, size = self._w, len(self.motors), len(self._at.v)
-        Psi, Psi_m, inverse, minus_B = w.each(n, size), w.each(n, n), w.each(n, n), w.each(n, n)
+        w, n, size, all = self._w, len(self.motors), len(self._at.v), over_u.lanes
+        Psi, Psi_m, inverse, minus_B = w.each(all, size), w.each(all, n), w.each(n, n), w.each(n, n)
         collect(over_u, self._numbers, Psi)
         collect(over_u, self.accelerations, Psi_m)
-        self.Psi, self.inverse, self.minus_B = *(Shared(x.start, n * n) for x in (Psi_m, inverse)), minus_B
+        self.Psi, self.inverse = by_columns(Psi_m, self.idle, n), by_columns(inverse, 0, n)
+        self.minus_B = minus_B
         pivots = self._pivots()
         kernel = w.kernel(("motor map", pivots), lambda: _inverted(n, pivots), PART)
         w.call(kernel, 1, [self.Psi], [self.inverse, Shared(minus_B.start, n * n), Worst()])
@@ -139,7 +170,7 @@ class MotorMotion:
 
         own, E = w.own(n, size), w.each(n, size)
         kernel = w.kernel(("along", n, size), function, PART)
-        w.call(kernel, n, [Shared(Psi.start, n * size), inverse], [own, E])
+        w.call(kernel, n, [by_columns(Psi, self.idle, n), inverse], [own, E])
         self._E = own
         return E
 
@@ -156,10 +187,20 @@ class MotorMotion:
             )  # fmt: skip
         return found
 
-    def _rates(self, E: Each) -> None:
-        """Add the change of the rates of joints without a motor, (T + [v, E]) / 2."""
+    def _spinning(self, graph: Graph) -> Shared:
+        """Add S of a module, for all lanes column by column."""
+        w, n, size = self._w, len(self._spins), len(self._at.v)
+        S, over_spins = w.each(n, size), Sweep(w, n, self.over_v.known)
+        over_spins.seed(self._module.ports["u_dot"].numbers(0)[:n], Constants(np.eye(n)))
+        over_spins.through(graph)
+        collect(over_spins, self._numbers, S)
+        return by_columns(S, 0, n)
+
+    def _rates(self, E: Each, graph: Graph) -> None:
+        """Add D, the change of the rates of joints without a motor."""
         w, n, size, kinds = self._w, len(self.motors), len(self._at.v), self._at.kinds
         rest, rows, reading = self._rest, self._rows, self.over_v.reading(self._numbers)
+        spins = self._spins
         turning = any(NV[kind] > 1 for kind in kinds)
 
         def function() -> ca.Function:
@@ -171,13 +212,17 @@ class MotorMotion:
             T = x[rest] - dot(entries.T[rest], x[rows])
             if turning:
                 (first, v), (second, e) = symbols("v", size), symbols("e", size)
-                columns += [first, second]
-                T = T + brackets(kinds, v, e)[rest]
+                (third, S), bracket = matrix("S", len(spins), size), brackets(kinds, v, e)
+                columns += [first, second, *([third] if spins else [])]
+                T = T + bracket[rest]
+                for spun, (at, share) in zip(S, spins, strict=True):
+                    T = T - spun[rest] * dot(np.array(share, dtype=object), bracket[list(at)])
             return ca.Function("rates", columns, [pack(T * 0.5)])
 
         more: list[Source] = [w.from_given("v", np.tile(self._at.v, (n, 1))), self._E] if turning else []
+        more += [self._spinning(graph)] if turning and spins else []
         self._D = w.own(n, len(rest))
-        key = ("rates", reading.key, kinds, tuple(rows))
+        key = ("rates", reading.key, kinds, tuple(rows), spins)
         sources = [*reading.blocks, Shared(E.start, size * n), *more]
         w.call(w.kernel(key, function, PART), n, sources, [self._D])
 

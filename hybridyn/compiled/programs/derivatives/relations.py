@@ -28,7 +28,7 @@ from ...program import Constants, Each, Own, Shared, Source, Target
 from ..module_calls import ModuleCalls, read
 from ..writer import Writer
 from .columns import Coordinates, by_columns, coordinates_of_freedoms, factors, matrix, solved
-from .motor_motion import MotorMotion
+from .motor_motion import MotorMotion, motions_of
 from .sweeps import PART, Block, Graph, Reading, Sweep
 
 #: Largest number of motions of modules that are joined: what the lanes of a vector hold.
@@ -45,12 +45,15 @@ class Group:
     Attributes:
         modules: Calls of its modules, outwards.
         parent: The group that carries it; None on the robot's base.
+        at: Its coordinates.
+        held: Whether the motors are held, as for `motions_of`.
         children: Groups on its outputs, by output.
     """
 
     modules: list[ModuleCalls]
     parent: Group | None
     at: Coordinates
+    held: bool
     children: dict[Place, list[Group]] = field(default_factory=dict)
 
     @property
@@ -59,10 +62,14 @@ class Group:
         module = self.modules[0].module
         return module.parent, module.parent_output
 
+    def along(self, name: str) -> list[Shared]:
+        """Return the ports "u_dot" or "Q" of its modules, as `motions_of`."""
+        return [motions_of(calls, name, held=self.held) for calls in self.modules]
+
     @property
     def mobility(self) -> int:
         """Number of its motions."""
-        return sum(calls.module.mobility for calls in self.modules)
+        return sum(u_dot.size for u_dot in self.along("u_dot"))
 
     @property
     def motors(self) -> Index:
@@ -83,7 +90,7 @@ class Group:
     @property
     def results(self) -> list[Source | Target]:
         """What is left of its forces, the wrench on its base, and its outputs' accelerations and twists."""
-        ends = [member.ports["Q"] for member in self.modules]
+        ends: list[Source | Target] = [*self.along("Q")]
         ends += [self.modules[0].ports["F_base"]] if self.parent else []
         return ends + [end for place in self.children for end in self.output(place)[:2]]
 
@@ -92,7 +99,7 @@ class Group:
         return [self, *(x for child in chain(*self.children.values()) for x in child.subtree())]
 
 
-def groups_of(request: Request, balance: list[ModuleCalls]) -> list[Group]:
+def groups_of(request: Request, balance: list[ModuleCalls], *, held: bool) -> list[Group]:
     """Join modules to groups, outwards; those without motions join any, so that they are alone on a base."""
     members: list[list[ModuleCalls]] = []
     of: dict[int, list[ModuleCalls]] = {}
@@ -109,7 +116,7 @@ def groups_of(request: Request, balance: list[ModuleCalls]) -> list[Group]:
     for modules in members:
         freedoms = {int(k) for calls in modules for k in calls.module.v_index}
         parent = by_module.get(modules[0].module.parent)
-        group = Group(modules, parent, coordinates_of_freedoms(request.robot, freedoms))
+        group = Group(modules, parent, coordinates_of_freedoms(request.robot, freedoms), held)
         groups.append(group)
         by_module |= {calls.k: group for calls in modules}
         if parent:
@@ -124,6 +131,7 @@ class Relations:
     the motors. With held motors, efforts of the motors take their place.
 
     Attributes:
+        motions: Number of its motions.
         unit: Number of unit columns: wrenches on its outputs, then accelerations and twists of its base.
         of_units: What they cause, one column after the other: "motions", "wrench" on the base if the group
             has one, and "A 0", "V 0", ... of its outputs.
@@ -139,8 +147,6 @@ class Relations:
         a: Source,
         carried: dict[Place, list[Shared]],
         parts: list[MotorMotion],
-        *,
-        held: bool,
     ) -> None:
         """Add the relations.
 
@@ -152,17 +158,17 @@ class Relations:
             a: Its accelerations, in the order of its freedoms.
             carried: For each output the wrenches over its motion, of all that it carries.
             parts: How each run follows its motors; none over joints.
-            held: Whether the motors' accelerations are given.
         """
-        self.writer, self.group, self.held, self.parts = writer, group, held, parts
+        self.writer, self.group, self.held, self.parts = writer, group, group.held, parts
         self._runs, self._graphs, self._carried = runs, graphs, carried
         outputs = [group.output(place) for place in group.children]
         self._sizes = [size for A, V, _ in outputs for size in (A.size, V.size)]
         self._rows = group.mobility + (6 if group.parent else 0)
         names = [f"{x} {k}" for k in range(len(outputs)) for x in "AV"]
-        self._caused = {"motions": group.mobility} | ({"wrench": 6} if group.parent else {})
-        self._caused |= dict(zip(names, self._sizes, strict=True))
         self.rows = np.concatenate([part.motors for part in parts]) if parts else group.at.v
+        self.motions = len(self.rows) if parts else group.mobility
+        self._caused = {"motions": self.motions} | ({"wrench": 6} if group.parent else {})
+        self._caused |= dict(zip(names, self._sizes, strict=True))
         at = [x for part in parts for x in part.accelerations] or a.numbers(0)
         self._ends = [x for end in group.results for x in end.numbers(0)] + at
         self._known: dict[Any, Any] = {}
@@ -234,7 +240,7 @@ class Relations:
         """Add the changes over motors; return the names of inputs, their columns, and what reads them."""
         first = 0
         for part in self.parts:
-            n = len(part.motors)
+            n, first = len(part.motors), first + part.idle
             part.over_v.through(self._graphs[1])
             yield "q", part.motors, self.reading(part.over_q(), n)
             yield "v", part.motors, part.over_v.reading(self._ends)
@@ -275,7 +281,7 @@ class Relations:
         self._factors = w.shared(n * (n + 1) // 2)
         first = 0
         for i, modules in enumerate(self._runs):
-            u_dot = [calls.ports["u_dot"] for calls in modules]
+            u_dot = [motions_of(calls, "u_dot", held=self.held) for calls in modules]
             *ends, count = np.cumsum([0, *(u.size for u in u_dot)]).tolist()
             over_u = Sweep(w, count, self._known)
             for u, at in zip(u_dot, ends, strict=True):
@@ -311,7 +317,7 @@ class Relations:
         shapes = tuple((name, *shape) for name, (_, *shape) in given.items())
         mode = (
             self.held,
-            tuple(len(part.motors) for part in self.parts),
+            tuple((len(part.motors), part.idle) for part in self.parts),
             self.group.mobility,
             self._rows,
             tuple(self._sizes),
@@ -361,18 +367,23 @@ class Relations:
         if self.held:
             motions = self._mapped(given, "inverse", forces)
         elif self.parts and "factors" in given:
-            motions = self._mapped(given, "Psi", u, turned=True) + a
+            motions = self._mapped(given, "Psi", u[self._driven()], turned=True) + a
         out |= {"motions": motions, "wrench": forces[n:]}
         for k, A in enumerate(moved[::2]):
             onwards = dot(given[f"onwards {k}"].T, forces[n:]) if "onwards 0" in given else 0.0
             out |= {f"A {k}": A + onwards, f"V {k}": moved[2 * k + 1]}
         return out
 
+    def _driven(self) -> list[int]:
+        """Return the numbers of the motions that are not spins, over motors."""
+        spins = [idle for part in self.parts for idle in [True] * part.idle + [False] * len(part.motors)]
+        return [k for k, idle in enumerate(spins) if not idle]
+
     def _mapped(
         self, given: dict[str, Expression], name: str, x: Expression, *, turned: bool = False
     ) -> Expression:
         """Return matrices of the runs times x; where each joint has a motor, they are the identity."""
-        first, out = 0, x.copy()[: self.group.mobility]
+        first, out = 0, x.copy()[: self.motions]
         for k, part in enumerate(self.parts):
             own = slice(first, first + len(part.motors))
             first = own.stop
