@@ -46,6 +46,16 @@ def spins_of(calls: ModuleCalls) -> Spins:
     return tuple((tuple(at[list(spin.cols)].tolist()), tuple(map(float, spin.share))) for spin in idle)
 
 
+def moved_by_spins(calls: ModuleCalls) -> list[set[int]]:
+    """Return the freedoms in v that each idle spin moves: those of its joint, and of wrists beyond it."""
+    out = [set(at) for at, _ in spins_of(calls)]
+    for path in calls.request.plans[calls.k].paths:
+        freedoms = calls.module.v_index[path.v].tolist()
+        for moved in out:
+            moved.update(freedoms[path.wrist_v] if moved.intersection(freedoms) else [])
+    return out
+
+
 def motions_of(calls: ModuleCalls, name: str, *, held: bool) -> Shared:
     """Return the port "u_dot" or "Q" of a module, the accelerations or forces left along its motions.
 

@@ -28,7 +28,7 @@ from ...program import Constants, Each, Own, Shared, Source, Target
 from ..module_calls import ModuleCalls, read
 from ..writer import Writer
 from .columns import Coordinates, by_columns, coordinates_of_freedoms, factors, matrix, solved
-from .motor_motion import MotorMotion, motions_of
+from .motor_motion import MotorMotion, motions_of, moved_by_spins
 from .sweeps import PART, Block, Graph, Reading, Sweep
 
 #: Largest number of motions of modules that are joined: what the lanes of a vector hold.
@@ -198,7 +198,9 @@ class Relations:
             if n == len(freedoms):  # each joint is a motion
                 out[own, [at.index(k) for k in calls.joints.tolist()]] = True
             else:
-                out[np.ix_(own, [at.index(k) for k in freedoms.tolist()])] = True
+                moved = moved_by_spins(calls)
+                for i, of in zip(own, moved + [{*freedoms.tolist()}] * (n - len(moved)), strict=True):
+                    out[i, [at.index(k) for k in of]] = True
             first += n
         return out
 
