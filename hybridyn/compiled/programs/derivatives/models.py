@@ -43,7 +43,7 @@ from .columns import (
     coordinates_of,
     coordinates_of_freedoms,
 )
-from .motor_motion import MotorMotion, motion_nodes
+from .motor_motion import MotorMotion, motion_nodes, spins_of
 from .relations import JOINED, Group, Place, Relations, groups_of
 from .sweeps import DENSE, Graph, Reading, Sweep, nodes_of
 
@@ -301,7 +301,10 @@ Columns = Iterator[tuple[str, Index, Reading]]
 
 
 def _over_joints(x: Relations) -> Columns:
-    """Return the columns of a group's joints; those of each of several equal legs are found apart."""
+    """Return the columns of a group's joints.
+
+    Those of each of several equal legs, and of each joint that spins, are found apart: they change little.
+    """
     w, modules = x.writer, x.group.modules
     closed = [calls for calls in modules if calls.module.mobility < len(calls.module.v_index)]
     sets = [
@@ -310,7 +313,8 @@ def _over_joints(x: Relations) -> Columns:
     for calls in closed:
         v_index = calls.module.v_index
         legs = [v_index[leg.v].tolist() for group in calls.groups if len(group) > 1 for leg in group]
-        sets += [sorted(set(v_index.tolist()).difference(*legs)), *legs]
+        rods = [[*at] for at, _ in spins_of(calls) if not any({*at} <= {*leg} for leg in legs)]
+        sets += [sorted(set(v_index.tolist()).difference(*legs, *rods)), *legs, *rods]
     for freedoms in filter(None, sets):
         own = coordinates_of_freedoms(modules[0].request.robot, set(freedoms))
         moved = changes_of_coordinates(w, own, Constants(np.eye(len(own.v))), len(own.v))
