@@ -14,6 +14,7 @@ from hybridyn.compiled.programs.closing.given import module_requests, numbers, p
 from hybridyn.compiled.programs.closing.kernels import ModuleKernels
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.dynamics.forward import forward
+from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
 from tests import rods
@@ -191,6 +192,38 @@ def test_rates_of_closed_loops_are_those_of_the_general_path(name: str, size: fl
         assert max(step[0], open_by[0]) <= ROUNDING
         assert np.abs(rate - v[t]).max() <= CLOSED * np.abs(v).max()
         assert np.abs(acceleration - a[t]).max() <= CLOSED * np.abs(a).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "foot", "size"),
+    [
+        ("crank", "ball", 0.4),
+        ("crank", "floating", 0.4),
+        ("crank", "floating aside", 0.4),
+        slow("ball_delta", "ball", 0.4),
+        slow("ball_gough", "floating aside", 0.02),
+        slow("gough_stewart", "ball", 0.02),
+    ],
+)
+def test_newton_steps_close_loops_of_spinning_rods(name: str, foot: rods.Foot, size: float) -> None:
+    """Given motors and spins the others follow; from an open posture few steps close the loops."""
+    own = getattr(rods, name, None)
+    robot = build_robot(own(6, foot) if own else rods.with_balls(shipped(name)))
+    q, v, a = rods.moved(robot, 5, size)
+    models = Interpreted(robot, ("close", "lift"))
+    found, guard = models.batch("close", q, v, a)
+    assert (guard <= GUARD_LIMIT).all()
+    for x, wanted in zip(found, (q, v, a), strict=True):
+        assert np.abs(x - wanted).max() <= CLOSED * np.abs(wanted).max()
+    manifold, (module,) = Manifold(robot), robot.modules
+    xi = 1e-3 * robot.unit * np.random.default_rng(6).normal(size=v.shape)
+    near, left = module.mechanism.spanning.integrate(q, xi), np.full(len(q), np.inf)
+    for _ in range(5):  # each step of "close" leaves its square, one of "lift" a thousandth: the chart's
+        (near, *_), _ = models.batch("close", near, v, a)
+        (lifted, xi, *_), _ = models.batch("lift", q, xi, v)
+        before, left = left, np.array([manifold.residual(x)[0] for x in near])
+        assert (left <= np.maximum(100.0 * before**2, ROUNDING)).all()
+    assert max(manifold.residual(x)[0] for x in lifted) <= ROUNDING
 
 
 @pytest.mark.slow

@@ -6,8 +6,8 @@ spanning tree are for Newton's method: unlike the rows, they also hold for open 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -15,7 +15,9 @@ import numpy as np
 
 from ...description.records import RotationKind
 from ...linkage.closures import TURNING, TreeClosure, TreeCoupling, normals
+from ...linkage.joints import TreeJoint
 from ...spatial import Array
+from ...structure.mechanism import Mechanism
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
 from .chains import Chain, motion_map, own_columns, point_acceleration, point_map, point_velocity, sweep
@@ -36,7 +38,7 @@ from .expressions import (
 )
 from .guarded_elimination import Pivots, Scale, choose_pivots, weighed
 from .legs import fold_links, turned_apart
-from .parts import UNFELT, Parts, Rod
+from .parts import UNFELT, Parts, Rod, rods_of, spins_of
 from .rigid import links_of, motion_to_parent, to_parent
 from .states import generic_positions
 
@@ -334,34 +336,120 @@ def shape_of(module: Module, *more: Any) -> Any:
     return joints, closures, couplings, module.mobility, module.mechanism.length, *more
 
 
+def along_rods(closures: Sequence[TreeClosure], rods: Mapping[int, Rod]) -> tuple[TreeClosure, ...]:
+    """Return closures of which those on rods begin at the rod, in its axes."""
+    out = list(closures)
+    for k, rod in rods.items():
+        c = out[k]
+        if not rod.on_a:
+            c = replace(c, body_a=c.body_b, p_a=c.p_b, body_b=c.body_a, R_b=c.R_a, p_b=c.p_a)
+        out[k] = replace(c, R_a=rod.axes)
+    return tuple(out)
+
+
+class LoopRows:
+    """Rows of closures and couplings of a spanning tree at one posture.
+
+    Attributes:
+        K: Shape (rows, nv).
+        residual: Shape (rows,).
+        rates: K times given rates, shape (rows,), from the twists of the bodies; empty if none were given.
+            Those of rods are left out.
+        drift: K_dot times these rates for the rods' rows, else 0, shape (rows,).
+    """
+
+    def __init__(self, chain: Chain, v: Expression | None) -> None:
+        """Begin without rows; `v` are the given rates, those of the chain."""
+        self.K, self.residual = zeros(0, chain.nv), zeros(0)
+        self.rates, self.drift = zeros(0), zeros(0)
+        self.chain, self.writer, self._v = chain, SpanningRows(chain), v
+
+    def add(
+        self,
+        K: Expression,
+        residual: Expression,
+        rates: Expression | None = None,
+        drift: Expression | None = None,
+    ) -> None:
+        """Add rows, by default with the rates K v."""
+        if self._v is not None:
+            own = dot(K, self._v) if rates is None else rates
+            self.rates = np.concatenate([self.rates, own])
+            self.drift = np.concatenate([self.drift, zeros(len(K)) if drift is None else drift])
+        self.K, self.residual = np.concatenate([self.K, K]), np.concatenate([self.residual, residual])
+
+    def close(self, closure: TreeClosure, frames: Frames) -> None:
+        """Add the rows of a closure."""
+        rates = None if self._v is None else self.writer.rates(closure, frames, self._v)
+        off, over = self.writer.closure(closure, frames)
+        self.add(over, off, rates)
+
+    def close_rod(self, closure: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool) -> None:
+        """Add the rows of a closure on a rod, see `SpanningRows.on_rod`."""
+        off, over = self.writer.on_rod(closure, frames, turns, on_line)
+        self.add(over, off, zeros(3), self.writer.drift(closure, frames))
+
+    def close_all(
+        self,
+        closures: Sequence[Sequence[TreeClosure]],
+        couplings: Sequence[Sequence[TreeCoupling]],
+        rods: Mapping[int, Rod],
+        folding: Folding,
+        positions: list[Expression],
+    ) -> None:
+        """Add the rows of all closures and couplings of several modules; `positions` of each joint."""
+        for k, same in enumerate(zip(*closures, strict=True)):
+            own, rod = folded(folding, same), rods.get(k)
+            if rod is None:
+                self.close(same[0], own)
+            else:
+                self.close_rod(same[0], own, rod.turns, not any(c.p_a.dtype == object for c in same))
+        for coupled in zip(*couplings, strict=True):
+            offset = folding.array([scalar(c.offset) for c in coupled])[0]
+            miss, row = coupling_row(self.chain, coupled[0], positions, offset)
+            self.add(row[None], np.array([miss], dtype=object))
+
+
+def folded(folding: Folding, same: Sequence[TreeClosure]) -> Frames:
+    """Return the frames of equal closures of several modules."""
+    R_a, p_a, R_b, p_b = (
+        folding.array([getattr(c, name) for c in same]) for name in ("R_a", "p_a", "R_b", "p_b")
+    )
+    return R_a, p_a, R_b, p_b
+
+
+def spinning_rods(
+    m: Mechanism, joints: tuple[TreeJoint, ...], closures: Sequence[TreeClosure]
+) -> dict[int, Rod]:
+    """Return the rods of closures of a module's tree if some of its rods spin, by the closure's number."""
+    bare = links_of(joints, [np.zeros(10)] * len(joints))
+    return rods_of(bare, closures) if spins_of(m, ()) else {}
+
+
 def spanning_closures(
-    modules: list[Module], folding: Folding, q: Expression, specs: Sequence[ModuleSpec] = ()
-) -> tuple[Expression, Expression]:
-    """Compute the Jacobian, shape (rows, nv), and residual, shape (rows,), of all closures.
+    modules: list[Module],
+    folding: Folding,
+    q: Expression,
+    specs: Sequence[ModuleSpec] = (),
+    v: Expression | None = None,
+) -> LoopRows:
+    """Compute the rows of all closures and couplings.
 
     Args:
         modules: Modules of one shape.
         folding: Collects the numbers in which they differ.
         q: Positions of the spanning tree.
         specs: The modules' numbers where some are arguments.
+        v: Rates of the spanning tree, or None.
     """
-    tree = modules[0].mechanism.spanning
-    positions = [q[at] for at in tree.q_slices]
+    m = modules[0].mechanism
     specs = specs or [module.mechanism.spec for module in modules]
     links = fold_links(folding, [links_of(s.spanning, [np.zeros(10)] * len(s.spanning)) for s in specs])
-    nv = sum(link.nv for link in links)
-    chain = sweep(links, q, zeros(nv), zeros(6))
-    rows = SpanningRows(chain)
-    residual, K = [zeros(0)], [zeros(0, nv)]
-    for same in zip(*(s.closures for s in specs), strict=True):
-        frames = [folding.array([getattr(c, name) for c in same]) for name in ("R_a", "p_a", "R_b", "p_b")]
-        off, over = rows.closure(same[0], (frames[0], frames[1], frames[2], frames[3]))
-        residual, K = [*residual, off], [*K, over]
-    for coupled in zip(*(s.couplings for s in specs), strict=True):
-        offset = folding.array([scalar(c.offset) for c in coupled])[0]
-        miss, row = coupling_row(chain, coupled[0], positions, offset)
-        residual, K = [*residual, np.array([miss], dtype=object)], [*K, row[None]]
-    return np.concatenate(K), np.concatenate(residual)
+    rods = spinning_rods(m, m.spec.spanning, m.spec.closures)
+    out = LoopRows(sweep(links, q, zeros(m.spanning.nv) if v is None else v, zeros(6)), v)
+    closures, couplings = [along_rods(s.closures, rods) for s in specs], [s.couplings for s in specs]
+    out.close_all(closures, couplings, rods, folding, [q[at] for at in m.spanning.q_slices])
+    return out
 
 
 def dependent_pivots(modules: list[Module], last: Sequence[int] = ()) -> Pivots:
@@ -372,7 +460,7 @@ def dependent_pivots(modules: list[Module], last: Sequence[int] = ()) -> Pivots:
     """
     m, folding = modules[0].mechanism, Folding()
     q_col, q = symbols("q", m.spanning.nq)
-    K, _ = spanning_closures(modules, folding, q)
+    K = spanning_closures(modules, folding, q).K
     numbers_of = zip(modules, folding.table(len(modules)), strict=True)
     points = [(x, own) for module, own in numbers_of for x in generic_positions(module)]
     rank, unit = m.spanning.nv - m.mobility, m.spanning_col_scale.copy()

@@ -137,11 +137,13 @@ def rods_of(links: Sequence[Link], closures: Sequence[TreeClosure]) -> dict[int,
     for k, c in enumerate(closures):
         if not _is_ball(c):
             continue
-        for on_a, body, point in ((True, c.body_a, c.p_a), (False, c.body_b, c.p_b)):
-            found = _free_rod(links, closures, k, body, point) or _rod(links, body, point)
-            if found:
-                out[k] = Rod(on_a, *found)
-                break
+        sides = [
+            Rod(on_a, *found)
+            for on_a, body, point in ((True, c.body_a, c.p_a), (False, c.body_b, c.p_b))
+            if (found := _free_rod(links, closures, k, body, point) or _rod(links, body, point))
+        ]
+        if sides:  # a ball before a universal joint: a platform on a wrist is no rod that spins
+            out[k] = max(sides, key=lambda rod: len(rod.turns))
     return out
 
 

@@ -30,9 +30,9 @@ from ...structure.module_spec import ModuleSpec
 from ...structure.robot import HybridRobot
 from ..equations.arguments import OTHER_STRUCTURE, ChosenNumbers
 from ..equations.displacement import by_joint, displacement_rate, moved_joint, position_rate
-from ..equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, unpack, zeros
+from ..equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, unpack
 from ..equations.guarded_elimination import GUARD_CLOSED, TRUSTED_PIVOT, Pivots, largest, solve, squares
-from ..equations.loops import dependent_pivots, shape_of, spanning_closures
+from ..equations.loops import LoopRows, dependent_pivots, shape_of, spanning_closures
 from ..equations.request import Request
 from ..program import Program
 from .writer import ModuleWriter, alike
@@ -72,18 +72,15 @@ class LoopKernel:
             name = self.modules[0].name
             raise SingularityError(f"module '{name}': {why}", module=name, what=what)
 
-    def rows(self, q: Expression) -> tuple[Expression, Expression]:
-        """Compute the rows K, shape (rows, nv), and the residual, shape (rows,), at a posture."""
-        if not self._looped:
-            return zeros(0, self.tree.nv), zeros(0)
-        return spanning_closures(self.modules, self.folding, q, self.specs)
+    def rows(self, q: Expression, v: Expression | None = None) -> LoopRows:
+        """Compute the rows at a posture, and at rates v."""
+        folding = self.folding if self._looped else Folding()  # numbers of a tree without rows are not read
+        return spanning_closures(self.modules, folding, q, self.specs, v)
 
-    def step(
-        self, K: Expression, residual: Expression, v: Expression
-    ) -> tuple[Expression, Expression, Expression]:
+    def step(self, rows: LoopRows, v: Expression) -> tuple[Expression, Expression, Expression]:
         """Compute a Newton step, and the rates that the independent ones of v cause, shapes (nv,)."""
         rates = self.independent(v)
-        X, doubts = solve(K, np.stack([-residual, -dot(K, rates)], axis=1), self.pivots)
+        X, doubts = solve(rows.K, np.stack([-rows.residual, -dot(rows.K, rates)], axis=1), self.pivots)
         rates[self.dependent] = X[self.dependent, 1]
         return X[:, 0], rates, doubts
 
@@ -208,10 +205,11 @@ def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
     """
     m, tree = kernel.m, kernel.tree
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", tree.nq), symbols("v", tree.nv), symbols("a", tree.nv)
-    K, residual = kernel.rows(q)
-    step, v, doubts = kernel.step(K, residual, v)
     (w_col, w), a = symbols("w", tree.nv), kernel.independent(a)
-    right = -dot(K, a) - drift(dot(K, w), q_col, w_col, v, tree)
+    rows = kernel.rows(q, w)
+    K, residual = rows.K, rows.residual
+    step, v, doubts = kernel.step(rows, v)
+    right = -dot(K, a) - drift(rows, q_col, w_col, v, tree)
     a[kernel.dependent] = solve(K, right[:, None], kernel.pivots)[0][kernel.dependent, 0]
     guard = ca.fmax(squares(doubts), largest(step / m.spanning_col_scale) / closed)
     if len(K) and (kernel.specs or len(K) > len(kernel.pivots.rows)):
@@ -231,22 +229,18 @@ def _turning(kernel: LoopKernel) -> Kernel:
     (near_col, near), (q_col, q) = (symbols(name, kernel.tree.nq) for name in ("near", "q"))
     turned, dependent = ca.SX(0.0), kernel.dependent
     unit = kernel.m.spanning_col_scale[dependent]
-    K, K_there = (kernel.rows(x)[0] for x in (near, q))
+    K, K_there = (kernel.rows(x).K for x in (near, q))
     change, _ = solve(K, (K_there - K)[:, dependent] * unit, kernel.pivots)
     for row in change[dependent, : len(dependent)] / unit[:, None]:
         turned = ca.fmax(turned, sum(ca.fabs(x) for x in row if not is_zero(x)))
     return kernel.kernel("turning", [near_col, q_col], [turned / MOST_TURNING])
 
 
-def drift(
-    rates: Expression, q: ca.SX, w: ca.SX, v: Expression, tree: Tree, known: Expression | float = 0.0
-) -> Expression:
-    """Compute K_dot v, shape (rows,), from K w, shape (rows,); positions q and rates w are symbols.
-
-    Rows of which K_dot w is known have zeros in K w; the others have zeros in `known`.
-    """
+def drift(rows: LoopRows, q: ca.SX, w: ca.SX, v: Expression, tree: Tree) -> Expression:
+    """Compute K_dot v, shape (rows,), from rows at symbols of positions q and of rates w."""
     rate = by_joint(tree, position_rate, unpack(q), unpack(w), positions=1)
-    return unpack(ca.substitute(ca.jtimes(pack(rates), q, pack(rate)) + pack(known), w, pack(v)))
+    changes = ca.jtimes(pack(rows.rates), q, pack(rate)) + pack(rows.drift)
+    return unpack(ca.substitute(changes, w, pack(v)))
 
 
 #: Largest rounding of over-determined closures in the robot's file. Above it they can only be met in the
@@ -281,8 +275,8 @@ def _lift(kernel: LoopKernel) -> Kernel:
     m, tree, independent = kernel.m, kernel.tree, np.ones(kernel.tree.nv)
     (q_col, q_0), (xi_col, xi) = symbols("q_0", tree.nq), symbols("xi", tree.nv)
     v_col, v = symbols("v", tree.nv)
-    K, residual = kernel.rows(by_joint(tree, moved_joint, q_0, xi, positions=1))
-    step, rates, doubts = kernel.step(K, residual, v)
+    rows = kernel.rows(by_joint(tree, moved_joint, q_0, xi, positions=1))
+    step, rates, doubts = kernel.step(rows, v)
     independent[kernel.dependent] = 0.0
     outputs = [
         pack(by_joint(tree, moved_joint, q_0, xi + step, positions=1)),
@@ -292,6 +286,6 @@ def _lift(kernel: LoopKernel) -> Kernel:
         pack(independent),
         largest(step / m.spanning_col_scale),
         ca.fmin(1.0, TRUSTED_PIVOT / largest(doubts)),
-        largest(residual * m.spanning_row_scale),
+        largest(rows.residual * m.spanning_row_scale),
     ]
     return kernel.kernel("lift", [q_col, xi_col, v_col], outputs)

@@ -25,6 +25,7 @@ from ...structure.robot import HybridRobot
 from ..equations.displacement import by_joint, moved_joint
 from ..equations.expressions import Expression, pack, symbols
 from ..equations.guarded_elimination import GUARD_CLOSED, largest, solve, squares
+from ..equations.loops import LoopRows
 from ..equations.request import Request
 from ..equations.states import moving_states
 from ..program import Program
@@ -150,9 +151,9 @@ def _kernel(module: Module, given: Side, wanted: Side, closed: float) -> Kernel:
     columns = [symbols(name, len(A)) for name in ("position", "rate", "effort")]
     position, rate, effort = (values for _, values in columns)
     q = _placed(kernel.tree, near, A, position)
-    K, residual = kernel.rows(q)
-    step, guard, there = _followed(kernel, K, residual, B)
-    _, of_back, per_wanted = _followed(back, K, residual, A)
+    rows = kernel.rows(q)
+    step, guard, there = _followed(kernel, rows, B)
+    _, of_back, per_wanted = _followed(back, rows, A)
     size = largest(step / kernel.m.spanning_col_scale) / closed
     moved = by_joint(kernel.tree, moved_joint, q, step, positions=1)
     outputs = [
@@ -162,12 +163,10 @@ def _kernel(module: Module, given: Side, wanted: Side, closed: float) -> Kernel:
     return kernel.kernel("map", [near_col, *(column for column, _ in columns)], outputs)
 
 
-def _followed(
-    kernel: LoopKernel, K: Expression, residual: Expression, wanted: list[int]
-) -> tuple[Expression, Any, Expression]:
+def _followed(kernel: LoopKernel, rows: LoopRows, wanted: list[int]) -> tuple[Expression, Any, Expression]:
     """Return a Newton step, the guard of its pivots, and rates of wanted freedoms over the given ones."""
-    X, doubts = solve(K, -residual[:, None], kernel.pivots)
-    free = [c for c in range(K.shape[1]) if c not in kernel.dependent]
+    X, doubts = solve(rows.K, -rows.residual[:, None], kernel.pivots)
+    free = [c for c in range(kernel.tree.nv) if c not in kernel.dependent]
     return X[:, 0], squares(doubts), X[np.ix_(wanted, [1 + free.index(a) for a in kernel.given])]
 
 

@@ -5,7 +5,6 @@ Its coordinates hold every joint of the spanning tree once, and each platform's 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
@@ -83,33 +82,23 @@ class Extended:
 
 def with_arguments(m: Mechanism, spec: ModuleSpec) -> Extended:
     """Return the extended tree of a mechanism with other numbers, which may be arguments."""
+    from ...equations.loops import along_rods
+
     e = extended(m)
     numbers = [*spec.tree, *(spec.spanning[i] for wrist in spec.wrists for i in wrist.joints)]
     return replace(
         e,
         joints=tuple(replace(j, R=x.R, p=x.p) for j, x in zip(e.joints, numbers, strict=True)),
-        closures=_along_rods(spec.cut_closures, e.rods),
+        closures=along_rods(spec.cut_closures, e.rods),
         couplings=spec.cut_couplings,
         welds=tuple(replace(c, R_b=w.R, p_b=w.p) for c, w in zip(e.welds, spec.wrists, strict=True)),
     )
 
 
-def _along_rods(closures: Sequence[TreeClosure], rods: dict[int, Rod]) -> tuple[TreeClosure, ...]:
-    """Return closures of which those on rods begin at the rod, in its axes."""
-    out = list(closures)
-    for k, rod in rods.items():
-        c = out[k]
-        if not rod.on_a:
-            c = replace(c, body_a=c.body_b, p_a=c.p_b, body_b=c.body_a, R_b=c.R_a, p_b=c.p_a)
-        out[k] = replace(c, R_a=rod.axes)
-    return tuple(out)
-
-
 @cache
 def extended(m: Mechanism) -> Extended:
     """Return the extended tree of a mechanism."""
-    from ...equations.parts import rods_of, spins_of
-    from ...equations.rigid import links_of
+    from ...equations.loops import along_rods, spinning_rods
 
     joints, source = list(m.tree.joints), list(m.spec.tree_joint)
     unit, welds = [m.reduction.col_scale], []
@@ -125,14 +114,13 @@ def extended(m: Mechanism) -> Extended:
         welds.append(
             TreeClosure("", "", body, np.eye(3), np.zeros(3), target, wrist.R, wrist.p, (0, 1, 2), "fixed")
         )
-    bare = links_of(m.spec.tree, [np.zeros(10)] * len(m.spec.tree))
-    rods = rods_of(bare, m.spec.cut_closures) if spins_of(m, ()) else {}
+    rods = spinning_rods(m, m.spec.tree, m.spec.cut_closures)
     return Extended(
         Tree(joints),
         tuple(joints),
         len(m.tree.joints),
         tuple(source),
-        _along_rods(m.closures.closures, rods),
+        along_rods(m.closures.closures, rods),
         m.closures.couplings,
         tuple(welds),
         np.concatenate(unit),

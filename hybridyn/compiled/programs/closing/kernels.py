@@ -286,9 +286,7 @@ class ModuleKernels:
         right = np.stack([-rows.residual, wanted - dot(rows.K, rate)], axis=1)
         solved, doubts = self._solved(rows, right)
         step, rate = solved[:, 0], rate + solved[:, 1]
-        wanted_dot = self._wanted(rows, g_ddot[len(given) :]) - drift(
-            rows.rates, z[0], self.u.rates[0], rate, tree, rows.drift
-        )
+        wanted_dot = self._wanted(rows, g_ddot[len(given) :]) - drift(rows, z[0], self.u.rates[0], rate, tree)
         solved, _ = self._solved(rows, (wanted_dot - dot(rows.K, acceleration))[:, None])
         acceleration = acceleration + solved[:, 0]
         guard = ca.fmax(self._guard(doubts, rows), self._bounded(rate, given, wanted))

@@ -13,10 +13,10 @@ from ....linkage.tree import Tree
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...equations.chains import Chain, sweep
-from ...equations.expressions import Expression, Folding, dot, pack, plain, scalar, symbols, zeros
+from ...equations.expressions import Expression, Folding, dot, pack, plain, symbols, zeros
 from ...equations.guarded_elimination import largest
 from ...equations.legs import fold_links
-from ...equations.loops import Frames, SpanningRows, coupling_row
+from ...equations.loops import Frames, LoopRows, folded
 from ...equations.rigid import links_of, quaternion_matrix
 from ...program import Program
 from ..writer import ModuleWriter, alike
@@ -29,46 +29,23 @@ Places = Mapping[str, tuple[int, Any, Any]]
 LEAST_COSINE = 1e-6
 
 
-class Rows:
+class Rows(LoopRows):
     """Rows at one posture: first those of the tree after the cuts, then those of its wrists.
 
     Attributes:
-        K: Shape (rows, nv).
-        residual: Shape (rows,).
         upright: Cosines that are positive where no two axes are more than a right angle apart.
         frames: Axes of each target, shape (3, 3).
-        rates: K times given rates, shape (rows,), from the twists of the bodies; empty if none were given.
-            Those of rods are left out.
-        drift: K_dot times these rates for the rods' rows, else 0, shape (rows,).
     """
 
     def __init__(self, chain: Chain, v: Expression | None) -> None:
         """Begin without rows."""
-        self.K, self.residual = zeros(0, chain.nv), zeros(0)
-        self.rates, self.drift = zeros(0), zeros(0)
+        super().__init__(chain, v)
         self.upright: list[ca.SX] = []
         self.frames: list[Expression] = []
-        self.chain, self.writer, self._v = chain, SpanningRows(chain), v
-
-    def add(
-        self,
-        K: Expression,
-        residual: Expression,
-        rates: Expression | None = None,
-        drift: Expression | None = None,
-    ) -> None:
-        """Add rows, by default with the rates K v."""
-        if self._v is not None:
-            own = dot(K, self._v) if rates is None else rates
-            self.rates = np.concatenate([self.rates, own])
-            self.drift = np.concatenate([self.drift, zeros(len(K)) if drift is None else drift])
-        self.K, self.residual = np.concatenate([self.K, K]), np.concatenate([self.residual, residual])
 
     def close(self, closure: TreeClosure, frames: Frames) -> None:
         """Add the rows of a closure."""
-        rates = None if self._v is None else self.writer.rates(closure, frames, self._v)
-        off, over = self.writer.closure(closure, frames)
-        self.add(over, off, rates)
+        super().close(closure, frames)
         if closure.rotation in ("fixed", "parallel"):
             A, B = (
                 dot(self.chain.R0[body], axes)
@@ -77,11 +54,6 @@ class Rows:
             cosines = [ca.SX(dot(A[:, i], B[:, i][:, None])[0]) for i in range(3)]
             whole = cosines[0] + cosines[1] + cosines[2] - 1.0
             self.upright.append(cosines[2] if closure.rotation == "parallel" else whole)
-
-    def close_rod(self, closure: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool) -> None:
-        """Add the rows of a closure on a rod, see `SpanningRows.on_rod`."""
-        off, over = self.writer.on_rod(closure, frames, turns, on_line)
-        self.add(over, off, zeros(3), self.writer.drift(closure, frames))
 
     def prescribe(self, some: Coordinates, wanted: Expression, frames: Frames) -> None:
         """Add the rows of coordinates of a link: x, y, z, roll, pitch and yaw as in `linkage.targets`.
@@ -137,18 +109,9 @@ def rows_at(
     """
     links = fold_links(folding, [links_of(t.joints, [np.zeros(10)] * len(t.joints)) for t in trees])
     nv = trees[0].tree.nv
-    rates = zeros(nv) if v is None else v
-    out, positions = Rows(sweep(links, z, rates, zeros(6)), v), [z[at] for at in trees[0].tree.q_slices]
-    for k, same in enumerate(zip(*(t.closures for t in trees), strict=True)):
-        own, rod = _folded(folding, same), trees[0].rods.get(k)
-        if rod is None:
-            out.close(same[0], own)
-        else:
-            out.close_rod(same[0], own, rod.turns, not any(c.p_a.dtype == object for c in same))
-    for coupled in zip(*(t.couplings for t in trees), strict=True):
-        offset = folding.array([scalar(c.offset) for c in coupled])[0]
-        miss, row = coupling_row(out.chain, coupled[0], positions, offset)
-        out.add(row[None], np.array([miss], dtype=object))
+    out = Rows(sweep(links, z, zeros(nv) if v is None else v, zeros(6)), v)
+    closures, couplings = [t.closures for t in trees], [t.couplings for t in trees]
+    out.close_all(closures, couplings, trees[0].rods, folding, [z[at] for at in trees[0].tree.q_slices])
     for i, body in enumerate(given.bodies):
         pose = targets[7 * i : 7 * i + 7]
         out.frames.append(quaternion_matrix(pose[3:]))
@@ -160,7 +123,7 @@ def rows_at(
         out.prescribe(some, targets[at : at + len(some.names)], (other_R, other_p, R, p))
         at += len(some.names)
     for same in zip(*(t.welds for t in trees), strict=True):
-        out.close(same[0], _folded(folding, same))
+        out.close(same[0], folded(folding, same))
     return out
 
 
@@ -170,14 +133,6 @@ def row_scales(tree: Extended, given: Given) -> Array:
     coordinates = [1.0 / some.target.units for some in given.coordinates]
     poses, welds = [pose] * len(given.bodies), [pose] * len(tree.welds)
     return np.concatenate([tree.row_scale, *poses, *coordinates, *welds])
-
-
-def _folded(folding: Folding, same: Sequence[TreeClosure]) -> Frames:
-    """Return the frames of equal closures of several modules."""
-    R_a, p_a, R_b, p_b = (
-        folding.array([getattr(c, name) for c in same]) for name in ("R_a", "p_a", "R_b", "p_b")
-    )
-    return R_a, p_a, R_b, p_b
 
 
 def place_program(robot: HybridRobot, parts: Sequence[Part]) -> Program:
