@@ -44,10 +44,10 @@ def regressor(robot: Robot) -> None:
 
 #: What builds code, the robot's base, and a program with the outputs that are compared.
 NEW: dict[str, tuple[Callable[[Robot], Any], str, str, list[int]]] = {
-    "derivatives": (lambda robot: Derivatives(robot, "ddm"), "fixed", "ddm_jacobian", [0, 2, 3]),
+    "derivatives": (lambda robot: Derivatives(robot, "ddm"), "fixed", "ddm_jacobian", [0, 1, 2, 3]),
     "motor derivatives": (
         lambda robot: Derivatives(robot, "idm", coordinates="motors"),
-        "fixed", "idm_motor_jacobian", [0, 2, 3],
+        "fixed", "idm_motor_jacobian", [0, 1, 2, 3],
     ),
     "motion map": (motion_map, "fixed", "following", [1, 2]),
     "wrench": (pushed_models, "floating", "idm_pushed", [0]),

@@ -218,12 +218,10 @@ def check_rows(rows: ClosedRows, robot: HybridRobot, parts: list[Part], design: 
     compared, manifold = _compared(robot, parts), Manifold(robot)
     for number in range(POSTURES):
         start, wanted = robot.home.copy(), (robot.home.copy(), *np.zeros((2, robot.nv)))
-        given: list[list[Array]] = [[], [], []]
-        for part in parts:
-            for own, new in zip(given, _move(part, number, start, wanted), strict=True):
-                own.append(new)
+        given = [_move(part, number, start, wanted) for part in parts]
         room = [x[None, None].copy() for x in wanted]
-        place, row = place_of(robot, parts, start), [np.concatenate(own)[None] for own in given]
+        place = place_of(robot, parts, start)
+        row = [np.concatenate(own)[None] for own in zip(*given, strict=True)]
         if place is None or not rows.close(design[None], place, row, room, guess=False, strict=True)[0]:
             continue
         q, v, _ = found = [x[0, 0] for x in room]

@@ -16,14 +16,16 @@ from numpy.typing import ArrayLike
 from ....description.names import counted
 from ....effects.choice import Choice, Effects, choose
 from ....errors import AT_SAMPLE, CompileError, ModelError, SingularityError, TrajectoryError
+from ....linkage.retraction import Retraction
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...code.library_source import Source, library_source
 from ...code.scalars import GUARD_LIMIT, Scalar
-from ...comparing import compare_at_states, random_states
+from ...comparing import States, compare_at_states, random_states
 from ...equations.guarded_elimination import TRUSTED_PIVOT
 from ...equations.parts import spins_of
 from ...equations.request import Request, request
+from ...equations.states import any_accelerations
 from ...failures import as_compile_error
 from ...library.artifact import Artifact
 from ...library.building import best_lanes, find_compiler
@@ -98,10 +100,9 @@ DERIVATIVE_ROUNDED = 5e-16 / TRUSTED_PIVOT**2
 STATEMENTS_A_SECOND = 1000
 
 
-#: Largest difference of a new library's derivatives from a difference quotient, relative to the largest entry
-#: (friction is no polynomial of the rates), factors on the rates, and one on random efforts, beside which
-#: terms of the rates would vanish.
-DERIVATIVE_CHECKED, SPEEDS, EFFORTS = 1e-5, (0.9999, 1.0, 1.0001), 1e-3
+#: Largest difference of a new library's derivatives from a difference quotient, relative to a sample's largest
+#: entry, times between which it is taken [s], and a factor on random efforts, beside which other terms vanish.
+DERIVATIVE_CHECKED, TIMES, EFFORTS = 1e-5, (-1e-6, 0.0, 1e-6), 1e-3
 
 
 class Derivatives:
@@ -203,35 +204,44 @@ class Derivatives:
             self._building.join()
 
     def _check(self, built: Built) -> None:
-        """Compare a new library with the general path at random states whose rates grow.
+        """Compare a new library with the general path at random states, and a moment before and after them.
 
-        Efforts grow with the rates, accelerations with their squares, so that the loops stay closed.
-        Over motors there are no spins, which would grow, too.
+        The loops stay closed on the way, since rates and accelerations are those of a motion. Efforts grow.
+        Over motors there are no spins.
 
         Raises:
-            CompileError: The model differs, or its change from what the derivatives say.
+            CompileError: The model differs, or its change in time from what the derivatives say.
         """
         robot, model, direct = self.robot, GENERAL[self._model], self._model == "ddm"
-        library, power = Library(built), 1 if direct else 2
+        library, move = Library(built), Retraction(robot.kinds).move
         driven = robot.motor_v if self._motors else np.arange(robot.nv)
+        spins = not self._motors
 
-        def run(q: Array, v: Array, tau: Array, a: Array) -> tuple[list[Array], Array]:
+        def states(seed: int) -> States:
+            """Draw arguments before, at and after a state, shapes (T, 3, n), and accelerations, (T, nv)."""
+            q, v, tau, a = random_states(robot, seed, spins=spins)
+            way = [(np.array(list(map(move, q, h * v))), v + h * a) for h in TIMES]
+            x = [
+                EFFORTS * (1.0 + h) * tau if direct else any_accelerations(robot, *at, seed + 1, spins=spins)
+                for h, at in zip(TIMES, way, strict=True)
+            ]
+            return [*(np.stack(y, axis=1) for y in (*zip(*way, strict=True), x)), a]
+
+        def run(q: Array, v: Array, x: Array, a: Array) -> tuple[list[Array], Array]:
             """Compute the model and its change."""
-            x = EFFORTS * tau if direct else a
-            (value, _, over_v, over_x), guard = library.batch(self._name, q, v, x)
-            along = v[:, driven], x if direct else power * x[:, driven]
-            pairs = zip((over_v, over_x), along, strict=True)
-            change = sum(np.einsum("tij,tj->ti", J.reshape(len(q), -1, y.shape[1]), y) for J, y in pairs)
+            (value, *over), guard = library.batch(self._name, q[:, 1], v[:, 1], x[:, 1])
+            x_dot = (x[:, 2] - x[:, 0]) / (TIMES[2] - TIMES[0])
+            rates = v[:, 1, driven], a[:, driven], x_dot if direct else x_dot[:, driven]
+            pairs = zip(over, rates, strict=True)
+            change = sum(np.einsum("tij,tj->ti", J.reshape(len(a), -1, y.shape[1]), y) for J, y in pairs)
             return [value, change], guard
 
-        def general(q: Array, v: Array, tau: Array, a: Array) -> list[Array]:
+        def general(q: Array, v: Array, x: Array, _: Array) -> list[Array]:
             """Compute them by the general path."""
-            x = EFFORTS * tau if direct else a
-            found = [model(robot, q, s * v, s**power * x, effects=self._effects) for s in SPEEDS]
-            change = (found[2] - found[0]) / (SPEEDS[2] - SPEEDS[0])
+            found = [model(robot, q[:, i], v[:, i], x[:, i], effects=self._effects) for i in range(3)]
+            change = (found[2] - found[0]) / (TIMES[2] - TIMES[0])
             return [found[1], change[:, driven] if direct else change]
 
-        states = partial(random_states, robot, spins=not self._motors)
         compare_at_states(
             robot, f"'{self._name}'", run, general, DERIVATIVE_CHECKED, states=states, told=False
         )
