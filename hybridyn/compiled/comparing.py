@@ -14,7 +14,6 @@ from ..errors import CompileError, HybridynError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .code.scalars import GUARD_LIMIT
-from .equations.states import any_accelerations, moving_states
 from .failures import check_agreement, difference
 
 log = logging.getLogger("hybridyn.compiled")
@@ -35,6 +34,8 @@ def random_states(robot: HybridRobot, seed: int = 0, *, spins: bool = True) -> S
     The accelerations are any that keep the loops closed, as tables have them. Without `spins` rods do not
     spin idly.
     """
+    from .equations.states import any_accelerations, moving_states  # a start from the cache needs no CasADi
+
     q, v, tau = moving_states(robot, SAMPLES, seed, spins=spins)
     return q, v, tau, any_accelerations(robot, q, v, seed + 1, spins=spins)
 

@@ -89,3 +89,8 @@ def test_states_that_the_general_path_refuses_are_not_computed() -> None:
 
     words = "the compiled 'idm' of the robot 'five_bar' computes a state that the general path refuses"
     refused(lambda: compare_at_states(robot, "'idm'", run, general, 1.0), hybridyn.CompileError, words)
+
+
+def test_derivatives_of_a_robot_without_motors_are_compared(empty_cache: Path) -> None:
+    robot = hybridyn.load("five_bar", motors=[])
+    assert Derivatives(robot, "ddm").library

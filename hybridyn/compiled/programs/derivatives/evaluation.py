@@ -100,8 +100,8 @@ DERIVATIVE_ROUNDED = 5e-16 / TRUSTED_PIVOT**2
 STATEMENTS_A_SECOND = 1000
 
 
-#: Largest difference of a new library's derivatives from a difference quotient, relative to a sample's largest
-#: entry, times between which it is taken [s], and a factor on random efforts, beside which other terms vanish.
+#: Largest difference of a new library's derivatives from a quotient of differences, of its largest entry,
+#: the times between which it is taken [s], and a factor on efforts, beside which other terms would vanish.
 DERIVATIVE_CHECKED, TIMES, EFFORTS = 1e-5, (-1e-6, 0.0, 1e-6), 1e-3
 
 
@@ -215,7 +215,7 @@ class Derivatives:
         robot, model, direct = self.robot, GENERAL[self._model], self._model == "ddm"
         library, move = Library(built), Retraction(robot.kinds).move
         driven = robot.motor_v if self._motors else np.arange(robot.nv)
-        spins = not self._motors
+        rows, spins = len(driven) if direct else len(robot.motors), not self._motors
 
         def states(seed: int) -> States:
             """Draw arguments before, at and after a state, shapes (T, 3, n), and accelerations, (T, nv)."""
@@ -233,7 +233,7 @@ class Derivatives:
             x_dot = (x[:, 2] - x[:, 0]) / (TIMES[2] - TIMES[0])
             rates = v[:, 1, driven], a[:, driven], x_dot if direct else x_dot[:, driven]
             pairs = zip(over, rates, strict=True)
-            change = sum(np.einsum("tij,tj->ti", J.reshape(len(a), -1, y.shape[1]), y) for J, y in pairs)
+            change = sum(np.einsum("tij,tj->ti", J.reshape(len(a), rows, y.shape[1]), y) for J, y in pairs)
             return [value, change], guard
 
         def general(q: Array, v: Array, x: Array, _: Array) -> list[Array]:
