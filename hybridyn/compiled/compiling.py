@@ -114,7 +114,5 @@ def accept(robot: HybridRobot, effects: Effects, parameters: Parameters, built: 
     """
     library = Library(built)
     for design, like, required in designs_to_verify(robot, parameters):
-        if parameters.size:
-            verify(library, like, at_robot(effects, like), required=required, design=design)
-        else:
-            verify(library, like, effects)
+        on = at_robot(effects, like) if parameters.size else effects
+        verify(library, like, on, required=required, design=design if parameters.size else None)
