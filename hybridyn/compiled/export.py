@@ -18,13 +18,14 @@ from .programs.sources import asked_for
 from .verifying import verify
 
 try:
-    from .code.plain_c import WRITTEN, control_step, control_text, plain_source, prototype
+    from .code.plain_c import WRITTEN, plain_source, prototype
     from .equations.request import request
     from .export_reference import SAMPLES, test_text
     from .program import Program
     from .programs.c_header import header_text
     from .programs.closing.platform_program import close_platforms_program
     from .programs.map_programs import map_programs
+    from .programs.walking import control_step
     from .programs.whole_robot import Interpreted, programs
 except ModuleNotFoundError as error:
     raise CompileError(WITHOUT_CASADI) from error
@@ -72,20 +73,17 @@ def export(
         raise ModelError("the map of output joints has no parameters: export it by itself")
     values = np.array(values_of(robot.description, slots))
     with as_compile_error(robot):
-        models = list(programs(robot, on, models=ALWAYS, dtype=dtype, parameters=slots).values())
-        asked = request(robot, on, dtype=dtype)
+        built = programs(robot, on, models=ALWAYS, dtype=dtype, parameters=slots)
+        models, asked = list(built.values()), request(robot, on, parameters=slots, dtype=dtype)
         posed = None if slots else close_platforms_program(asked)
         models += [] if posed is None else [posed]
         verify(Interpreted(models, dtype), robot, on, design=values if slots else None)
         models += map_programs(asked, map_joints) if map_joints else []
-        parts = {program.name: program for program in models}
-        public, more = models, ""
-        if {"close", "idm"} <= parts.keys():
-            public = [*models, control_step(parts["close"], parts["idm"])]
-            more = control_text(parts["close"], parts["idm"], name, dtype)
+        step, turning, more = control_step(asked, built["close"], built["idm"], name)
+        public = [*models, step]
         contents = {
             f"{name}.h": header_text(robot, public, name, dtype, map_joints, slots),
-            f"{name}.c": plain_source(models, name, dtype, more),
+            f"{name}.c": plain_source(models, name, dtype, more, [turning]),
             f"test_{name}.c": test_text(robot, on, public, name, dtype, map_joints, values),
             "Makefile": _makefile(name),
             "README.md": _readme(robot, on.names, public, name, dtype, arguments=bool(slots)),
@@ -168,7 +166,8 @@ the C library's mathematics. Base: {robot.base}. Effects: {", ".join(effects) or
 Each function returns a guard. Use the results only if it is at most 1, and provide a fallback for other
 samples. The guard is above 1 near singular postures and if the loops are open, and NaN if a number is not
 finite. `q`, `v` and `a` are those of all joints and must close the loops: `{name}_close`
-computes them from the motors'{numbers}.
+computes them from the motors'{numbers}. `{name}_idm_from_motors` does so and computes the efforts; its
+guard is `{name.upper()}_OTHER_BRANCH` if no continuous motion leads there from the posture of the last tick.
 The caller provides the memory `work`, one for each thread. `-ffast-math` would remove the NaN of the guard
 and is refused, and so are `-funsafe-math-optimizations`, `-fassociative-math` and `-fno-signed-zeros`.
 

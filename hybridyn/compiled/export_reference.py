@@ -12,7 +12,7 @@ from ..dynamics.inverse import idm
 from ..effects.choice import Effects
 from ..errors import HybridynError
 from ..spatial import Array
-from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot, joint_position
 from .code.kernels import literal
 from .code.plain_c import WRITTEN
 from .code.scalars import REAL
@@ -109,43 +109,36 @@ def _references(
     map_joints: Sequence[str],
     parameters: Array,
 ) -> list[dict[str, Array]]:
-    """Compute each program's inputs and outputs, shapes (SAMPLES, n).
+    """Compute each program's inputs and outputs, shapes (SAMPLES, n), among other numbers.
 
-    The entry of the inverse model is empty if the motors cannot produce the motion.
+    The entries of the inverse models are empty if the motors cannot produce the motion.
     """
     from .equations.states import random_states
 
     q, v, _, tau = random_states(robot, SAMPLES, seed=1)
     a = ddm(robot, q, v, tau, effects=effects)
-    known = {"q": q, "v": v, "tau": tau, "a": a, "base_acceleration": a[:, :6]}
+    read = next(rates_read(program) for program in programs if program.name == "close")
+    driven = {"v": v * read, "a": a * read, "near": q, "last": q, "v_closed": v, "a_closed": a}
+    driven["position"] = np.array([joint_position(robot, q, motor) for motor in robot.motors]).T
+    known = {"q": q, "tau": tau, "base_acceleration": a[:, :6]}
+    known["parameters"] = np.tile(parameters, (SAMPLES, 1))
+    try:
+        efforts = {"tau": idm(robot, q, v, a, effects=effects)}
+    except HybridynError:
+        efforts = {}
     out: list[dict[str, Array]] = []
     for program in programs:
-        values = dict(known)
-        if program.name == "kinematics":
+        values = known | (driven if "v_closed" in dict(program.outputs) else {"v": v, "a": a, "near": q})
+        if program.name.startswith("idm"):
+            values = efforts and values | efforts
+        elif program.name == "kinematics":
             values["bodies"] = body_rows(robot, q, v, a)
-        elif program.name == "idm":
-            try:
-                values["tau"] = idm(robot, q, v, a, effects=effects)
-            except HybridynError:
-                values = {}
-        elif program.name == "close":
-            read = rates_read(program)
-            closed = {"near": q, "v": v * read, "a": a * read, "q": q, "v_closed": v, "a_closed": a}
-            values = closed
-        elif program.name == "idm_from_motors":
-            values = closed | {"tau": out[0]["tau"]} if out[0] else {}
         elif program.name == "close_platforms":
-            read = np.zeros(robot.nv)
-            read[robot.motor_v] = 1.0
-            read[: 0 if robot.base == "fixed" else 6] = 1.0
-            values = {"near": q, "v": v * read, "a": a * read, "q": q, "v_closed": v, "a_closed": a}
             values |= platform_motions(robot, q, v, a)
         elif program.name.startswith("map_to_"):
-            values = {"near": q, "q": q, **map_values(robot, q, map_joints, v)}
-        elif robot.base == "moving":
+            values |= map_values(robot, q, map_joints, v)
+        elif robot.base == "moving" and program.name == "ddm":
             values["a"] = ddm(robot, q, v, tau, effects=effects, base_acceleration=a[:, :6])
-        if values:
-            values["parameters"] = np.tile(parameters, (SAMPLES, 1))
         out.append(values)
     return out
 

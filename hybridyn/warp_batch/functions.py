@@ -48,7 +48,7 @@ HEAD = """#define restrict __restrict__
 #endif
 #define INLINE static CUDA_CALLABLE inline"""
 #: Run a program for one sample: its guard, NaN where a number that is not finite comes in or out.
-RUN = """static S {name}_run(const S *given, S *result) {{
+RUN = """static S {name}_run(const S *given, S *result, S * = 0) {{
     S shared[{shared}], own[{own}], guard = 0;
     for (int k = 0; k < {given}; k++) guard += given[k] * (S)0;
     {name}_samples(given, result, shared, own, &guard);
@@ -123,10 +123,9 @@ def native(
     return Native(name, inputs, outputs, "\n" + "\n".join(lines) + "\n")
 
 
-def own_text(file: str, **sizes: int) -> str:
-    """Return one of the C sources of the folder `c` of this room, after an enumeration of sizes."""
-    text = (resources.files("hybridyn.warp_batch") / "c" / file).read_text()
-    return sizes_text(**sizes) + text if sizes else text
+def own_text(file: str) -> str:
+    """Return one of the C sources of the folder `c` of this room."""
+    return (resources.files("hybridyn.warp_batch") / "c" / file).read_text()
 
 
 def sizes_text(**sizes: int | str) -> str:

@@ -6,22 +6,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
-import numpy as np
-
-from ..assembly.follow import FARTHEST
 from ..compiled.code.scalars import text_of
-from ..compiled.equations.guarded_elimination import GUARD_CLOSED
 from ..compiled.equations.request import Request, request
 from ..compiled.program import Program
-from ..compiled.programs.close import close_program, freedoms_of, lift_program, turning_program
+from ..compiled.programs.close import close_program, freedoms_of, lift_program, loop_kernels, turning_program
 from ..compiled.programs.direct import direct_program
 from ..compiled.programs.inverse import inverse_program
 from ..compiled.programs.kinematics import kinematics_program
 from ..compiled.programs.map_programs import map_programs
+from ..compiled.programs.walking import joints_text, walk_text
 from ..dynamics.quantities.joint_map import motors_beside
 from ..effects.choice import Effects
 from ..errors import ModelError
-from ..spatial import Array
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
 from .functions import Native, native, own_text, sizes_text
@@ -39,10 +35,8 @@ LAST_NEWTON_STEP = {"float64": "1e-12", "float32": "1e-5"}
 LIFT_HEAD = "#define EXPORT static CUDA_CALLABLE\n#define LAST_STEP {}\n"
 #: C of a program that a law does not call.
 ABSENT = "static int {0}_single_at(const S *const *in, S *out) {{ return !in || !out || 1; }}\n"
-#: A table of the joints of one side.
-TABLE = "static {0} {1}(int m) {{\n    static const {0} table[] = {{{2}}};\n    return table[m];\n}}\n"
-#: How far a joint without loops may move in one part of the way.
-UNLIMITED = 1e30
+#: Why a walk cannot be made.
+CONTRADICTING = "its motors depend on each other: their positions contradict each other but by chance"
 Ends = list[tuple[str, int]]
 
 
@@ -76,10 +70,10 @@ class Models:
         if self._slots:
             raise ModelError("the map of output joints has no parameters: make a batch without them")
         sides = motors_beside(self.robot, joints), tuple(joints)
-        run = f"walk(given, given + {self.robot.nq}, result)"
+        run = f"walk(given, given + {self.robot.nq}, result, 0)"
         return [
             native(program.name, (program.inputs, program.outputs), self._along(program, side), run,
-                   self.dtype, self._walk(program, side, posed=True))
+                   self.dtype, walk_text(self._request, program, side, posed=True))
             for program, side in zip(map_programs(self._request, joints), sides, strict=True)
         ]  # fmt: skip
 
@@ -106,50 +100,32 @@ class Models:
         )
 
     def _close(self) -> Native:
-        program = close_program(self._request)
-        called = self._along(program, self.robot.motors)
-        return native(
-            "close", self._motions, called, "follow(given, result)", self.dtype, self._follow(program)
-        )
+        return self._following("close", self._motions[1], {}, "walk")
 
     def _control(self) -> Native:
         """Return the efforts from the motors' motion; the inverse model need not compare the loops again."""
-        inputs, outputs = self._motions
-        close, idm = close_program(self._request), inverse_program(replace(self._request, compared=False))
-        more = self._follow(close) + own_text("efforts.h", INVERSE=_size(idm.inputs))
-        ends = inputs, [*outputs, *idm.outputs]
-        called = self._along(close, self.robot.motors) | {"idm": idm}
-        return native("idm_from_motors", ends, called, "control(given, result)", self.dtype, more)
+        idm = inverse_program(replace(self._request, compared=False))
+        outputs = [*self._motions[1], *idm.outputs]
+        return self._following("idm_from_motors", outputs, {"idm": idm}, "control", text_of("control.h"))
 
-    def _follow(self, close: Program) -> str:
-        return self._walk(close, self.robot.motors, posed=False) + own_text("motors.h")
+    def _following(
+        self, name: str, outputs: Ends, more: dict[str, Program], way: str, after: str = ""
+    ) -> Native:
+        """Return a function of the motors' motion, which the C function `way` makes."""
+        close, motors = close_program(self._request), self.robot.motors
+        text = f"{walk_text(self._request, close, motors)}{after}#define WAY {way}\n{own_text('motors.h')}"
+        ends, called = (self._motions[0], outputs), self._along(close, motors) | more
+        return native(name, ends, called, "follow(given, result)", self.dtype, text)
 
     def _along(self, close: Program, side: Sequence[str]) -> dict[str, Program]:
-        """Return the programs of a walk: that which closes the loops, and that which compares them."""
-        return {"close": close, "turning": turning_program(self._request, freedoms_of(self.robot, side))}
+        """Return the programs of a walk: that which closes the loops, and that which compares them.
 
-    def _walk(self, program: Program, side: Sequence[str], *, posed: bool) -> str:
-        """Return the C of the walk with a program that closes the loops from the positions of some joints."""
-        robot, farthest = self.robot, np.full(self.robot.nv, UNLIMITED)
-        for module in robot.modules:
-            if module.mechanism.spanning_closures.rows:
-                farthest[module.v_index] = FARTHEST * module.mechanism.spanning_col_scale
-        places = [robot.v_slices[robot.joint_index[name]].start for name in side]
-        sizes = {"NQ": robot.nq, "NV": robot.nv, "SIDE": len(side), "POSED": int(posed)}
-        sizes |= {"GIVEN": _size(program.inputs), "NUMBERS": _size(self._request.parameter_inputs)}
-        closed = f"#define CLOSED {GUARD_CLOSED[self.dtype]!r}\n" + _table("S", "farthest", farthest[places])
-        return closed + self._places(side) + own_text("walk.h", **sizes)
-
-    def _places(self, side: Sequence[str]) -> str:
-        """Return the C functions of the places of joints in q and v."""
-        robot = self.robot
-        numbers = [robot.joint_index[name] for name in side]
-        tables = {
-            "at": [robot.q_slices[i].start for i in numbers],
-            "column": [robot.v_slices[i].start for i in numbers],
-            "turns": [int(robot.kinds[i] == "continuous") for i in numbers],
-        }
-        return "".join(_table("int", name, of) for name, of in tables.items())
+        Raises:
+            SingularityError: The joints depend on each other.
+        """
+        for _, _, kernel in loop_kernels(self._request, freedoms_of(self.robot, side)):
+            kernel.check_independent("motors", CONTRADICTING)
+        return {"close": close, "turning": turning_program(self._request, side)}
 
     def step(self, law: str) -> Native:
         """Return closed time steps under a law, one of `LAWS`.
@@ -174,7 +150,7 @@ class Models:
             self._lift_text(),
             sizes_text(EFFORTS=motors),
             own_text("calls.h"),
-            self._places(robot.motors),
+            joints_text(robot, robot.motors),
         ]
         parts += [ABSENT.format(name) for name in ("close", "idm") if name not in called]
         parts += [text_of("laws.h"), text_of("steps.h"), sizes_text(KIND=law.upper())]
@@ -194,11 +170,3 @@ class Models:
         """Return the C that closes the loops of a time step."""
         sizes = {"NQ": self.robot.nq, "NV": self.robot.nv, "MODULES": len(self.robot.modules)}
         return LIFT_HEAD.format(LAST_NEWTON_STEP[self.dtype]) + sizes_text(**sizes) + text_of("lift.h")
-
-
-def _table(kind: str, name: str, of: Sequence[float] | Array) -> str:
-    return TABLE.format(kind, name, ", ".join(map(str, of)) or "0")
-
-
-def _size(ends: Sequence[tuple[str, int]]) -> int:
-    return sum(size for _, size in ends)

@@ -24,6 +24,7 @@ from hybridyn.compiled.library.building import NATIVE, find_compiler
 from hybridyn.compiled.programs.c_header import comment
 from hybridyn.effects import Payload, Spring, with_effects
 from tests.comparing import close_to, refused
+from tests.compiled.test_compiled_control import motion
 from tests.compiled_toys import inputs, toy
 from tests.files import save
 
@@ -116,7 +117,7 @@ def test_the_exported_test_can_fail(bar: Path) -> None:
 def test_the_exported_test_fails_where_nothing_is_compared(bar: Path) -> None:
     file = bar / "bar.c"
     text = file.read_text()
-    assert text.count("return guard;") == 4  # of five functions, one of which calls two of the others
+    assert text.count("return guard;") == 11  # of five functions, of the program "turning", and of the walk
     for guard in ("2.0", "0.0"):  # never trusted; always, also where a number is not finite
         file.write_text(text.replace("return guard;", f"return guard * 0.0 == 0.0 ? {guard} : {guard};"))
         refused(
@@ -148,6 +149,86 @@ def test_c_plus_plus_calls_it_and_what_overflows_is_refused(bar: Path) -> None:
     cpp = ["g++", "-Wall", "-Wextra", "-Werror"]
     assert compiler("main.cpp", "bar.o", "-lm", "-o", "main", program=cpp, cwd=bar) == ""
     assert subprocess.run([bar / "main"], capture_output=True, text=True).stdout == "1 0 0"
+
+
+class Stepping:
+    """The exported functions of a robot for control steps, built as "bar" in a folder; they raise no error.
+
+    Attributes:
+        refused: Guard of steps to which no way leads, as the header defines it.
+    """
+
+    def __init__(self, robot: hybridyn.HybridRobot, folder: Path) -> None:
+        file, self.robot, self.work = folder / "bar.so", robot, np.empty(100_000)
+        assert compiler("-O0", "-shared", "-fPIC", "-o", file, folder / "bar.c", "-lm") == ""
+        self.bar = ctypes.CDLL(str(file))
+        value = re.search(r"#define BAR_OTHER_BRANCH \(\(double\)(\S+)\)", (folder / "bar.h").read_text())
+        self.refused = float(value.group(1))
+
+    def step(self, last: np.ndarray, position: Any, rate: Any = 0.0, acceleration: Any = 0.0) -> Any:
+        """Return the guard of a control step, then efforts, q, v, a."""
+        robot = self.robot
+        v, a = np.zeros((2, robot.nv))
+        v[robot.motor_v], a[robot.motor_v] = rate, acceleration
+        q, v_closed, a_closed, tau = (np.empty(n) for n in (robot.nq, robot.nv, robot.nv, len(robot.motors)))
+        given = last, np.array(position), v, a
+        out = q, v_closed, a_closed, tau, self.work
+        return called(self.bar.bar_idm_from_motors, *given, *out), tau, q, v_closed, a_closed
+
+    def by_newton(self, last: np.ndarray, position: Any) -> tuple[float, np.ndarray]:
+        """Return guard and posture of Newton's method alone, which compares no branches."""
+        q, near, (v, a) = last.copy(), last.copy(), np.zeros((2, self.robot.nv))
+        near[self.robot.motor_q], guard, steps = position, np.inf, 0
+        while not guard <= 1.0 and steps < 8:
+            guard = called(self.bar.bar_close, near, v, a, q, v.copy(), a.copy(), self.work)
+            near, steps = q.copy(), steps + 1
+        return guard, q
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["five_bar", "delta", "gough_stewart", "lx4"])
+def test_control_steps_have_the_numbers_of_the_library(name: str, tmp_path: Path) -> None:
+    robot = hybridyn.load(name)
+    export(robot, tmp_path, name="bar")
+    stepping, compiled = Stepping(robot, tmp_path), hybridyn.compile(robot)
+    last = mine = None
+    for tick in zip(*motion(robot, 12), strict=True):
+        right = compiled.idm_from_motors(*tick, last=last)
+        guard, *found = stepping.step(robot.home if mine is None else mine, *tick)
+        assert guard <= 1.0
+        close_to(tuple(found), right, 1e-10, 1.0)  # the loops' rates are closed to 1e-11
+        last, mine = right[1], found[1]
+
+
+#: Motors of the five-bar at two ticks: Newton's method alone jumps to another assembly.
+JUMPING = [-0.732, 0.810], [-0.927, 0.878]
+#: Motors at assemblies to which no continuous motion leads straight from home.
+APART = [[-1.5, 1.5], [-2.5, 2.5]]
+
+
+def test_control_steps_stay_on_their_branch_or_are_refused(bar: Path) -> None:
+    robot = hybridyn.load("five_bar")
+    stepping = Stepping(robot, bar)
+    last, *_ = hybridyn.assemble(robot, motors=np.array(JUMPING[0]))
+    right, *_ = hybridyn.assemble(robot, motors=np.array(JUMPING[1]), guess=last)
+    alone, jumped = stepping.by_newton(last, JUMPING[1])
+    assert alone <= 1.0
+    assert np.abs(np.sin((jumped - right) / 2)).max() > 0.5
+    guard, _, q, *_ = stepping.step(last, JUMPING[1])
+    assert guard <= 1.0
+    close_to((q,), (right,), 1e-10)
+    for goal in APART:
+        words = "it would jump to another assembly branch"
+        refused(
+            lambda at=goal: hybridyn.assemble(robot, motors=np.array(at), guess=robot.home),
+            hybridyn.AssemblyError,
+            words,
+        )
+    assert stepping.by_newton(robot.home, APART[1])[0] <= 1.0
+    for goal in (*APART, [1e9, 0.0], [0.0, -1e300]):  # the last two are wild
+        assert stepping.step(robot.home, goal)[0] == stepping.refused
+    for goal in ([np.nan, 0.0], [0.0, np.inf]):
+        assert np.isnan(stepping.step(robot.home, goal)[0])
 
 
 def test_fast_math_is_refused_when_it_is_compiled(exported: Path) -> None:
@@ -306,21 +387,21 @@ def test_exported_functions_take_parameters(tmp_path: Path) -> None:
     states = tuple(np.empty(size) for size in (robot.nq, robot.nv, robot.nv))
     assert called(bar.bar_close, q[0], v[0], a[0], design, *states, work) <= 1.0
     close_to(states, (q[0], v[0], a[0]), 1e-9)
-    last = q[0] + np.where(np.isin(np.arange(robot.nq), robot.motor_q), 0.0, 1e-3)  # the last tick's posture
+    last = hybridyn.assemble(other, motors=q[0, robot.motor_q] + 1e-3, guess=q[0])[0]
 
-    def step(last: np.ndarray, v: np.ndarray) -> bool:
+    def step(last: np.ndarray, position: Any, v: np.ndarray) -> bool:
         """Make a control step, and tell whether it may be trusted."""
-        return called(bar.bar_idm_from_motors, last, v, a[0], design, *states, found, work) <= 1.0
+        position = np.array(position)
+        guard = called(bar.bar_idm_from_motors, last, position, v, a[0], design, *states, found, work)
+        return guard <= 1.0
 
-    assert step(last, v[0])
+    assert step(last, q[0, robot.motor_q], v[0])
     close_to((*states, found), (q[0], v[0], a[0], wanted[0]), 1e-9)
-    assert not step(q[0] * np.nan, v[0])
-    assert not step(q[0], v[0] * np.inf)
+    assert not step(q[0] * np.nan, q[0, robot.motor_q], v[0])
+    assert not step(q[0], q[0, robot.motor_q], v[0] * np.inf)
     refused = 0
     for angles in itertools.product((-2.5, -1.5, 1.5, 2.5), repeat=2):  # some are out of reach
-        far = q[0].copy()
-        far[robot.motor_q] = angles
-        trusted = step(far, v[0])
+        trusted = step(q[0], angles, v[0])
         refused += not trusted
         assert not trusted or hybridyn.closure_residual(other, states[0][None]).max() <= 1e-12
     assert 0 < refused < 16

@@ -6,6 +6,7 @@ for processors with AVX, others take the plain numbers, with the same bits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..program import Call, Program, stored
@@ -48,6 +49,7 @@ def plain_source(
     name: str,
     dtype: str = "float64",
     more: str = "",
+    inner: Sequence[Program] = (),
 ) -> str:
     """Return the C source of programs.
 
@@ -55,9 +57,10 @@ def plain_source(
         name: Prefix of every public identifier.
         dtype: "float64" or "float32".
         more: C that calls their functions.
+        inner: Programs that only `more` calls.
     """
-    lanes = in_lanes(programs)
-    programs = [trimmed(program) for program in programs]
+    lanes, public = in_lanes(programs), len(programs)
+    programs = [trimmed(program) for program in (*programs, *inner)]
     kernels: dict[tuple[str, bool], str] = {}
     names: list[list[str]] = []
     for program in programs:
@@ -103,7 +106,11 @@ def plain_source(
         vectors,
         each,
         every_driver,
-        *(_call(program, name, dtype) for program in programs),
+        *(_call(program, name, dtype) for program in programs[:public]),
+        *(
+            f"{work_type(program, name, dtype, lanes=lanes)}\n\nstatic {_call(program, name, dtype)}"
+            for program in programs[public:]
+        ),
         more,
     ]
     return "\n\n".join(text for text in sections if text) + "\n"
@@ -169,31 +176,3 @@ def _call(program: Program, name: str, dtype: str) -> str:
         *(each.format(n, f"{word}[k] = result[{at} + k]") for word, n, at in stored(program.outputs)),
     ]
     return "\n".join([*lines, "    return guard;", "}"])
-
-
-#: Most Newton steps of `<name>_close` in one call: four suffice from the last tick's posture.
-NEWTON_STEPS = 8
-
-
-def control_step(close: Program, inverse: Program) -> Program:
-    """Return name, arguments and workspace of `<name>_idm_from_motors`, a program without calls."""
-    own = close.inputs[0][1] + max(sum(close.sizes), sum(inverse.sizes))
-    return Program("idm_from_motors", close.inputs, (*close.outputs, *inverse.outputs), (), (), 0, own)
-
-
-def control_text(close: Program, inverse: Program, name: str, dtype: str) -> str:
-    """Return the public C function `<name>_idm_from_motors`: `<name>_close`, then `<name>_idm`."""
-    near, states = close.inputs[0][1], ", ".join(n for n, _ in close.outputs)
-    closing = ", ".join([*(n for n, _ in close.inputs[1:]), states])
-    efforts = ", ".join([states, *(n for n, _ in inverse.inputs[len(close.outputs) :]), "tau"])
-    return f"""{prototype(control_step(close, inverse), name, dtype)} {{
-    S *from = work->numbers, guard = 0;
-    int k, n;
-    for (k = 0; k < {near}; k++) from[k] = near[k];
-    for (n = 0; n < {NEWTON_STEPS}; n++) {{
-        guard = {name}_close(from, {closing}, ({name}_close_work *)(from + {near}));
-        if (guard <= 1) break;
-        for (k = 0; k < {near}; k++) from[k] = q[k];
-    }}
-    return guard <= 1 ? {name}_idm({efforts}, ({name}_idm_work *)(from + {near})) : guard;
-}}"""

@@ -9,9 +9,11 @@ from ...dynamics.quantities.joint_map import motors_beside
 from ...structure.parameters.slots import Slot, values_of
 from ...structure.robot import HybridRobot
 from ..code.plain_c import WRITTEN, in_lanes, prototype, work_type
+from ..code.scalars import REAL
 from ..equations.guarded_elimination import GUARD_CLOSED
 from ..program import Program
 from .closing.platform_program import posed_modules
+from .walking import OTHER_BRANCH
 
 WHAT = {
     "idm": "Inverse dynamic model: motor efforts tau [N, N m] from positions q, rates v and accelerations a.",
@@ -22,9 +24,11 @@ WHAT = {
     "motors are where they are and the others where they were, and all joints' rates and accelerations; of v "
     "and a the motors' entries are read, a free base's, and those of joints that no motor moves. Call it "
     "again with its q until the guard is at most 1: three or four times from the last tick's posture.",
-    "idm_from_motors": "A control step: `close` from the posture `near` as often as it takes, then motor "
-    "efforts as of `idm`. v and a as in `close`. Nothing "
-    "compares the assembly branch with that of `near`: motors may move by little in a tick.",
+    "idm_from_motors": "A control step: the loops closed from the motors' `position`, on the assembly branch "
+    "of `last`, the posture of the last tick, which must close the loops; then motor efforts as of `idm`. v "
+    "and a as in `close`; a base and joints that no motor moves are where `last` has them. The guard is "
+    "..._OTHER_BRANCH if no way leads there: the motors have moved across a singular posture, to another "
+    "assembly, out of reach, or too far for one tick.",
     "close_platforms": "Loops closed from where the platforms are: `pose` (x, y, z, qx, qy, qz, qw) of each "
     "platform in the base of its module, `twist` (velocity of its origin, angular velocity) and `twist_dot` "
     "(their time derivatives, classical) in the axes of that base. Other modules follow their motors as in "
@@ -95,6 +99,7 @@ def header_text(
     ]  # fmt: skip
     guard, lanes = f"{name.upper()}_H", in_lanes(programs)
     lines = [comment(about), f"#ifndef {guard}\n#define {guard}", '#ifdef __cplusplus\nextern "C" {\n#endif']
+    lines.append(f"#define {name.upper()}_OTHER_BRANCH (({REAL[dtype]}){OTHER_BRANCH!r})")
     for program in programs:
         lines.append(work_type(program, name, dtype, lanes=lanes))
         lines.append(f"/* {WHAT[program.name]} */\n{prototype(program, name, dtype)};")

@@ -127,18 +127,15 @@ def following_program(request: Request, name: str, driven: set[int]) -> Program:
 CLOSED = {"q": "q", "v_closed": "v", "a_closed": "v"}
 
 
-def turning_program(request: Request, driven: set[int]) -> Program:
-    """Build the program that compares the loops at two postures, of which the freedoms `driven` are given.
+def turning_program(request: Request, side: Sequence[str]) -> Program:
+    """Build the program that compares the loops at two postures, of which joints of one freedom are given.
 
     Inputs are "near" and "q"; there are no outputs. The guard is the largest sum of a row of
     |K_d^-1 (K_d' - K_d)|, K_d' at "q", without units, over `assembly.follow.MOST_TURNING`. Postures on two
     sides of a fold have a guard above 1.
-
-    Raises:
-        SingularityError: The freedoms depend on each other.
     """
     w = loop_writer(request, "turning", {"near": "q", "q": "q"}, {})
-    for key, numbers, kernel in loop_kernels(request, driven):
+    for key, numbers, kernel in loop_kernels(request, freedoms_of(request.robot, side)):
         w.add(key, numbers, _turning(kernel))
     return w.program()
 
@@ -224,8 +221,6 @@ def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
 
 def _turning(kernel: LoopKernel) -> Kernel:
     """Return the kernel that compares two postures of modules, see `turning_program`."""
-    why = "its motors depend on each other: their positions contradict each other but by chance"
-    kernel.check_independent("motors", why)
     (near_col, near), (q_col, q) = (symbols(name, kernel.tree.nq) for name in ("near", "q"))
     turned, dependent = ca.SX(0.0), kernel.dependent
     unit = kernel.m.spanning_col_scale[dependent]

@@ -1,5 +1,5 @@
 /* The motion of all joints from the motors': `given` holds a posture, and positions, rates and accelerations of the
-   motors; `result` q, v, a. Needs `walk.h` and `column`, the places of the motors in v. */
+   motors; `result` q, v, a, and what else WAY gives, `walk` or `control`. Needs `column`, the places of the motors in v. */
 static S follow(const S *given, S *result) {
     S start[GIVEN];
     for (int k = 0; k < GIVEN; k++) start[k] = 0;
@@ -9,5 +9,5 @@ static S follow(const S *given, S *result) {
         start[NQ + NV + column(m)] = given[NQ + 2 * SIDE + m];
     }
     for (int k = NQ + 2 * NV; k < GIVEN; k++) start[k] = given[NQ + 3 * SIDE + k - NQ - 2 * NV]; /* parameters */
-    return walk(start, given + NQ, result);
+    return WAY(start, given + NQ, result, 0);
 }

@@ -1,0 +1,122 @@
+"""The walk along an assembly branch, and the control step with it: one C text for exported C and for Warp.
+
+From where some joints are, the walk takes them straight to where they are wanted, in parts: in each, Newton's
+method closes the loops, and their rows must not turn by more than `assembly.follow` allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...assembly.follow import FARTHEST
+from ...linkage.newton import LONGEST_STEP
+from ...structure.robot import HybridRobot
+from ..code.plain_c import prototype
+from ..code.scalars import GUARD_LIMIT, text_of
+from ..equations.guarded_elimination import GUARD_CLOSED
+from ..equations.request import Request
+from ..program import Program, stored
+from .close import turning_program
+from .closing.closing_source import SHORTEST
+
+#: Guard of a walk that does not come to its end; no other guard has this value.
+OTHER_BRANCH = 1e30
+#: Most Newton steps of a part: four suffice where it is short.
+WALK_STEPS = 8
+#: A Newton step must be shorter than this part of the last, and the first than `LONGEST_STEP`.
+CONTRACTION = 0.25
+#: Guard of a last step before which rates and accelerations are those after it.
+SETTLED_GUARD = 1e-3
+#: How far a joint without loops may move in one part of the way.
+UNLIMITED = 1e30
+#: C function of the joints of one side.
+TABLE = "INLINE {0} {1}(int m) {{\n    static const {0} table[] = {{{2}}};\n    return table[m];\n}}\n"
+
+
+def walk_text(
+    request: Request,
+    program: Program,
+    side: Sequence[str],
+    *,
+    posed: bool = False,
+    settled: float = SETTLED_GUARD,
+) -> str:
+    """Return the C of the walk with a program that closes the loops from the positions of some joints.
+
+    Args:
+        request: What the program is asked for.
+        program: The program.
+        side: The joints.
+        posed: Whether their positions are an input of the program, beside "near".
+        settled: Guard at which the rates are taken; 1 if a guard of the rates follows.
+    """
+    robot = request.robot
+    names = {
+        "NQ": robot.nq, "NV": robot.nv, "SIDE": len(side), "POSED": int(posed), "GIVEN": program.sizes[0],
+        "NUMBERS": sum(size for _, size in request.parameter_inputs), "CLOSED": GUARD_CLOSED[request.dtype],
+        "LONGEST": LONGEST_STEP, "CONTRACTION": CONTRACTION, "NEWTON_STEPS": WALK_STEPS, "SETTLED": settled,
+        "SHORTEST_PART": SHORTEST, "OTHER_BRANCH": OTHER_BRANCH,
+    }  # fmt: skip
+    lines = [f"#define {name} {value!r}" for name, value in names.items()]
+    return "\n".join([*lines, joints_text(robot, side) + text_of("walk.h")])
+
+
+def joints_text(robot: HybridRobot, side: Sequence[str]) -> str:
+    """Return C functions of joints: their place `at` in q, their `column` in v, whether each `turns`.
+
+    The last, `farthest`, is how far each may move in one part of a walk [rad, m].
+    """
+    numbers, farthest = [robot.joint_index[name] for name in side], np.full(robot.nv, UNLIMITED)
+    for module in robot.modules:
+        if module.mechanism.spanning_closures.rows:
+            farthest[module.v_index] = FARTHEST * module.mechanism.spanning_col_scale
+    columns = [robot.v_slices[i].start for i in numbers]
+    tables = [
+        ("int", "at", [robot.q_slices[i].start for i in numbers]),
+        ("int", "column", columns),
+        ("int", "turns", [int(robot.kinds[i] == "continuous") for i in numbers]),
+        ("S", "farthest", [f"(S){x!r}" for x in farthest[columns].tolist()]),
+    ]
+    return "".join(TABLE.format(kind, name, ", ".join(map(str, of)) or "0") for kind, name, of in tables)
+
+
+def control_step(
+    request: Request, close: Program, inverse: Program, name: str
+) -> tuple[Program, Program, str]:
+    """Return the exported control step: its arguments and workspace, the program "turning", and its C.
+
+    Inputs are "last", a posture that closes the loops, the motors' "position", and "v" and "a" as of "close".
+    Outputs are those of "close" and of "idm".
+    """
+    motors, read = request.robot.motors, [("last", close.inputs[0][1]), *close.inputs[1:]]
+    inputs = read[0], ("position", len(motors)), *read[1:]
+    outputs = *close.outputs, *inverse.outputs
+    called = close, turning_program(request, motors), inverse
+    room = max(sum(program.sizes) for program in called)
+    step = Program("idm_from_motors", inputs, outputs, (), (), 0, room)
+    each = "    for (k = 0; k < {}; k++) {};"
+    text = [
+        *(_run(program, name) for program in called),
+        walk_text(request, close, motors, settled=GUARD_LIMIT) + text_of("control.h"),
+        f"{prototype(step, name, request.dtype)} {{",
+        f"    S guard, *start = work->numbers, *result = start + {close.sizes[0]};",
+        "    int k;",
+        *(each.format(n, f"start[{at} + k] = {word}[k]") for word, n, at in stored(read)),
+        f"    guard = control(start, position, result, result + {step.sizes[1]});",
+        *(each.format(n, f"{word}[k] = result[{at} + k]") for word, n, at in stored(outputs)),
+        "    return guard;\n}",
+    ]
+    return step, called[1], "\n".join(text)
+
+
+def _run(program: Program, name: str) -> str:
+    """Return the C function by which a walk calls an exported one: numbers one after the other."""
+    ends = ("x", program.inputs), ("y", program.outputs)
+    places = [f"{memory} + {at}" for memory, parts in ends for _, _, at in stored(parts)]
+    called = f"{name}_{program.name}"
+    return (
+        f"static S {program.name}_run(const S *x, S *y, S *room) {{\n    (void)y;\n"
+        f"    return {called}({', '.join(places)}, ({called}_work *)room);\n}}"
+    )
