@@ -38,7 +38,7 @@ from .expressions import (
 )
 from .guarded_elimination import Pivots, Scale, choose_pivots, weighed
 from .legs import fold_links, turned_apart
-from .parts import UNFELT, Parts, Rod, rods_of, spins_of
+from .parts import UNFELT, Parts, Rod, is_ball, rods_of, spins_of
 from .rigid import links_of, motion_to_parent, to_parent
 from .states import generic_positions
 
@@ -354,8 +354,8 @@ class LoopRows:
         K: Shape (rows, nv).
         residual: Shape (rows,).
         rates: K times given rates, shape (rows,), from the twists of the bodies; empty if none were given.
-            Those of rods are left out.
-        drift: K_dot times these rates for the rods' rows, else 0, shape (rows,).
+            Those of balls are left out.
+        drift: K_dot times these rates for the rows of balls, else 0, shape (rows,).
     """
 
     def __init__(self, chain: Chain, v: Expression | None) -> None:
@@ -380,14 +380,20 @@ class LoopRows:
 
     def close(self, closure: TreeClosure, frames: Frames) -> None:
         """Add the rows of a closure."""
-        rates = None if self._v is None else self.writer.rates(closure, frames, self._v)
-        off, over = self.writer.closure(closure, frames)
-        self.add(over, off, rates)
+        self._add(closure, frames, *self.writer.closure(closure, frames))
 
     def close_rod(self, closure: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool) -> None:
         """Add the rows of a closure on a rod, see `SpanningRows.on_rod`."""
-        off, over = self.writer.on_rod(closure, frames, turns, on_line)
-        self.add(over, off, zeros(3), self.writer.drift(closure, frames))
+        self._add(closure, frames, *self.writer.on_rod(closure, frames, turns, on_line))
+
+    def _add(self, closure: TreeClosure, frames: Frames, residual: Expression, K: Expression) -> None:
+        """Add rows; the change of a ball's is that of its points, once their velocities are one."""
+        if self._v is None:
+            self.add(K, residual)
+        elif is_ball(closure):
+            self.add(K, residual, zeros(3), self.writer.drift(closure, frames))
+        else:
+            self.add(K, residual, self.writer.rates(closure, frames, self._v))
 
     def close_all(
         self,

@@ -135,7 +135,7 @@ def rods_of(links: Sequence[Link], closures: Sequence[TreeClosure]) -> dict[int,
     """Return the rods of closures by the closure's number; of one tree, in plain numbers."""
     out: dict[int, Rod] = {}
     for k, c in enumerate(closures):
-        if not _is_ball(c):
+        if not is_ball(c):
             continue
         sides = [
             Rod(on_a, *found)
@@ -147,7 +147,8 @@ def rods_of(links: Sequence[Link], closures: Sequence[TreeClosure]) -> dict[int,
     return out
 
 
-def _is_ball(closure: TreeClosure) -> bool:
+def is_ball(closure: TreeClosure) -> bool:
+    """Return whether a closure holds a point, and no axes."""
     return closure.translations == (0, 1, 2) and closure.rotation == "free"
 
 
@@ -158,7 +159,7 @@ def _free_rod(
     if not body or links[body - 1].kind != "floating" or any(link.parent == body for link in links):
         return None
     others = [c for k, c in enumerate(closures) if k != number and body in (c.body_a, c.body_b)]
-    if len(others) != 1 or not _is_ball(others[0]):
+    if len(others) != 1 or not is_ball(others[0]):
         return None
     line = point - (others[0].p_a if others[0].body_a == body else others[0].p_b)
     length, first = float(np.linalg.norm(line)), sum(link.nv for link in links[: body - 1])
