@@ -21,13 +21,19 @@ from tests.oracle import Base, Oracle
 from tests.recipes import KINDS, Kind
 from tests.sketch import Sketch, unit
 
-__all__ = ["KINDS", "Kind", "home_posture", "near", "random_mechanism", "random_states", "random_wrenches"]
+__all__ = [
+    "KINDS", "OVER_FOLDS", "Kind", "home_posture", "near", "random_mechanism", "random_states",
+    "random_wrenches",
+]  # fmt: skip
 
 KEPT = 1e-2  # least singular value of the scaled closure rows that are kept, relative to the largest
 DROPPED = 1e-12  # greatest one that is dropped: closed to rounding, far under the oracle's threshold of 1e-9
 MOTORS = 1e-2  # least singular value of the motors' map, relative to the largest
 CLOSED = 1e-13  # residual of an assembled posture [m]
 DRAWS = 300
+#: Motors of "loop_universal" of seed 3. On the ways from home Newton's method alone jumps over folds to other
+#: branches. The second way has no end.
+OVER_FOLDS = [[-0.79835767, 1.45554765, -1.18541176], [-0.96970056, 0.91743157, -0.59774038]]
 HOME_MARGIN = 3.0  # how much clearer home must be, so that the states around it are clear too
 STEP = 0.25  # how far a random state lies from home, in the oracle's scaled coordinates
 

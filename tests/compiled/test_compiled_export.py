@@ -23,10 +23,12 @@ from hybridyn.compiled.export import c_name, export
 from hybridyn.compiled.library.building import NATIVE, find_compiler
 from hybridyn.compiled.programs.c_header import comment
 from hybridyn.effects import Payload, Spring, with_effects
+from hybridyn.structure.building import build_robot
 from tests.comparing import close_to, refused
 from tests.compiled.test_compiled_control import motion
 from tests.compiled_toys import inputs, toy
 from tests.files import save
+from tests.mechanisms import OVER_FOLDS, random_mechanism
 
 #: Parts of the models that every module has.
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-O1"]
@@ -200,8 +202,9 @@ def test_control_steps_have_the_numbers_of_the_library(name: str, tmp_path: Path
         last, mine = right[1], found[1]
 
 
-#: Motors of the five-bar at two ticks: Newton's method alone jumps to another assembly.
-JUMPING = [-0.732, 0.810], [-0.927, 0.878]
+#: A posture of the five-bar, and its motors a tick later: Newton's method alone jumps to another assembly, in
+#: steps as short as a walk demands. Only the turning of the rows tells.
+JUMPING = [3.370, -3.504, -2.749, 1.647], [3.196, -3.361]
 #: Motors at assemblies to which no continuous motion leads straight from home.
 APART = [[-1.5, 1.5], [-2.5, 2.5]]
 
@@ -209,7 +212,8 @@ APART = [[-1.5, 1.5], [-2.5, 2.5]]
 def test_control_steps_stay_on_their_branch_or_are_refused(bar: Path) -> None:
     robot = hybridyn.load("five_bar")
     stepping = Stepping(robot, bar)
-    last, *_ = hybridyn.assemble(robot, motors=np.array(JUMPING[0]))
+    near = np.array(JUMPING[0])
+    last, *_ = hybridyn.assemble(robot, motors=near[robot.motor_q], guess=near)
     right, *_ = hybridyn.assemble(robot, motors=np.array(JUMPING[1]), guess=last)
     alone, jumped = stepping.by_newton(last, JUMPING[1])
     assert alone <= 1.0
@@ -229,6 +233,21 @@ def test_control_steps_stay_on_their_branch_or_are_refused(bar: Path) -> None:
         assert stepping.step(robot.home, goal)[0] == stepping.refused
     for goal in ([np.nan, 0.0], [0.0, np.inf]):
         assert np.isnan(stepping.step(robot.home, goal)[0])
+
+
+@pytest.mark.slow
+def test_control_steps_over_a_fold_are_refused_as_by_the_general_path(tmp_path: Path) -> None:
+    """Without the turning of the rows, the second way ends at another assembly, with a guard of 0.0006."""
+    robot = build_robot(random_mechanism(3, kind="loop_universal"))
+    export(robot, tmp_path, name="bar")
+    stepping = Stepping(robot, tmp_path)
+    right, *_ = hybridyn.assemble(robot, motors=np.array(OVER_FOLDS[0]), guess=robot.home)
+    guard, _, q, *_ = stepping.step(robot.home, OVER_FOLDS[0])
+    assert guard <= 1.0
+    close_to((q,), (right,), 1e-10)
+    far = partial(hybridyn.assemble, robot, motors=np.array(OVER_FOLDS[1]), guess=robot.home)
+    refused(far, hybridyn.AssemblyError, "it would jump to another assembly branch")
+    assert stepping.step(robot.home, OVER_FOLDS[1])[0] == stepping.refused
 
 
 def test_fast_math_is_refused_when_it_is_compiled(exported: Path) -> None:

@@ -13,7 +13,7 @@ from hybridyn.compiled.verifying import MODEL_AGREES, difference
 from hybridyn.scenes.references import MotorAxes
 from hybridyn.structure.building import build_robot
 from tests.extras import needs
-from tests.mechanisms import KINDS, random_mechanism
+from tests.mechanisms import KINDS, OVER_FOLDS, random_mechanism
 from tests.samples import slow
 from tests.shipped import ROBOTS
 
@@ -97,11 +97,6 @@ def test_loops_close_along_the_way_and_efforts_follow(name: str) -> None:
         wanted = compiled.close(position[t], rate[t], acceleration[t])
         for one, other in zip(found, wanted, strict=True):
             assert np.abs(one[t] - other).max() <= 1e-9 * max(np.abs(other).max(), 1.0)
-
-
-#: Motors of "loop_universal". On the ways from home Newton's method alone jumps over folds to other branches.
-#: The second way has no end.
-OVER_FOLDS = [[-0.79835767, 1.45554765, -1.18541176], [-0.96970056, 0.91743157, -0.59774038]]
 
 
 def test_no_posture_of_another_branch_comes_back() -> None:
