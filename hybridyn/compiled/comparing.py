@@ -98,7 +98,8 @@ def compare_at_states(
     if told and handed > computed:
         log.warning(
             "robot '%s': the compiled %s hands %d of %d random states to the general path%s",
-            robot.description.name, what, handed, handed + computed, _reason(robot, refused),
+            robot.description.name, what, handed, handed + computed,
+            _reason(robot, [] if computed else refused),
         )  # fmt: skip
     return computed
 
