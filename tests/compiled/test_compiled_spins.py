@@ -7,9 +7,11 @@ import pytest
 
 import hybridyn
 from hybridyn.assembly.requests import gather_requests
+from hybridyn.compiled.code.kernels import kernel_graph
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs.closing.closing_source import closing_programs
 from hybridyn.compiled.programs.closing.given import module_requests, numbers, parts_of, places_at
 from hybridyn.compiled.programs.closing.kernels import ModuleKernels
 from hybridyn.compiled.programs.whole_robot import function_of, programs
@@ -249,6 +251,20 @@ def test_loops_of_spinning_rods_close_in_c(name: str, size: float, foot: rods.Fo
         assert np.abs(efforts - tau).max() <= CLOSED * np.abs(wanted).max()
         compiled.close(*row, last=last)
     assert compiled.recomputed == 0
+
+
+@pytest.mark.parametrize("name", ["crank", slow("slides"), slow("delta"), slow("lx4")])
+def test_loops_with_balls_take_operations_as_with_universal_joints(name: str) -> None:
+    """At most 1.2 times as many, in steps from row to row and in the last one."""
+    own, counts = getattr(rods, name, None), []
+    pair = (own(1, "ball"), own(1, "universal")) if own else (rods.with_balls(shipped(name)), shipped(name))
+    for robot in map(build_robot, pair):
+        requests = gather_requests(robot, rods.swings(robot, 2, 0.01), {})
+        closing = closing_programs(robot, parts_of(robot, module_requests(robot, requests)))
+        steps = closing["newton"], closing["settle"]
+        counts.append([sum(len(kernel_graph(k).nodes) for k in step.kernels) for step in steps])
+    balls, universal = np.array(counts)
+    assert (balls <= 1.2 * universal).all()
 
 
 @pytest.mark.slow
