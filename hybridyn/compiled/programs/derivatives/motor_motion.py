@@ -210,7 +210,8 @@ class MotorMotion:
         """Add D, the change of the rates of joints without a motor."""
         w, n, size, kinds = self._w, len(self.motors), len(self._at.v), self._at.kinds
         rest, rows, reading = self._rest, self._rows, self.over_v.reading(self._numbers)
-        spins = self._spins
+        spins, freedoms = self._spins, self._at.v.tolist()
+        moves = np.array([[k in x for k in freedoms] for x in moved_by_spins(self._module)], dtype=bool)
         turning = any(NV[kind] > 1 for kind in kinds)
 
         def function() -> ca.Function:
@@ -225,7 +226,7 @@ class MotorMotion:
                 (third, S), bracket = matrix("S", len(spins), size), brackets(kinds, v, e)
                 columns += [first, second, *([third] if spins else [])]
                 T = T + bracket[rest]
-                for spun, (at, share) in zip(S, spins, strict=True):
+                for spun, (at, share) in zip(np.where(moves.reshape(S.shape), S, 0.0), spins, strict=True):
                     T = T - spun[rest] * dot(np.array(share, dtype=object), bracket[list(at)])
             return ca.Function("rates", columns, [pack(T * 0.5)])
 
