@@ -37,6 +37,7 @@ from .expressions import (
     plus,
     symmetric,
     symmetric_product,
+    times,
     upper,
     zeros,
 )
@@ -136,17 +137,17 @@ def write_direct(plan: Plan, options: Options, *, motion: bool = False) -> Writt
         options = replace(options, carries=(False,) * len(options.carries))
     core, (q, v, _), (V, _) = begun(plan, options, outwards)
     A, forced = back.base_acceleration(options), []
-    right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
-    X, doubts = motions_of(plan, core.rows.K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
     outputs = [_motion_outwards(core, plan, options), {}, {}, {}]
     if motion:
-        u_dot = back.take("u_dot of core", X.shape[1] - 7)
+        y = _along(core, plan, A, back.take("u_dot of core", len(plan.motions)))
     else:
+        right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
+        X, doubts = motions_of(plan, core.rows.K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
         forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
         form = quadratic_form(core, plan, options, forced, inwards)
         u_0, G, outputs[1] = _solve(core, plan, options, X, core.rows.guard + squares(doubts), form)
-        u_dot = u_0 - dot(G, A)
-    s = np.concatenate([A, dot(X[:, 7:], u_dot) + dot(X[:, :6], A) + X[:, 6]])  # Eq. (51)
+        y = dot(X[:, 7:], u_0 - dot(G, A)) + dot(X[:, :6], A) + X[:, 6]
+    s = np.concatenate([A, y])  # Eq. (51)
     joints = [k for k, col in enumerate(parts.v) if col >= 0]
     outputs[2] = _accelerations_outwards(core, options, s, joints)
     wrists, guard = _add_wrists(core, plan, (q, v), (V, A), s, last)
@@ -155,6 +156,20 @@ def write_direct(plan: Plan, options: Options, *, motion: bool = False) -> Writt
     at = {"a_core": parts.v[joints], "a_legs": _legs_on_paths(plan), "tau": parts.tree_v[forced]}
     at["a_wrists"] = np.array(list(wrists), dtype=int)
     return WrittenModule(cut([outwards, inwards, back, last], outputs), *read_by_core(plan), at)
+
+
+def _along(core: Core, plan: Plan, A: Expression, u_dot: Expression) -> Expression:
+    """Compute the core's accelerations at those of its base and along its motions, shape (n,)."""
+    K, spins = core.rows.K, plan.parts.spins
+    y = zeros(K.shape[1] - 6, 1)
+    y[plan.motions[len(spins) :], 0] = u_dot[len(spins) :]
+    right = -dot(K[:, :6], A) - core.rows.gamma - dot(K[:, 6:], y[:, 0])
+    y = y + solve(K[:, 6:], right[:, None], plan.loop_pivots)[0][:, :1]
+    for spin, x in zip(spins, u_dot, strict=False):
+        spin.taken_out(y)
+        for col, share in zip(spin.cols, spin.axis, strict=True):
+            y[col, 0] = y[col, 0] + times(share, x)
+    return y[:, 0]
 
 
 def _motion_outwards(core: Core, plan: Plan, options: Options) -> dict[str, ca.SX]:
