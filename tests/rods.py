@@ -17,8 +17,8 @@ from hybridyn.dynamics.forward import forward
 from hybridyn.spatial import Array
 from tests.sketch import Place, Sketch, turn, unit
 
-#: "floating": a body of six freedoms, held by a ball at each end.
-Foot = Literal["ball", "universal", "floating", "floating aside"]
+#: "floating": a body of six freedoms, held by a ball at each end. "revolutes": three that cross, as a ball.
+Foot = Literal["ball", "universal", "revolutes", "floating", "floating aside"]
 
 
 def plain(seed: int) -> Sketch:
@@ -42,16 +42,19 @@ def rod_body(
 
 
 def footed(s: Sketch, base: str, at: np.ndarray, d: np.ndarray, foot: Foot, stem: str) -> str:
-    """Draw a link along d on a ball, on a universal joint, or free and on a closure; give it."""
+    """Draw a link along d on a ball, on revolutes that cross, or free and on a closure; give it."""
     if foot == "ball":
         return s.joint("spherical", base, at, stem=stem)
-    if foot != "universal":  # the frame's origin is at the ball, or beside the rod's line
+    if "floating" in foot:  # the frame's origin is at the ball, or beside the rod's line
         link = s.joint("floating", base, at + ("aside" in foot) * np.array([0.1, -0.2, 0.05]), stem=stem)
         s.close("spherical", base, link, at)
         return link
     x = s.perpendicular(d)
     cross = s.joint("revolute", base, at, x, massless=True, stem="cross")
-    return s.joint("revolute", cross, at, np.cross(d, x), stem=stem)
+    if foot == "universal":
+        return s.joint("revolute", cross, at, np.cross(d, x), stem=stem)
+    cross = s.joint("revolute", cross, at, np.cross(d, x), massless=True, stem="cross")
+    return s.joint("revolute", cross, at, d, stem=stem)
 
 
 def rod(

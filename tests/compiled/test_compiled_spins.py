@@ -16,6 +16,7 @@ from hybridyn.compiled.programs.closing.given import module_requests, numbers, p
 from hybridyn.compiled.programs.closing.kernels import ModuleKernels
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.dynamics.forward import forward
+from hybridyn.effects.joint_laws import ViscousFriction
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
@@ -98,6 +99,26 @@ def test_a_floating_base_feels_the_spins_of_its_legs() -> None:
     wanted = hybridyn.ddm(robot, q, v, tau)
     assert (guard <= GUARD_LIMIT).all()
     assert np.abs(found - wanted).max() <= 1e2 * ROUNDING * np.abs(wanted).max()
+
+
+def test_thin_rods_on_revolutes_get_no_spin_and_bear_no_force() -> None:
+    """What rounding leaves of their inertia, of either sign, is none; friction at a spin is refused."""
+    description = rods.slides(4, "revolutes", thin=True)
+    robot = build_robot(description)
+    assert spins(robot) == 6
+    q, v, a = rods.moved(robot, 5, 0.04)
+    tau = hybridyn.idm(robot, q, v, a)
+    (found,), guard = Interpreted(robot, ("ddm",)).batch("ddm", q, v, tau)
+    wanted = hybridyn.ddm(robot, q, v, tau)
+    assert (guard <= GUARD_LIMIT).all()
+    assert np.abs(found - wanted)[:, robot.motor_v].max() <= CLOSED * np.abs(wanted[:, robot.motor_v]).max()
+    names = [joint.name for joint in robot.description.joints if "rod" in joint.name]
+    spun = [robot.v_slices[robot.joint_index[name]].start for name in names]
+    assert np.abs(found[:, spun]).max() == 0.0
+    effects = ["default", ViscousFriction({names[2]: 0.01})]
+    refused(lambda: hybridyn.ddm(robot, q, v, tau, effects=effects), hybridyn.SingularityError, "no inertia")
+    _, guard = Interpreted(robot, ("ddm",), effects).batch("ddm", q, v, tau)
+    assert not (guard <= GUARD_LIMIT).any()
 
 
 @pytest.mark.slow

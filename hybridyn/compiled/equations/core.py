@@ -183,8 +183,9 @@ def leg_guard(plan: Plan, leg: WrittenLeg) -> ca.SX:
     """Return the guard of a leg; with arguments, that its spin is idle, too."""
     if leg.spin is None or plan.column is None:
         return leg.guard
+    spin = replace(leg.spin, axis=leg.S[list(leg.spin.cols)])
     felt = np.concatenate([leg.felt[:3] / plan.mechanism.length, leg.felt[3:]])
-    return ca.SX(leg.guard + spin_guard(plan, felt, first_moment(leg.spin, leg.chain.links), UNFELT))
+    return ca.SX(leg.guard + spin_guard(plan, felt, first_moment(spin, leg.chain.links), UNFELT))
 
 
 @dataclass(eq=False)

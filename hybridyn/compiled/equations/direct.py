@@ -29,6 +29,7 @@ from .core import (
 )
 from .expressions import (
     Expression,
+    along,
     congruence,
     dot,
     hat,
@@ -235,12 +236,17 @@ def _hold_thin(
     thin = plan.thin(options.thin)
     if not thin:
         return 0.0
-    size = size_of(f, 1.0 / plan.mechanism.reduction.col_scale[plan.parts.tree_v], [], 1.0)
-    limits = replace(plan.scale, closed=min(plan.scale.closed, FORCED))
-    guard = weighed([(Q_0[thin], 1.0)], limits.weight(size))
+    guard = _unforced(plan, Q_0[thin], f, plan.parts.tree_v)
     E[thin], Q_0[thin], A_t[thin], A_t[:, thin] = 0.0, 0.0, 0.0, 0.0
     A_t[thin, thin] = 1.0
     return guard
+
+
+def _unforced(plan: Plan, left: Expression, f: Expression, freedoms: Index) -> Any:
+    """Return the guard of forces on thin spins, from those along some freedoms of the tree after the cuts."""
+    size = size_of(f, 1.0 / plan.mechanism.reduction.col_scale[freedoms], [], 1.0)
+    limits = replace(plan.scale, closed=min(plan.scale.closed, FORCED))
+    return weighed([(left, 1.0)], limits.weight(size))
 
 
 def _accelerations_outwards(
@@ -316,14 +322,15 @@ def write_direct_legs(
         a = leg_accelerations(written, delta)
         a = plus(a, written.S * later.take("u_dot of leg", 1)) if written.spin else a
     else:
-        spinning = written.folding.array(spinning_legs(group, options.thin))
-        sums, written, over_base = leg_sums(written, tau, options.velocity, rotor, *spinning)
+        (spinning,) = written.folding.array(spinning_legs(group, options.thin))
+        sums, written = leg_sums(written, tau, options.velocity, rotor, spinning)
         a = leg_accelerations(written, delta)
         if written.spin and options.base is None:
-            a = plus(a, dot(over_base, later.base_acceleration(options)[3:]))
+            a = plus(a, dot(sums["over_base"], later.base_acceleration(options)[3:]))
     inputs = {"numbers": written.folding.symbol()} | given
     if motion:
         return cut([inputs | later], [{"a": pack(a)}]), written.folding.table(len(group))
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
-    outputs["guard"] = ca.SX(leg_guard(plan, written))
+    left = np.array([times(1.0 - spinning, along(written.S, sums["f"]))], dtype=object)
+    outputs["guard"] = ca.SX(leg_guard(plan, written) + _unforced(plan, left, sums["f"], group[0].tree_v))
     return cut([inputs, later], [outputs, {"a": pack(a)}]), written.folding.table(len(group))

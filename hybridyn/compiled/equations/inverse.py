@@ -230,7 +230,7 @@ def write_inverse_legs(
     outputs = {"b_base": pack(b[:6]), "b_delta": pack(written.wrench(dot(written.X.T, H)))}
     outputs["guard"] = ca.SX(leg_guard(plan, written))
     if motions and written.spin:
-        (spinning,), spin = written.folding.array(spinning_legs(group, options.thin)), written.spin_in(a)
+        (spinning,), spin = written.folding.array(spinning_legs(group, options.thin)), along(written.share, a)
         outputs["u_dot of leg"] = pack([spin])
         outputs["Q of leg"] = pack([spinning * along(written.S, H) + (1.0 - spinning) * spin])
     if driven:

@@ -90,7 +90,9 @@ class WrittenLeg:
         point: The closure's point in the base's frame, shape (3,).
         X: Joint rates over the relative motion [v, w] of the closure's point, base axes, shape (nv, 6).
         y0: Joint accelerations at delta = 0, shape (nv,); not of a leg with accelerations.
-        spin: The idle spin, to which X and y0 are orthogonal, or None.
+        spin: The idle spin of the first leg, or None.
+        S, share: Joint rates at a spin of one, and weights of the spin in joint rates, shape (nv,); X and y0
+            have none of it.
         felt: How far the closure feels the spin, shape (rows,).
     """
 
@@ -100,20 +102,10 @@ class WrittenLeg:
     X: Expression
     y0: Expression
     spin: Spin | None
+    S: Expression
+    share: Expression
     felt: Expression
     guard: ca.SX
-
-    @property
-    def S(self) -> Expression:
-        """Joint rates at a spin of one, shape (nv,)."""
-        out = zeros(self.chain.nv)
-        if self.spin:
-            out[list(self.spin.cols)] = self.spin.axis
-        return out
-
-    def spin_in(self, a: Expression) -> Any:
-        """Return the spin in joint accelerations."""
-        return along(self.spin.share, a[list(self.spin.cols)]) if self.spin else 0.0
 
     def wrench(self, F: Expression) -> Expression:
         """Transform a wrench at the closure's point to the base's frame, shape (6,)."""
@@ -188,8 +180,8 @@ def write_leg(
     point = plus(chain.p0[leg.end], dot(R0, p_s))
     rotation = leg.closure.rotation
     N = _rows(rotation, R_s)
-    J, spin, T = dot(N, _jacobian(chain, leg.end, p_s)), _fold_spin(folding, group), _unspun(folding, group)
-    felt = dot(J[:, list(spin.cols)], spin.axis) if spin else zeros(0)
+    J, T = dot(N, _jacobian(chain, leg.end, p_s)), folding.array([leg.unspun for leg in group])
+    S, share = (folding.array([leg.of_spin(x) for leg in group]) for x in ("axis", "share"))
     v_other, w_other = point_velocity(platform.V, point), platform.V[3:]
     apart = minus(dot(R0.T, v_other), point_velocity(V, p_s))
     turning = minus(dot(R0.T, w_other), V[3:])
@@ -210,16 +202,7 @@ def write_leg(
     if a is not None:
         opened = opened + weighed([(k[:3], scale.length), (k[3:], 1.0)], platform.acceleration_weight)
     guard = squares(doubts) + (opened if scale.compared else 0.0)
-    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], spin, felt, guard)
-
-
-def _fold_spin(folding: Folding, group: tuple[Leg, ...]) -> Spin | None:
-    """Return the spin whose numbers represent those of all legs."""
-    spins = [leg.spin for leg in group if leg.spin]
-    if not spins:
-        return None
-    axis, share = (folding.array([getattr(spin, name) for spin in spins]) for name in ("axis", "share"))
-    return replace(spins[0], axis=axis, share=share)
+    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], leg.spin, S, share, dot(J, S), guard)
 
 
 def spinning_legs(group: tuple[Leg, ...], thin: Container[int]) -> list[Array]:
@@ -229,11 +212,6 @@ def spinning_legs(group: tuple[Leg, ...], thin: Container[int]) -> list[Array]:
         thin: Freedoms of the tree after the cuts that stand for spins without inertia.
     """
     return [np.ones(1) * (leg.spin is not None and leg.tree_v[leg.spin.col] not in thin) for leg in group]
-
-
-def _unspun(folding: Folding, group: tuple[Leg, ...]) -> Expression:
-    """Return a basis of the joint rates orthogonal to the legs' spins, shape (nv, rows of the closure)."""
-    return folding.array([leg.unspun for leg in group])
 
 
 #: Axes of frames A and B that are perpendicular while a closure holds.
@@ -260,7 +238,7 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
     column, q = symbols("q", len(group[0].tree_q))
     chain = sweep(links, q, zeros(len(group[0].tree_v)), zeros(6))
     J = dot(_rows(group[0].closure.rotation, R_s), _jacobian(chain, group[0].end, p_s))
-    J = dot(J, _unspun(folding, group))
+    J = dot(J, folding.array([leg.unspun for leg in group]))
     numbers_of = zip(group, folding.table(len(group)), strict=True)
     points = [(x[leg.tree_q], own) for leg, own in numbers_of for x in mechanism_postures]
     return choose_pivots(sampled(J, [column, folding.symbol()], points), len(J), *scales)
@@ -268,7 +246,7 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
 
 def leg_sums(
     leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression, spinning: Any
-) -> tuple[dict[str, Expression], WrittenLeg, Expression]:
+) -> tuple[dict[str, Expression], WrittenLeg]:
     """Compute a leg's contributions to the direct model, over [V_dot_base; delta], and free its spin.
 
     Args:
@@ -279,41 +257,37 @@ def leg_sums(
 
     Returns:
         "S1": ten numbers on the base; "B": M_base,delta row by row; "L": M_delta,delta, upper triangle;
-        "b_base", "b_delta": forces at zero accelerations. The leg whose X and y0 have the acceleration of the
-        spin, and its part over the angular acceleration of the base, shape (nv, 3).
+        "b_base", "b_delta": forces at zero accelerations; "over_base": joint accelerations that the spin has
+        over the angular acceleration of the base, shape (nv, 3); "f": forces on the joints before it is free.
+        The leg, whose X and y0 have the acceleration of the spin.
     """
     M, S1 = mass_matrix(leg.chain)
     D, A = M[:6, 6:], M[6:, 6:]
     for i, inertia in enumerate(rotor):
         A[i, i] = A[i, i] + inertia
     bias = forces(leg.chain) if velocity else zeros(6 + leg.chain.nv)
-    over_base = zeros(leg.chain.nv, 3)
+    f = bias[6:] + dot(A, leg.y0) - tau
+    sums, needed = {"over_base": zeros(leg.chain.nv, 3), "f": f}, f
     if leg.spin:  # it moves no mass, so that the base feels its angular momentum h alone
-        S, h = leg.S, dot(D[3:], leg.S)
-        momenta = dot(A, S)
-        per = spinning / (spinning * along(S, momenta) + (1.0 - spinning))
-        responds = np.array([-times(x, per) for x in S], dtype=object)[:, None]
-        needed = along(S, bias[6:] - tau) + along(momenta, leg.y0)
-        over_base = dot(responds, h[None])
-        leg = replace(
-            leg,
-            X=plus(leg.X, dot(responds, dot(leg.X.T, momenta)[None])),
-            y0=plus(leg.y0, dot(responds, np.array([needed]))),
-        )
-        S1 = np.concatenate(
-            [S1[:4], minus(S1[4:], upper(dot(h[:, None], np.array([[times(x, per) for x in h]]))))]
-        )
+        h, momenta = dot(D[3:], leg.S), dot(A, leg.S)
+        per = spinning / (spinning * along(leg.S, momenta) + (1.0 - spinning))
+        freed = np.array([[times(-x, per) for x in leg.S]], dtype=object).T  # joint accelerations by a force
+        sums["over_base"] = dot(freed, h[None])
+        S1 = np.concatenate([S1[:4], plus(S1[4:], upper(dot(dot(D[3:], freed), h[None])))])
+        force = np.array([along(leg.S, f)], dtype=object)
+        needed = plus(f, dot(dot(A, freed), force))
+        X = plus(leg.X, dot(freed, dot(momenta[None], leg.X)))
+        leg = replace(leg, X=X, y0=plus(leg.y0, dot(freed, force)))
     B = dot(D, leg.X)
     B[:, 3:] = B[:, 3:] - dot(B[:, :3], hat(leg.point))
-    needed = bias[6:] + dot(A, leg.y0) - tau
-    sums = {
+    sums |= {
         "S1": S1,
         "B": B.ravel(),
         "L": upper(matrix_moved(congruence(leg.X, A), numbers(np.eye(3)), leg.point)),
         "b_base": bias[:6] + dot(D, leg.y0),
         "b_delta": leg.wrench(dot(leg.X.T, needed)),
     }
-    return sums, leg, over_base
+    return sums, leg
 
 
 def leg_accelerations(leg: WrittenLeg, delta: Expression) -> Expression:

@@ -238,6 +238,13 @@ class Leg:
         own = snap(axis_frame(self.spin.axis))[:, :2] if len(at) == 3 else np.zeros((1, 0))
         return np.concatenate([basis[:, : at[0]], basis[:, at] @ own, basis[:, at[-1] + 1 :]], axis=1)
 
+    def of_spin(self, name: str) -> Array:
+        """Return "axis" or "share" of its spin over all its freedoms, zeros without a spin, shape (nv,)."""
+        out = np.zeros(len(self.tree_v))
+        if self.spin:
+            out[list(self.spin.cols)] = getattr(self.spin, name)
+        return out
+
     def among(self, freedoms: Container[int]) -> list[int]:
         """Return those of its freedoms that are among some of `tree_v`, numbered inside the leg."""
         return [j for j, k in enumerate(self.tree_v) if k in freedoms]

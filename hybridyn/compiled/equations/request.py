@@ -232,7 +232,7 @@ def direct_options(request: Request, k: int) -> Options:
 
 #: Inertia along a motion over that of all joints that is rounding of the motion itself, squared.
 ROUNDED_MOTION = 1e-24
-#: Inertia of a spin over its terms that is their rounding.
+#: Inertia of a spin over the largest of a joint of its module that is rounding.
 ROUNDED_INERTIA = 1e-14
 
 
@@ -275,11 +275,10 @@ def _thin(request: Request, k: int) -> tuple[int, ...]:
     m, cols = request.plans[k].mechanism, tuple(spin.col for spin in request.plans[k].parts.idle)
     if request.on.leg_inertia is None:
         return cols
-    spins = _spins(request, k, cols)
+    spins, unit = _spins(request, k, cols), m.reduction.col_scale
     M = m.legs.crba(m.postures[:1])[0, 6:, 6:] + np.diag(request.rotor(request.robot.modules[k]))
-    terms = np.einsum("ik,ij,jk->k", np.abs(spins), np.abs(M), np.abs(spins))
-    left = np.einsum("ik,ij,jk->k", spins, M, spins)
-    return tuple(np.array(cols, dtype=int)[left <= ROUNDED_INERTIA * terms].tolist())
+    left, largest = np.einsum("ik,ij,jk->k", spins, M, spins), (np.diag(M) * unit**2).max(initial=0.0)
+    return tuple(np.array(cols, dtype=int)[left <= ROUNDED_INERTIA * largest].tolist())
 
 
 def inverse_options(request: Request, k: int) -> Options:
