@@ -5,20 +5,18 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
+from ..compiled.library.steps import JointChart
 from ..manifold.manifold import Chart, Manifold, Posture
 from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import Array
 from .motion_law import MotionLaw, StepError
 
-if TYPE_CHECKING:
-    from ..compiled.library.steps import JointChart
-
 #: Coordinates of the manifold about a posture: of the tangent space there, or of the compiled path.
-Coordinates: TypeAlias = "Chart | JointChart"
+Coordinates: TypeAlias = Chart | JointChart
 
 #: Largest difference between rates and their prediction, relative to speed, where another branch is near.
 TURN = 0.3
@@ -119,9 +117,9 @@ def in_quickest_chart(system: System, state: State, step: Callable[[Coordinates]
     Raises:
         AssemblyError, StepError: What `step` raises in the chart of the tangent space.
     """
-    if system.law.steps is not None and (chart := system.law.steps.chart(state.q)) is not None:
+    if system.law.steps is not None:
         with contextlib.suppress(AmbiguousBranchError):
-            return step(chart)
+            return step(JointChart(system.law.steps, state.q))
     return step(system.manifold.chart(state.q, state.v))
 
 

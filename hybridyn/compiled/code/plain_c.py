@@ -7,16 +7,12 @@ for processors with AVX, others take the plain numbers, with the same bits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from ..program import Call, Program, stored
 from .drivers import CALLED_ALONE, HEAD, MOVES, Tables, across_copies, across_samples, placed, section
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import FUNCTIONS, REAL, SINES, arithmetic, moves_of_copies, single, text_of
-
-if TYPE_CHECKING:
-    import casadi as ca
 
 #: Names of the arithmetic of plain numbers that become those of vectors; and new names beside the old ones.
 PLAIN = (
@@ -133,21 +129,19 @@ def work_type(program: Program, name: str, dtype: str = "float64", *, lanes: boo
 
 
 def in_lanes(programs: list[Program]) -> bool:
-    """Return whether the source of programs has vectors: whether equal legs save enough statements."""
-    counts = [(f.n_instructions(), copies) for f, copies in _calls(programs)]
-    vectors = sum(length * -(-copies // LANES) for length, copies in counts)
-    return sum(length * copies for length, copies in counts) > VECTOR_STATEMENT * vectors
+    """Return whether the source of programs has vectors: whether equal legs save enough statements.
 
-
-def _calls(programs: list[Program]) -> list[tuple[ca.Function, int]]:
-    """Return function and copies of the calls of the models, or of all programs where there are none."""
+    Those of the models count, or of all programs where there are no models.
+    """
     models = [program for program in programs if program.name in CALLED_ALONE] or programs
-    return [
-        (program.kernels[step.kernel].function, step.copies)
+    counts = [
+        (program.kernels[step.kernel].function.n_instructions(), step.copies)
         for program in models
         for step in program.steps
         if isinstance(step, Call)
     ]
+    vectors = sum(length * -(-copies // LANES) for length, copies in counts)
+    return sum(length * copies for length, copies in counts) > VECTOR_STATEMENT * vectors
 
 
 def _vectors(sines: str) -> str:

@@ -120,10 +120,6 @@ class Steps:
             return None
         return [out[at] for at in self._parts], float(pivot[0])
 
-    def chart(self, q: Array) -> JointChart:
-        """Return a chart about an assembled posture."""
-        return JointChart(self, q)
-
     def take(
         self,
         tableau: Tableau,
@@ -182,7 +178,7 @@ class Steps:
 
 
 class JointChart:
-    """A chart like `chart.Chart` whose coordinates are the independent joints.
+    """A chart like `chart.Chart` about an assembled posture, whose coordinates are the independent joints.
 
     Attributes:
         size: Number of coordinates.
