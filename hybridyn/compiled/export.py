@@ -113,17 +113,12 @@ def written(folder: Path, contents: Mapping[str, str]) -> list[Path]:
     """
     paths = [folder / file for file in contents]
     for path in paths:
-        _check_replaceable(path)
+        if path.exists() and WRITTEN not in path.read_text(encoding="utf-8", errors="replace"):
+            raise ModelError(f"'{path}' exists and was not written by hybridyn: name another folder")
     for path, text in zip(paths, contents.values(), strict=True):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text)
     return paths
-
-
-def _check_replaceable(path: Path) -> None:
-    """Check that a path is free or has a file that hybridyn wrote."""
-    if path.exists() and WRITTEN not in path.read_text(encoding="utf-8", errors="replace"):
-        raise ModelError(f"'{path}' exists and was not written by hybridyn: name another folder")
 
 
 def c_name(text: str) -> str:

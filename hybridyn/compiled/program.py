@@ -20,7 +20,7 @@ Numbers are stored in four places:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import accumulate
 from typing import TYPE_CHECKING, ClassVar
 
@@ -233,7 +233,6 @@ class Program:
     steps: tuple[Start | Call, ...]
     shared: int
     own: int
-    notes: tuple[str, ...] = field(default=())
 
     @property
     def sizes(self) -> tuple[int, int, int, int]:

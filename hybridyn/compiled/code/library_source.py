@@ -91,7 +91,6 @@ class _Printed:
             "outputs": [list(x) for x in self.program.outputs],
             "work": (sum(self.program.sizes) + 1) * size,
             "statements": sum(call.copies * lengths[call.kernel] for call in self.calls),
-            "notes": list(self.program.notes),
         }
 
 

@@ -138,15 +138,6 @@ def dot(A: Expression, B: Expression) -> Expression:
     return out[..., 0] if B.ndim == 1 else out
 
 
-def _sum(terms: list[Any]) -> Any:
-    """Add scalars; zeros are skipped."""
-    total: Any = 0.0
-    for term in terms:
-        if not is_zero(term):
-            total = term if is_zero(total) else _plus(total, term)
-    return total
-
-
 def congruence(B: Expression, M: Expression) -> Expression:
     """Compute B^T M B for symmetric M from one triangle."""
     return symmetric_product(B, dot(M, B))
@@ -163,9 +154,8 @@ def symmetric_product(A: Expression, B: Expression) -> Expression:
 
 def cross(a: Expression, b: Expression) -> Expression:
     """Compute the vector product a x b, shape (3,)."""
-    return np.array(
-        [_sum([times(a[i], b[j]), -times(a[j], b[i])]) for i, j in ((1, 2), (2, 0), (0, 1))], dtype=object
-    )
+    pairs = (1, 2), (2, 0), (0, 1)
+    return np.array([_minus(times(a[i], b[j]), times(a[j], b[i])) for i, j in pairs], dtype=object)
 
 
 def hat(a: Expression) -> Expression:

@@ -15,6 +15,7 @@ its limit, it is NaN if one number is, and it needs two operations a number and 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -267,10 +268,7 @@ class Scale:
 
 def squares(values: Expression) -> Any:
     """Compute the sum of the squares of values."""
-    out: Any = ca.SX(0.0)
-    for value in values.ravel():
-        out = plus(out, times(value, value))
-    return out
+    return reduce(plus, (times(value, value) for value in values.ravel()), ca.SX(0.0))
 
 
 def weighed(residuals: list[tuple[Expression, float]], weight: Any) -> Any:
@@ -280,26 +278,17 @@ def weighed(residuals: list[tuple[Expression, float]], weight: Any) -> Any:
         residuals: Residuals, each with its unit.
         weight: Weight of their squares without units (`Scale.weight`, `Scale.weight_of_positions`).
     """
-    total: Any = ca.SX(0.0)
-    for values, unit in residuals:
-        total = plus(total, times(squares(values), times(weight, 1.0 / unit**2)))
-    return total
+    own = (times(squares(values), times(weight, 1.0 / unit**2)) for values, unit in residuals)
+    return reduce(plus, own, ca.SX(0.0))
 
 
 def size_of(joints: Expression, units: Any, motions: list[Expression], length: float) -> Any:
     """Compute the size of rates (or accelerations) of joints and of 6-D motions, without units."""
-    size: Any = 0.0
     per = [*(1.0 / np.asarray(units)), *([1.0 / length] * 3 + [1.0] * 3) * len(motions)]
-    for value, weight in zip(np.concatenate([joints, *motions]), per, strict=True):
-        if not is_zero(value):
-            size = plus(size, times(ca.fabs(value), weight))
-    return size
+    pairs = zip(np.concatenate([joints, *motions]), per, strict=True)
+    return reduce(plus, (times(ca.fabs(x), weight) for x, weight in pairs if not is_zero(x)), 0.0)
 
 
 def largest(values: Expression) -> Any:
     """Compute the largest absolute value."""
-    out: Any = ca.SX(0.0)
-    for value in values.ravel():
-        if not is_zero(value):
-            out = ca.fmax(out, ca.fabs(value))
-    return out
+    return reduce(ca.fmax, (ca.fabs(x) for x in values.ravel() if not is_zero(x)), ca.SX(0.0))

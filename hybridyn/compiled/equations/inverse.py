@@ -7,6 +7,7 @@ wrench). Motor efforts solve B tau = Q, with the generalised force along each mo
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -350,10 +351,8 @@ def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression,
         h, scale = reflections[k]
         factor = times(scale, along(h, y[k:]))
         y[k:] = y[k:] - [times(factor, x) for x in h]
-    small: Any = ca.SX(np.inf)
-    big: Any = ca.SX(0.0)
-    for k in range(N):
-        small, big = ca.fmin(small, ca.fabs(R[k, k])), ca.fmax(big, ca.fabs(R[k, k]))
+    small = reduce(ca.fmin, map(ca.fabs, R.diagonal()), ca.SX(np.inf))
+    big = reduce(ca.fmax, map(ca.fabs, R.diagonal()), ca.SX(0.0))
     tau = np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object)
     ratio = ca.if_else(big > 0, small / big, 0.0)  # fmax would ignore the NaN of 0 / 0
     return tau, 2.0 - ratio / TRUSTED_PIVOT

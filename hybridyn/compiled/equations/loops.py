@@ -382,10 +382,6 @@ class LoopRows:
         """Add the rows of a closure."""
         self._add(closure, frames, *self.writer.closure(closure, frames))
 
-    def close_rod(self, closure: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool) -> None:
-        """Add the rows of a closure on a rod, see `SpanningRows.on_rod`."""
-        self._add(closure, frames, *self.writer.on_rod(closure, frames, turns, on_line))
-
     def _add(self, closure: TreeClosure, frames: Frames, residual: Expression, K: Expression) -> None:
         """Add rows; the change of a ball's is that of its points, once their velocities are one."""
         if self._v is None:
@@ -409,7 +405,8 @@ class LoopRows:
             if rod is None:
                 self.close(same[0], own)
             else:
-                self.close_rod(same[0], own, rod.turns, not any(c.p_a.dtype == object for c in same))
+                on_line = not any(c.p_a.dtype == object for c in same)
+                self._add(same[0], own, *self.writer.on_rod(same[0], own, rod.turns, on_line))
         for coupled in zip(*couplings, strict=True):
             offset = folding.array([scalar(c.offset) for c in coupled])[0]
             miss, row = coupling_row(self.chain, coupled[0], positions, offset)

@@ -313,9 +313,8 @@ def parts_of(
     """
     spec = mechanism.spec if arguments is None else arguments.spec
     free = arguments is None or arguments.free
-    links, turns, base = _links(spec, leg_inertia, arguments)
-    if free:
-        links, base = regrouped(links)
+    links, turns = _links(spec, leg_inertia, arguments)
+    links, base = regrouped(links) if free else (links, np.zeros(10))
     closures = [_turned(c, turns) for c in spec.cut_closures]
     driven = {k for k, mark in enumerate(marks) if "motor" in mark}
     spins = spins_of(mechanism, driven)
@@ -325,7 +324,7 @@ def parts_of(
     legs = [_leg(mechanism, bodies, links, closures[at], number, spins) for bodies, at in held.items()]
     used = [i for i, c in enumerate(closures) if c.body_a in number and c.body_b in number]
     core_links, core_closures = _core(links, closures, kept, used)
-    constants, axes, _ = _links(mechanism.spec, False, None)  # rods are found by the numbers of the robot
+    constants, axes = _links(mechanism.spec, False, None)  # rods are found by the numbers of the robot
     known = _core(constants, [_turned(c, axes) for c in mechanism.spec.cut_closures], kept, used)
     columns = _columns(mechanism, kept)
     return Parts(
@@ -369,8 +368,8 @@ def _links(
     spec: ModuleSpec,
     leg_inertia: bool,
     arguments: ModuleArguments | None,
-) -> tuple[list[Link], list[Array], Array]:
-    """Return the tree's links, its bodies' turns, and ten zeros, for what regrouping moves to the base."""
+) -> tuple[list[Link], list[Array]]:
+    """Return the tree's links, and its bodies' turns."""
     massive = leg_inertia and arguments is None
     inertias = [ten_numbers(body if massive else None) for body in spec.leg_bodies]
     links, turns = aligned(links_of(spec.tree, inertias), frozenset(spec.outputs))
@@ -379,7 +378,7 @@ def _links(
             link if body is None else replace(link, inertia=settled(moved(ten, plain(turn.T), zeros(3))))
             for link, body, ten, turn in zip(links, spec.leg_bodies, arguments.own, turns[1:], strict=True)
         ]
-    return links, turns, np.zeros(10)
+    return links, turns
 
 
 def _held_legs(

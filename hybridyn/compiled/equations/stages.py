@@ -157,7 +157,8 @@ def twist_width(velocity: bool) -> int:
 def read_by_core(plan: Plan) -> tuple[Index, Index]:
     """Return the coordinates and freedoms of the spanning tree that a core reads."""
     parts = plan.parts
-    out = []
-    for own, paths in ((parts.q, [p.q for p in plan.paths]), (parts.v, [p.v for p in plan.paths])):
-        out.append(np.unique(np.concatenate([own[own >= 0], *paths]).astype(int)))
-    return out[0], out[1]
+    q, v = (
+        np.unique(np.concatenate([own[own >= 0], *paths]).astype(int))
+        for own, paths in ((parts.q, [p.q for p in plan.paths]), (parts.v, [p.v for p in plan.paths]))
+    )
+    return q, v

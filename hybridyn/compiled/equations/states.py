@@ -125,10 +125,9 @@ def _weight(robot: HybridRobot) -> Array:
     """Compute efforts of the magnitude of the robot's weight, shape (motors,), [N or N m]."""
     mass = sum(body.mass for body in robot.bodies.bodies)
     size = mass * max(float(np.linalg.norm(robot.gravity)), 1.0)
-    units = {
-        name: m.mechanism.reduction.col_scale[c]
+    arms = {
+        name: m.mechanism.length if m.mechanism.reduction.col_scale[c] == 1.0 else 1.0
         for m in robot.modules
         for name, c in zip(m.motors, m.motor_columns, strict=True)
     }
-    length = {name: m.mechanism.length for m in robot.modules for name in m.motors}
-    return np.array([size if units[name] != 1.0 else size * length[name] for name in robot.motors])
+    return np.array([size * arms[name] for name in robot.motors])

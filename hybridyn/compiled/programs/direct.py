@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...spatial import Array
 from ..equations.direct import LEG_SUMS, write_direct, write_direct_legs
 from ..equations.expressions import plain, upper
 from ..equations.parts import Leg
@@ -63,7 +62,9 @@ class _Sweeps(Sweeps):
         """Add the motion outwards: platforms, twists, and the legs' inertias and biases."""
         w, calls = self.w, self._calls(k, modules)
         for o in np.flatnonzero(calls.options.carries).tolist():
-            calls.ports[f"I {o}"] = w.start(w.shared(21), self._own(calls, o))
+            own = upper(inertia_matrix(plain(calls.options.inertias[o]))).astype(float)
+            constant = self.request.plans[k].inertias is None  # else it is added as an argument
+            calls.ports[f"I {o}"] = w.start(w.shared(21), own if constant else np.zeros(21))
             calls.ports[f"beta {o}"] = w.start(w.shared(6), np.zeros(6))
         calls.call(0)
         calls.start_sums(LEG_SUMS)
@@ -95,12 +96,6 @@ class _Sweeps(Sweeps):
         key = ("ddm", id(plan), options)
         written = self.w.once(key, write_direct, plan, options)
         return self.begun(k, modules, options, written, key, PARTS)
-
-    def _own(self, calls: ModuleCalls, o: int) -> Array:
-        """Return an output's own inertia, the start of its articulated inertia; zero if it is an argument."""
-        if self.request.plans[calls.k].inertias is not None:
-            return np.zeros(21)
-        return upper(inertia_matrix(plain(calls.options.inertias[o]))).astype(float)
 
     def _legs_outwards(self, calls: ModuleCalls, n: int) -> tuple[tuple[Leg, ...], Stages, Source]:
         """Add the inertias and biases of a group of legs, summed by platform; return it and its numbers."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,7 +111,8 @@ class DesignEvaluator:
         q, v, a, tau = (np.empty((D, T, width)) for width in widths)
         out = DesignTable(q, v, a, tau, {}, 0)
         asked = self.libraries.asked(requests)
-        others = [self._chunk(out, at, numbers, asked) for at in range_of(D, chunk)]
+        chunks = [slice(start, start + chunk) for start in range(0, D, chunk)]
+        others = [self._chunk(out, at, numbers, asked) for at in chunks]
         left = np.concatenate([np.zeros(0, dtype=int), *others]).tolist()
         for room in (q, v, a, tau):
             room[left] = np.nan
@@ -135,16 +136,14 @@ class DesignEvaluator:
         start = posture_of(closing.parts, self.designs.robot.home)
         closed = closing.rows.close(own, start, given, room, self._threads) == T
         states = [x.reshape(T * len(own), -1) for x in room]
-        tau, trusted = self._efforts([*states, np.repeat(own, T, axis=0)])
+        inverse, model_inputs = self._inverse(), [*states, np.repeat(own, T, axis=0)]
+        (tau,), guard = inverse.batch(
+            model_inputs[: len(inverse.inputs)], self._threads
+        )  # perhaps without slots
         out.tau[at] = tau.reshape(len(own), T, -1)
-        left: Index = np.flatnonzero(~(closed & trusted.reshape(len(own), T).all(axis=1))) + at.start
+        trusted = (guard <= inverse.trusted).reshape(len(own), T).all(axis=1)
+        left: Index = np.flatnonzero(~(closed & trusted)) + at.start
         return left
-
-    def _efforts(self, given: list[Array]) -> tuple[Array, Mask]:
-        """Compute efforts in C, and where they can be trusted."""
-        inverse = self._inverse()
-        (tau,), guard = inverse.batch(given[: len(inverse.inputs)], self._threads)  # perhaps without slots
-        return tau, guard <= inverse.trusted
 
     def _by_the_general_path(self, out: DesignTable, k: int, numbers: Array, requests: Requests) -> None:
         """Evaluate one design by the general path."""
@@ -154,9 +153,3 @@ class DesignEvaluator:
             out.tau[k] = idm(robot, out.q[k], out.v[k], out.a[k], effects=at_robot(self.effects, robot))
         except HybridynError as error:
             out.errors[k] = str(error)
-
-
-def range_of(count: int, chunk: int) -> Iterator[slice]:
-    """Yield consecutive slices of at most `chunk` of `count` designs."""
-    for start in range(0, count, chunk):
-        yield slice(start, min(start + chunk, count))

@@ -130,13 +130,6 @@ class Writer:
         """Add the call of a kernel."""
         self.steps.append(Call(kernel, copies, tuple(sources), tuple(targets)))
 
-    @property
-    def last(self) -> Call:
-        """The last step, a call."""
-        step = self.steps[-1]
-        assert isinstance(step, Call)
-        return step
-
     def calls_from(self, step: int) -> list[Call]:
         """Return the calls among the steps from a number on."""
         return [call for call in self.steps[step:] if isinstance(call, Call)]

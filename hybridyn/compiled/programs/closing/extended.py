@@ -63,22 +63,6 @@ class Extended:
         """Joints that stand for platforms."""
         return tuple(i for i, source in enumerate(self.source) if source is None)
 
-    @property
-    def nv_cut(self) -> int:
-        """Number of freedoms of `Mechanism.tree`."""
-        return sum(at.stop - at.start for at in self.tree.v_slices[: self.cut])
-
-    def positions(self, cut: Array, spanning: Array, at: list[slice]) -> Array:
-        """Compute positions from those of the tree after the cuts and of the spanning tree.
-
-        Args:
-            cut: Positions of the tree after the cuts, shape (T, its nq).
-            spanning: Positions of the spanning tree, shape (T, its nq).
-            at: Slice of each joint of the spanning tree.
-        """
-        wrists = [spanning[:, at[i]] for i in self.source[self.cut :] if i is not None]
-        return np.concatenate([cut, *wrists], axis=1)
-
 
 def with_arguments(m: Mechanism, spec: ModuleSpec) -> Extended:
     """Return the extended tree of a mechanism with other numbers, which may be arguments."""

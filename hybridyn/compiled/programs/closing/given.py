@@ -264,10 +264,7 @@ def kinds_of(robot: HybridRobot, parts: Sequence[Part]) -> dict[str, tuple[int, 
 def lanes_for(parts: Sequence[Part]) -> int:
     """Return the lanes that equal modules fill, at least 2: rows come one by one, so more would be idle."""
     equal = Counter((extended(part.module.mechanism).shape, part.given) for part in parts)
-    lanes = 2
-    while lanes < max(equal.values()):
-        lanes *= 2
-    return lanes
+    return 1 << max(1, (max(equal.values()) - 1).bit_length())
 
 
 def motors_given(robot: HybridRobot, parts: Sequence[Part]) -> list[int]:

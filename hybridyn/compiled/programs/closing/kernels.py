@@ -84,7 +84,7 @@ class Unknowns:
         self.platforms = self.e.platforms
         held = set(given.columns(self.e.tree).tolist()) | {spin.col for spin in spins}
         self.free = np.array([k for k in range(self.e.tree.nv) if k not in held], dtype=int)
-        self.own = int((self.free < self.e.nv_cut).sum())  # free freedoms of the tree after the cuts
+        self.own = int((self.free < self.m.tree.nv).sum())  # free freedoms of the tree after the cuts
         self.scale = row_scales(self.e, given)
         self.loops = len(self.scale) - 6 * len(self.e.welds)  # rows of the tree after the cuts
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -58,12 +58,13 @@ class Following:
 
     Attributes:
         u: The coordinates, as many in each module as it has freedoms, or none: it then stays.
+        dtype: Type of the results.
     """
 
     def __init__(self, robot: HybridRobot, u: Coordinates, built: Built) -> None:
         """Load the program."""
         self.robot, self.u, self._calls = robot, u, Library(built).programs["following"]
-        parts = blocks(robot, u)
+        self.dtype, parts = self._calls.dtype, blocks(robot, u)
         self._units = np.zeros((max((len(own) for own in u.own), default=0), robot.nv))
         for _, own, at in parts:
             self._units[at, u.columns[own]] = 1.0
@@ -71,11 +72,6 @@ class Following:
             np.concatenate([(place * robot.nv + index).ravel() for index, place in pairs])
             for pairs in (((i, own) for i, own, _ in parts), ((i, at) for i, _, at in parts))
         )
-
-    @property
-    def dtype(self) -> np.dtype[Any]:
-        """Type of the results."""
-        return self._calls.dtype
 
     def map(self, q: Array) -> tuple[Numbers, Mask]:
         """Compute dq/du, shape (T, nv, N), and which samples can be trusted, shape (T,).
