@@ -100,9 +100,13 @@ DERIVATIVE_ROUNDED = 5e-16 / TRUSTED_PIVOT**2
 STATEMENTS_A_SECOND = 1000
 
 
-#: Largest difference of a new library's derivatives from a quotient of differences, of its largest entry,
-#: the times between which it is taken [s], and a factor on efforts, beside which other terms would vanish.
-DERIVATIVE_CHECKED, TIMES, EFFORTS = 1e-5, (-1e-6, 0.0, 1e-6), 1e-3
+#: Largest difference of a new library's derivatives from a quotient of differences, of its largest entry; and
+#: a factor on efforts, which would hide other terms, and on results, whose rounding hides smaller changes.
+DERIVATIVE_CHECKED, BESIDE = 1e-5, 1e-3
+#: Times of the quotient [s]: over shorter ones rounding counts.
+TIMES = np.linspace(-2e-5, 2e-5, 5)
+#: Weights of the quotient, of order four [1/s].
+SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12e-5
 
 
 class Derivatives:
@@ -218,29 +222,30 @@ class Derivatives:
         rows, spins = len(driven) if direct else len(robot.motors), not self._motors
 
         def states(seed: int) -> States:
-            """Draw arguments before, at and after a state, shapes (T, 3, n), and accelerations, (T, nv)."""
+            """Draw arguments before, at and after a state, shapes (T, 5, n), and accelerations, (T, nv)."""
             q, v, tau, a = random_states(robot, seed, spins=spins)
             way = [(np.array(list(map(move, q, h * v))), v + h * a) for h in TIMES]
             x = [
-                EFFORTS * (1.0 + h) * tau if direct else any_accelerations(robot, *at, seed + 1, spins=spins)
+                BESIDE * (1.0 + h) * tau if direct else any_accelerations(robot, *at, seed + 1, spins=spins)
                 for h, at in zip(TIMES, way, strict=True)
             ]
             return [*(np.stack(y, axis=1) for y in (*zip(*way, strict=True), x)), a]
 
         def run(q: Array, v: Array, x: Array, a: Array) -> tuple[list[Array], Array]:
             """Compute the model and its change."""
-            (value, *over), guard = library.batch(self._name, q[:, 1], v[:, 1], x[:, 1])
-            x_dot = (x[:, 2] - x[:, 0]) / (TIMES[2] - TIMES[0])
-            rates = v[:, 1, driven], a[:, driven], x_dot if direct else x_dot[:, driven]
+            (value, *over), guard = library.batch(self._name, q[:, 2], v[:, 2], x[:, 2])
+            x_dot = np.einsum("k,tkn->tn", SLOPE, x)
+            rates = v[:, 2, driven], a[:, driven], x_dot if direct else x_dot[:, driven]
             pairs = zip(over, rates, strict=True)
             change = sum(np.einsum("tij,tj->ti", J.reshape(len(a), rows, y.shape[1]), y) for J, y in pairs)
-            return [value, change], guard
+            return [value, np.hstack([change, BESIDE * value])], guard
 
         def general(q: Array, v: Array, x: Array, _: Array) -> list[Array]:
             """Compute them by the general path."""
-            found = [model(robot, q[:, i], v[:, i], x[:, i], effects=self._effects) for i in range(3)]
-            change = (found[2] - found[0]) / (TIMES[2] - TIMES[0])
-            return [found[1], change[:, driven] if direct else change]
+            found = [model(robot, q[:, i], v[:, i], x[:, i], effects=self._effects) for i in range(5)]
+            change = np.einsum("k,ktn->tn", SLOPE, found)
+            change = change[:, driven] if direct else change
+            return [found[2], np.hstack([change, BESIDE * found[2]])]
 
         compare_at_states(
             robot, f"'{self._name}'", run, general, DERIVATIVE_CHECKED, states=states, told=False
