@@ -70,7 +70,8 @@ def write_inverse(
         tau[moving], measure = motor_efforts(B[:, moving], Q, summed, share, pivots)
         efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
     if options.base is None:
-        efforts["F_base"] = pack(_base_wrench(core, b))
+        platforms = (b[core.chain.columns_of(i + 1)] for i in sorted(core.chain.platforms))
+        efforts["F_base"] = pack(sum(platforms, b[:6]))
     along = {"u_dot of core": pack(_along_motions(core, plan, a))} if motions else {}
     stages = cut([given, received], [_motion_outwards(core, options) | along, efforts])
     return WrittenModule(stages, *read_by_core(plan), {"laws": parts.tree_v[laws]})
@@ -156,14 +157,6 @@ def _add_output(
         W = W + F
         terms += _works(F, plan)
     b[:] = b + dot(motion_map(chain, body).T, to_parent(chain.R0[body], chain.p0[body], W))
-
-
-def _base_wrench(core: Core, b: Expression) -> Expression:
-    """Compute the wrench that the base must exert on a module: its own and its platforms'."""
-    F = b[:6]
-    for i in sorted(core.chain.platforms):
-        F = F + b[core.chain.columns_of(i + 1)]
-    return F
 
 
 def _without_rates(

@@ -150,17 +150,11 @@ class Calls:
         pointers = [(ctypes.c_void_p * len(x))(*map(_address, x)) for x in (arrays, outs)]
         guard_at = _address(guard)
 
-        def run(start: int) -> None:
+        def run(start: int, stop: int) -> None:
             """Run one block of samples."""
-            stop = min(start + block, samples)
             self._batch(start, stop, pointers[0], pointers[1], guard_at, self._workspace())
 
-        block = self.block if threads > 1 else max(samples, 1)
-        if samples <= block:
-            run(0)
-        else:
-            for _ in pool(threads).map(run, range(0, samples, block)):
-                pass
+        in_blocks(run, samples, self.block, threads)
         return outs, guard
 
     def _workspace(self) -> int:
@@ -182,6 +176,15 @@ def _address(array: Numbers) -> int:
 def pool(threads: int) -> ThreadPoolExecutor:
     """Return the thread pool, whose threads sleep between calls."""
     return ThreadPoolExecutor(threads, thread_name_prefix="hybridyn")
+
+
+def in_blocks(run: Callable[[int, int], None], count: int, block: int, threads: int) -> None:
+    """Call `run` with start and stop of each block of `count` samples, in threads; with one thread, once."""
+    if threads <= 1 or count <= block:
+        run(0, count)
+    else:
+        starts = range(0, count, block)
+        list(pool(threads).map(run, starts, [min(start + block, count) for start in starts]))
 
 
 if hasattr(os, "register_at_fork"):  # a forked child has none of the threads and must not wait for them

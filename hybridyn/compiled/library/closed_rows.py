@@ -10,7 +10,7 @@ import numpy as np
 
 from ...spatial import Array, Index
 from .cache import Built
-from .calls import Calls, pool
+from .calls import Calls, in_blocks
 from .direct_calls import DOUBLE, function_of, knows_arrays, refuse
 
 #: Arrays of three kinds for each row: q, v, a; or what is prescribed with its rates and accelerations. Of a
@@ -85,19 +85,14 @@ class ClosedRows:
         if not strict:
             first[3] = 0
 
-        def run(at: int) -> None:
+        def run(at: int, stop: int) -> None:
             """Close the rows of a block of designs."""
             work = np.empty(self._room + 64, np.uint8)
             aligned = -(-work.ctypes.data // 64) * 64
-            stop, (taken, room) = min(at + block, designs), levels
+            taken, room = levels
             self._rows(at, stop, rows, *first, guess, *taken, *room, aligned)
 
-        block = BLOCK if threads > 1 else max(designs, 1)
-        if designs <= block:
-            run(0)
-        else:
-            for _ in pool(threads).map(run, range(0, designs, block)):
-                pass
+        in_blocks(run, designs, BLOCK, threads)
         return certain.astype(int)
 
     def control(self, idm: Calls) -> Callable[..., int]:

@@ -42,15 +42,18 @@ WHAT = {
 
 def _body_names(robot: HybridRobot) -> list[str]:
     """Return a name for each body: its first link, whose frame is the body's."""
-    names = [""] * len(robot.bodies.bodies)
-    for link, (body, _, _) in robot.bodies.place.items():
-        names[body] = names[body] or link
-    return names
+    first = {body: link for link, (body, _, _) in reversed(robot.bodies.place.items())}
+    return [first.get(body, "") for body in range(len(robot.bodies.bodies))]
 
 
 def _places(names: Sequence[str], places: Sequence[slice]) -> list[str]:
     """Return lines that list the index range of each name."""
     return [f"     {at.start}..{at.stop - 1}  {name}" for name, at in zip(names, places, strict=True)]
+
+
+def _numbered(names: Sequence[str]) -> list[str]:
+    """Return lines that list names by their numbers."""
+    return [f"     {i}  {name}" for i, name in enumerate(names)]
 
 
 def comment(lines: Sequence[str]) -> str:
@@ -76,15 +79,14 @@ def header_text(
         parameters: Numbers of the description that are arguments.
     """
     values = zip(parameters, values_of(robot.description, parameters), strict=True)
-    arguments = [f"     {i}  {slot} ({value!r})" for i, (slot, value) in enumerate(values)]
-    motors = [f"     {i}  {motor}" for i, motor in enumerate(robot.motors)]
+    arguments = _numbered([f"{slot} ({value!r})" for slot, value in values])
     bodies = [f"     {24 * i}..{24 * i + 23}  {link}" for i, link in enumerate(_body_names(robot))]
     about = [
         f"Dynamics of the robot '{robot.description.name}', base {robot.base}. {WRITTEN}.",
         "   SI units; positions and rates in the order and the coordinates of Pinocchio:",
         "   q", *_places(robot.joints, robot.q_slices),
         "   v, a", *_places(robot.joints, robot.v_slices),
-        "   tau", *motors,
+        "   tau", *_numbered(robot.motors),
         "   bodies", *bodies,
         *(["   parameters (the robot's own numbers)", *arguments] if arguments else []),
         *(["   pose, twist, twist_dot", *_posed(robot)] if posed_modules(robot) else []),
@@ -122,8 +124,5 @@ def _posed(robot: HybridRobot) -> list[str]:
 def _sides(robot: HybridRobot, joints: Sequence[str]) -> list[str]:
     """Return lines that list both sides of the map."""
     sides = {"joint": joints, "motor": motors_beside(robot, joints)}
-    lines: list[str] = []
-    for side, names in sides.items():
-        lines += [f"   {side}_position, {side}_rate, {side}_effort"]
-        lines += [f"     {i}  {name}" for i, name in enumerate(names)]
-    return lines
+    heads = [f"   {side}_position, {side}_rate, {side}_effort" for side in sides]
+    return [x for head, names in zip(heads, sides.values(), strict=True) for x in (head, *_numbered(names))]

@@ -16,6 +16,7 @@ Modules do not depend on each other, so equal modules are copies.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -222,12 +223,12 @@ def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
 def _turning(kernel: LoopKernel) -> Kernel:
     """Return the kernel that compares two postures of modules, see `turning_program`."""
     (near_col, near), (q_col, q) = (symbols(name, kernel.tree.nq) for name in ("near", "q"))
-    turned, dependent = ca.SX(0.0), kernel.dependent
-    unit = kernel.m.spanning_col_scale[dependent]
+    unit = kernel.m.spanning_col_scale[kernel.dependent]
     K, K_there = (kernel.rows(x).K for x in (near, q))
-    change, _ = solve(K, (K_there - K)[:, dependent] * unit, kernel.pivots)
-    for row in change[dependent, : len(dependent)] / unit[:, None]:
-        turned = ca.fmax(turned, sum(ca.fabs(x) for x in row if not is_zero(x)))
+    change, _ = solve(K, (K_there - K)[:, kernel.dependent] * unit, kernel.pivots)
+    rows = change[kernel.dependent, : len(unit)] / unit[:, None]
+    sums = (sum(ca.fabs(x) for x in row if not is_zero(x)) for row in rows)
+    turned = reduce(ca.fmax, sums, ca.SX(0.0))
     return kernel.kernel("turning", [near_col, q_col], [turned / MOST_TURNING])
 
 

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from ...assembly.posture import check_joints, modules_of
-from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside, regular_map
+from ...dynamics.quantities.joint_map import joint_map, motors_beside, regular_map
 from ...linkage.tree import Tree
 from ...spatial import Array, Index
 from ...structure.module import Module
@@ -62,23 +62,22 @@ def map_programs(request: Request, joints: Sequence[str]) -> list[Program]:
     """
     robot = request.robot
     check_joints(robot, joints)
-    regular_posture(robot, joints)
+    _check_regular(robot, joints)
     sides = Side("joint", tuple(joints)), Side("motor", motors_beside(robot, joints))
     numbers = modules_of(robot, joints)
     return [_program(request, numbers, sides[1], sides[0]), _program(request, numbers, sides[0], sides[1])]
 
 
-def regular_posture(robot: HybridRobot, joints: Sequence[str]) -> JointMap:
-    """Return the map at a posture that is not singular: home, or a random one.
+def _check_regular(robot: HybridRobot, joints: Sequence[str]) -> None:
+    """Check that the map is regular at some posture: home, or a random one.
 
     Raises:
         SingularityError: All are singular, or the joints do not fit their modules.
     """
     postures = np.concatenate([robot.home[None], moving_states(robot, TRIED)[0]])
     found, kept = regular_map(robot, postures, joints)
-    if found is not None:
-        return found
-    return joint_map(robot, postures[kept[0] if kept else 0], joints)
+    if found is None:
+        joint_map(robot, postures[kept[0] if kept else 0], joints)  # says what is wrong
 
 
 def map_values(robot: HybridRobot, q: Array, joints: Sequence[str], rates: Array) -> dict[str, Array]:
@@ -90,22 +89,22 @@ def map_values(robot: HybridRobot, q: Array, joints: Sequence[str], rates: Array
     """
     motors = len(motors_beside(robot, joints))
     found, kept = regular_map(robot, q, joints)
-    out = {name: np.zeros((len(q), motors)) for name in ("motor_rate", "motor_effort")}
-    for shift, values in enumerate(out.values()):
-        values[:] = np.resize(np.roll(rates, shift, axis=1), (len(q), motors))
-    wide = {"joint_position": len(joints), "motor_position": motors, "joint_rate": len(joints)}
-    wide |= {"joint_effort": len(joints), "joints_per_motors": len(joints) * motors}
-    out |= {name: np.zeros((len(q), size)) for name, size in wide.items()}
-    out["motors_per_joints"] = out["joints_per_motors"].copy()
-    if found is None:
-        return out
-    for name in ("joint_position", "motor_position"):
-        out[name][kept] = getattr(found, f"{name}s")
-    for name in ("joints_per_motors", "motors_per_joints"):
-        out[name][kept] = getattr(found, name).reshape(len(kept), -1)
-    out["joint_rate"][kept] = found.joint_rates(out["motor_rate"][kept])
-    out["joint_effort"][kept] = found.joint_efforts(out["motor_effort"][kept])
-    return out
+    rate, effort = (np.resize(np.roll(rates, shift, axis=1), (len(q), motors)) for shift in (0, 1))
+    wide, block = len(joints), len(joints) * motors
+    widths = {
+        "joint_position": wide, "motor_position": motors, "joint_rate": wide, "joint_effort": wide,
+        "joints_per_motors": block, "motors_per_joints": block,
+    }  # fmt: skip
+    out = {name: np.zeros((len(q), size)) for name, size in widths.items()}
+    if found is not None:
+        known = {
+            "joint_position": found.joint_positions, "motor_position": found.motor_positions,
+            "joint_rate": found.joint_rates(rate[kept]), "joint_effort": found.joint_efforts(effort[kept]),
+            "joints_per_motors": found.joints_per_motors, "motors_per_joints": found.motors_per_joints,
+        }  # fmt: skip
+        for name, values in known.items():
+            out[name][kept] = values.reshape(len(kept), -1)
+    return out | {"motor_rate": rate, "motor_effort": effort}
 
 
 def _program(request: Request, numbers: list[int], given: Side, wanted: Side) -> Program:

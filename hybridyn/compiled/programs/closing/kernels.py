@@ -13,7 +13,7 @@ Rows of the tree after the cuts come first and do not depend on the wrists, so o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import casadi as ca
@@ -237,10 +237,8 @@ class ModuleKernels:
 
     def _guard(self, doubts: Expression, rows: Rows) -> Any:
         """Return the guard of pivots and of axes that must not point the wrong way."""
-        guard = squares(doubts)
-        for cosine in rows.upright:
-            guard = ca.fmax(guard, ca.if_else(cosine > 0.0, 0.0, 2.0))
-        return guard
+        wrong = (ca.if_else(cosine > 0.0, 0.0, 2.0) for cosine in rows.upright)
+        return reduce(ca.fmax, wrong, squares(doubts))
 
     def _sizes(self, step: Expression) -> tuple[ca.SX, ca.SX]:
         """Return the size of a step of the tree after the cuts and of the wrists, without units."""
@@ -371,8 +369,5 @@ class ModuleKernels:
         blocks = [[own.index(k) for k in block.cols.tolist()] for block in self.blocks] or [
             list(range(len(own)))
         ]
-        out = ca.SX(0.0)
-        for block in blocks:
-            entries = [X[i, j] for i in block for j in block if not is_zero(X[i, j])]
-            out = ca.fmax(out, sum((x * x for x in entries), ca.SX(0.0)))
-        return ca.sqrt(out)
+        norms = (squares(X[np.ix_(block, block)]) for block in blocks)
+        return ca.sqrt(reduce(ca.fmax, norms, ca.SX(0.0)))
