@@ -7,8 +7,9 @@ to the core.
 Idle spins: a rod between two balls turns about its axis, which moves no output, motor or centre of mass. A
 spin is a motion of one joint about a line that is fixed in the joint's body. The closures of the loops do not
 feel it, so it is an independent motion, however the others are chosen. The motions of a module are its spins,
-and motions orthogonal to them, as the general path takes them: those need the same forces whatever
-accelerations the caller gives to the spins.
+and motions orthogonal to them, as the general path takes them. Where a rod's foot rests on the base, those
+need the same forces whatever accelerations the caller gives to the spins; an arm that moves turns the rod
+about its line, too, and feels them.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ from .rigid import TURNING, Link, aligned, links_of, momentum, moved, regrouped,
 #: A closure does not feel a motion that opens it by less than this, without units: rounding. The spin of a
 #: leg moves its mass by less, too.
 UNFELT = 1e-13
+#: Digits in which the axes of equal legs agree; the rest is rounding.
+ROUNDED_AXIS = 14
 #: Joints that may spin.
 SPINNING = ("spherical", "floating", *TURNING)
 
@@ -485,7 +488,7 @@ def _groups(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ...], .
     """Group legs that differ in their numbers only."""
     out: dict[tuple[object, ...], list[Leg]] = {}
     for leg in legs:
-        axes = [tuple(link.axis.tolist()) if link.nv == 1 else () for link in leg.links]
+        axes = [tuple(link.axis.round(ROUNDED_AXIS).tolist()) if link.nv == 1 else () for link in leg.links]
         shape = tuple((link.kind, link.parent, axis) for link, axis in zip(leg.links, axes, strict=True))
         acting = tuple(marks[k] for k in leg.tree_v), leg.spin and leg.spin.cols
         out.setdefault((shape, acting, leg.end, leg.platform, leg.closure.rotation), []).append(leg)
