@@ -121,15 +121,11 @@ class Graph:
 
     def used(self) -> Graph:
         """Return the graph without operations that no output depends on."""
-        needed = [False] * len(self.nodes)
-        for output in self.outputs:
-            for x in output:
-                needed[abs(x) - 1] = True
+        needed = {abs(x) - 1 for output in self.outputs for x in output}
         for i in reversed(range(len(self.nodes))):
-            if needed[i] and self.nodes[i].name != "input":
-                for x in self.nodes[i].arguments:
-                    needed[abs(x) - 1] = True
-        return self.rebuilt(lambda out, i, node: out.again(node) if needed[i] else 0)
+            if i in needed and self.nodes[i].name != "input":
+                needed.update(abs(x) - 1 for x in self.nodes[i].arguments)
+        return self.rebuilt(lambda out, i, node: out.again(node) if i in needed else 0)
 
 
 def graph_of(function: ca.Function) -> Graph:
@@ -156,9 +152,8 @@ def graph_of(function: ca.Function) -> Graph:
         else:
             arguments = [slots[i] for i in read]
             slots[out[0]] = _operation(graph, function.name(), code, arguments)
-    for output in graph.outputs:  # entries that no instruction writes are structural zeros
-        for i, x in enumerate(output):
-            output[i] = x or graph.constant(0.0)
+    # Entries that no instruction writes are structural zeros.
+    graph.outputs = [[x or graph.constant(0.0) for x in output] for output in graph.outputs]
     return graph.used()
 
 

@@ -22,7 +22,7 @@ from ...structure.graph import find_modules
 from ...structure.module_spec import ModuleSpec, module_spec
 from ...structure.parameters.slots import Slot, values_of, with_values
 from ...structure.robot import HybridRobot
-from .expressions import Expression, unpack
+from .expressions import Expression, filled, settled, unpack
 from .rigid import ten_expressions
 
 
@@ -216,10 +216,7 @@ def numbers_of(value: Any, found: list[ca.SX]) -> Any:
         return value._make(parts) if hasattr(value, "_make") else tuple(parts)
     if not isinstance(value, np.ndarray) or value.dtype != object:
         return value
-    out = np.empty(value.shape, dtype=object)
-    for at in np.ndindex(*value.shape):
-        out[at] = numbers_of(value[at], found)
-    return out if any(isinstance(x, ca.SX) for x in out.ravel()) else out.astype(float)
+    return settled(filled((numbers_of(x, found) for x in value.ravel()), *value.shape))
 
 
 class Inertias(Protocol):

@@ -75,8 +75,13 @@ def settled(values: Expression) -> Expression:
     entries = [float(x) if isinstance(x, ca.SX) and x.is_constant() else x for x in values.ravel()]
     if not any(isinstance(x, ca.SX) for x in entries):
         return np.array(entries, dtype=float).reshape(values.shape)
-    out = np.empty(values.shape, dtype=object)
-    for at, entry in zip(np.ndindex(*values.shape), entries, strict=True):
+    return filled(entries, *values.shape)
+
+
+def filled(entries: Iterable[Any], *shape: int) -> Expression:
+    """Return an array of scalars, given row by row."""
+    out = np.empty(shape, dtype=object)
+    for at, entry in zip(np.ndindex(*shape), entries, strict=True):
         out[at] = entry
     return out
 
@@ -99,10 +104,7 @@ def symbols(name: str, n: int) -> tuple[ca.SX, Expression]:
 
 def unpack(column: ca.SX) -> Expression:
     """Return the entries of a column, shape (n,)."""
-    out = np.empty(column.numel(), dtype=object)
-    for i in range(len(out)):
-        out[i] = column[i]
-    return out
+    return filled((column[i] for i in range(column.numel())), column.numel())
 
 
 def pack(*parts: Any) -> ca.SX:
@@ -212,10 +214,9 @@ class Folding:
         stacked = settled(np.stack([numbers(np.asarray(copy)) for copy in copies]))
         plain_values = [abs(x) for x in stacked.ravel() if not isinstance(x, ca.SX)]
         size = np.max(plain_values, initial=0.0)
-        out = np.empty(stacked.shape[1:], dtype=object)
-        for at in np.ndindex(*out.shape):
-            out[at] = self._one(settled(stacked[(slice(None), *at)]), size)
-        return out
+        shape = stacked.shape[1:]
+        entries = (self._one(settled(stacked[(slice(None), *at)]), size) for at in np.ndindex(*shape))
+        return filled(entries, *shape)
 
     def _one(self, values: Expression, size: float) -> Any:
         """Return the expression of a number of all copies, which equal and opposite numbers share."""

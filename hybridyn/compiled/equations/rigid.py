@@ -117,10 +117,7 @@ def matrix_moved(M: Expression, R: Expression, p: Expression) -> Expression:
     out[:3, 3:] = b - aP
     out[3:, :3] = out[:3, 3:].T
     Pb = dot(P, b)
-    corner = c + Pb + Pb.T - dot(P, aP)
-    rows, cols = np.triu_indices(3)
-    corner[cols, rows] = corner[rows, cols]
-    out[3:, 3:] = corner
+    out[3:, 3:] = symmetric(upper(c + Pb + Pb.T - dot(P, aP)), 3)
     return out
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from functools import partial
 
@@ -28,14 +29,9 @@ def designs_to_verify(
     """Yield designs at which a new model is verified: numbers in slots, the robot, if it must work."""
     for factor in TRIED if parameters.size else TRIED[:1]:
         numbers = parameters.slot_values(parameters.near(factor)[None])[0]
-        if factor == 1.0:
-            yield numbers, robot, True
-            continue
-        try:
-            like = changed(robot, parameters, numbers)
-        except HybridynError:  # no such robot
-            continue
-        yield numbers, like, False
+        own = factor == 1.0
+        with contextlib.suppress(HybridynError):  # no such robot
+            yield numbers, robot if own else changed(robot, parameters, numbers), own
 
 
 def changed(robot: HybridRobot, parameters: Parameters, numbers: Array) -> HybridRobot:
