@@ -70,7 +70,9 @@ def seeming(x: ArticulatedModule, noise: Array) -> Array:
         x: The module's equation of motion.
         noise: Upper bounds on the rounding of I_star, as inertias, shape (T, outputs, 6, 6).
     """
-    terms = congruence(np.abs(x.basis.Psi), np.abs(x.legs.M[:, 6:, 6:]))
+    M, turned = np.abs(x.legs.M[:, 6:, 6:]), x.state.mechanism.turned_inertia
+    joints = M + np.where(M > 0, np.diag(turned), 0.0)
+    terms = congruence(np.abs(x.basis.Psi), joints)
     terms += congruence(np.abs(x.a_maps), np.abs(x.I_star)).sum(axis=1)
     carried = congruence(x.a_maps, noise).sum(axis=1)
     rounding = 4 * x.state.mechanism.tree.nv * EPS * terms + carried

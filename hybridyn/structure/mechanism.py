@@ -181,6 +181,19 @@ class Mechanism:
         return self.reduction.mobility
 
     @cached_property
+    def turned_inertia(self) -> Array:
+        """Trace of the inertia of each freedom's body about its joint, zero of slides, shape (nv,), [kg m^2].
+
+        The inertia about one axis is a difference of terms of this size.
+        """
+        bodies = [
+            body and np.trace(body.inertia) + 2 * body.mass * body.com @ body.com
+            for body in self.spec.leg_bodies
+        ]
+        traces = np.array([trace or 0.0 for trace in bodies])[self.tree.dof_body - 1]
+        return np.where(self.tree.S_angular.any(axis=1), traces, 0.0)
+
+    @cached_property
     def locked(self) -> Mask:
         """Freedoms of `tree` that the closures hold still at every generic posture, shape (nv,).
 
