@@ -240,8 +240,8 @@ def write_core(
             R, p, V = chain.R0[-1], chain.p0[-1], chain.V[-1]
             placed[i] = Placed(R, p, V, zeros(6) if a is None else chain.c[-1])
             platforms[i] = _platform(Placed(R, p, V, chain.c[-1]), (V_base, A_base), plan.scale)
-    tree_q, tree_v = _pick(q, parts.q), _pick(v, parts.v)
-    tree_a = None if a is None else _pick(a, parts.v)
+    tree_q, tree_v = pick(q, parts.q), pick(v, parts.v)
+    tree_a = None if a is None else pick(a, parts.v)
     chain = sweep(list(parts.links), tree_q, tree_v, V_base, tree_a, A_base, placed)
     length, units = plan.mechanism.length, plan.mechanism.reduction.col_scale[parts.tree_v]
     sizes = [size_of(tree_v, units, [V_base, *(p.V for p in platforms.values())], length)]
@@ -325,7 +325,7 @@ def core_body(plan: Plan, body: int) -> int:
     return plan.parts.bodies.index(plan.mechanism.spec.tree_body.index(body))
 
 
-def _pick(values: Expression, index: Index) -> Expression:
+def pick(values: Expression, index: Index) -> Expression:
     """Return entries by index; index -1 gives zero (the entries of platforms are not read)."""
     return np.array([values[i] if i >= 0 else 0.0 for i in index], dtype=object)
 

@@ -18,7 +18,7 @@ from ...spatial import Array
 from ...structure.module import Module
 from ..code.scalars import GUARD_LIMIT
 from .chains import Chain, Placed, forces, motion_map, sweep
-from .core import Core, Plan, leg_guard, motions_of, own_inertia, rank_guard, write_core
+from .core import Core, Plan, leg_guard, motions_of, own_inertia, pick, rank_guard, write_core
 from .expressions import Expression, along, dot, is_zero, pack, symbols, times, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, Scale, choose_pivots, solve, squares, weighed
 from .legs import PlatformMotion, spinning_legs, write_leg
@@ -79,7 +79,7 @@ def write_inverse(
 
 def _along_motions(core: Core, plan: Plan, a: Expression) -> Expression:
     """Return the accelerations along a module's motions, as `write_direct` does; `a` of the spanning tree."""
-    y = np.array([a[k] if k >= 0 else 0.0 for k in plan.parts.v], dtype=object)
+    y = pick(a, plan.parts.v)
     for i, platform in core.platforms.items():
         y[np.array(core.chain.columns_of(i + 1)) - 6] = platform.A
     u_dot = y[plan.motions]
@@ -169,9 +169,8 @@ def _without_rates(
         R, p, V = chain.R0[i + 1], chain.p0[i + 1], chain.V[i + 1]
         product = crm(V, V - to_child(R, p, base[0]))
         placed[i] = Placed(R, p, zeros(6), chain.c[i + 1] - product)
-    tree_q = np.array([q[k] if k >= 0 else 0.0 for k in parts.q], dtype=object)
-    tree_a = np.array([a[k] if k >= 0 else 0.0 for k in parts.v], dtype=object)
-    return sweep(list(parts.links), tree_q, zeros(len(parts.v)), zeros(6), tree_a, base[1], placed)
+    still, tree_q, tree_a = zeros(len(parts.v)), pick(q, parts.q), pick(a, parts.v)
+    return sweep(list(parts.links), tree_q, still, zeros(6), tree_a, base[1], placed)
 
 
 def _motor_map(core: Core, plan: Plan, options: Options, Psi: Expression, received: Given) -> Expression:
@@ -209,8 +208,7 @@ def write_inverse_legs(
     lawful, driven = leg.among(options.laws), leg.among(options.motors)
     q, v, a = given.take("q", len(leg.q)), given.take("v", width), given.take("a", width)
     base = given.base_twist(options), given.base_acceleration(options)
-    law = zeros(width)
-    law[lawful] = given.take("laws", len(lawful))
+    law = given.scattered("laws", lawful, width)
     known, platform = dict(given), PlatformMotion.read(given.take("platform", 26))
     written = write_leg(group, q, v, base, platform, plan.scale, plan.leg_pivots[n], a)
     rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])

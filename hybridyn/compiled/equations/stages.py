@@ -107,7 +107,7 @@ class Given(dict[str, ca.SX]):
         self |= {name: column} if n else {}
         return entries
 
-    def scattered(self, name: str, index: Index, width: int) -> Expression:
+    def scattered(self, name: str, index: Index | list[int], width: int) -> Expression:
         """Add symbols for some entries of a vector, and return the vector with zeros in its other entries."""
         out = zeros(width)
         out[index] = self.take(name, len(index))

@@ -98,8 +98,7 @@ def knows_arrays(held: ctypes.PyDLL, dtype: np.dtype[Any]) -> bool:
     held.hybridyn_layout.restype = ctypes.c_int
     for shape in ((3, 5), (7, 2)):
         array = np.zeros(shape, dtype)
-        if type(array) is not np.ndarray or array.dtype is not dtype:
-            return False
-        if not held.hybridyn_layout(array, array.ctypes.data, shape[0], dtype.itemsize):
+        usual = type(array) is np.ndarray and array.dtype is dtype
+        if not (usual and held.hybridyn_layout(array, array.ctypes.data, shape[0], dtype.itemsize)):
             return False
     return True

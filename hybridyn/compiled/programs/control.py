@@ -45,8 +45,7 @@ def closing_of_motors(robot: HybridRobot) -> Library | None:
 
 def same_without_limits(robot: HybridRobot, first: Effects, second: Effects) -> bool:
     """Return whether two choices of effects give the same inverse model, limits apart."""
-    one, other = (robot_key(robot, on.without("limits")) for on in (first, second))
-    return one == other
+    return len({robot_key(robot, on.without("limits")) for on in (first, second)}) == 1
 
 
 class ControlSteps(Quantities):
