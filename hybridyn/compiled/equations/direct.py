@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ...assembly.free_motions import MASSLESS_MOTION
 from ...dynamics.guards import FORCED
 from ...spatial import Array, Index
 from .chains import forces, mass_matrix, motion_map, sweep
@@ -44,7 +45,7 @@ from .expressions import (
 )
 from .guarded_elimination import size_of, solve, solve_definite, squares, weighed
 from .legs import PlatformMotion, leg_accelerations, leg_sums, spinning_legs, write_leg
-from .request import Options
+from .request import ROUNDED_INERTIA, Options
 from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_child, to_parent
 from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
 
@@ -324,12 +325,18 @@ def write_direct_legs(
         (spinning,) = written.folding.array(spinning_legs(group, options.thin))
         sums, written = leg_sums(written, tau, options.velocity, rotor, spinning)
         a = leg_accelerations(written, delta)
-        if written.spin and options.base is None:
-            a = plus(a, dot(sums["over_base"], later.base_acceleration(options)[3:]))
+        if written.spin:
+            a = plus(a, dot(sums["over_base"], later.base_acceleration(options)))
     inputs = {"numbers": written.folding.symbol()} | given
     if motion:
         return cut([inputs | later], [{"a": pack(a)}]), written.folding.table(len(group))
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
     left = np.array([times(1.0 - spinning, along(written.S, sums["f"]))], dtype=object)
-    outputs["guard"] = ca.SX(leg_guard(plan, written) + _unforced(plan, left, sums["f"], group[0].tree_v))
+    guard = leg_guard(plan, written) + _unforced(plan, left, sums["f"], group[0].tree_v)
+    if written.spin and plan.column is not None:
+        units = plan.mechanism.reduction.col_scale[group[0].tree_v]
+        ratio = along(written.S, dot(sums["A"], written.S)) / along(np.diag(sums["A"]), units**2)
+        off = spinning * MASSLESS_MOTION / ratio, (1.0 - spinning) * ratio / ROUNDED_INERTIA
+        guard = guard + squares(np.array(off, dtype=object))
+    outputs["guard"] = ca.SX(guard)
     return cut([inputs, later], [outputs, {"a": pack(a)}]), written.folding.table(len(group))

@@ -258,7 +258,7 @@ def leg_sums(
     Returns:
         "S1": ten numbers on the base; "B": M_base,delta row by row; "L": M_delta,delta, upper triangle;
         "b_base", "b_delta": forces at zero accelerations; "over_base": joint accelerations that the spin has
-        over the angular acceleration of the base, shape (nv, 3); "f": forces on the joints before it is free.
+        over that of the base, shape (nv, 6); "f": forces on the joints before it is free; "A": their inertia.
         The leg, whose X and y0 have the acceleration of the spin.
     """
     M, S1 = mass_matrix(leg.chain)
@@ -267,13 +267,14 @@ def leg_sums(
         A[i, i] = A[i, i] + inertia
     bias = forces(leg.chain) if velocity else zeros(6 + leg.chain.nv)
     f = bias[6:] + dot(A, leg.y0) - tau
-    sums, needed = {"over_base": zeros(leg.chain.nv, 3), "f": f}, f
-    if leg.spin:  # it moves no mass, so that the base feels its angular momentum h alone
-        h, momenta = dot(D[3:], leg.S), dot(A, leg.S)
+    sums, needed = {"over_base": zeros(leg.chain.nv, 6), "f": f, "A": A}, f
+    if leg.spin:
+        h, momenta = dot(D, leg.S), dot(A, leg.S)
         per = spinning / (spinning * along(leg.S, momenta) + (1.0 - spinning))
         freed = np.array([[times(-x, per) for x in leg.S]], dtype=object).T  # joint accelerations by a force
         sums["over_base"] = dot(freed, h[None])
-        S1 = np.concatenate([S1[:4], plus(S1[4:], upper(dot(dot(D[3:], freed), h[None])))])
+        turned = dot(dot(D[3:], freed), h[None, 3:])  # it moves no mass: nothing of this is linear
+        S1 = np.concatenate([S1[:4], plus(S1[4:], upper(turned))])
         force = np.array([along(leg.S, f)], dtype=object)
         needed = plus(f, dot(dot(A, freed), force))
         X = plus(leg.X, dot(freed, dot(momenta[None], leg.X)))
