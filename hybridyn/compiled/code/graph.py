@@ -124,7 +124,8 @@ class Graph:
         needed = {abs(x) - 1 for output in self.outputs for x in output}
         for i in reversed(range(len(self.nodes))):
             if i in needed and self.nodes[i].name != "input":
-                needed.update(abs(x) - 1 for x in self.nodes[i].arguments)
+                for x in self.nodes[i].arguments:
+                    needed.add(abs(x) - 1)
         return self.rebuilt(lambda out, i, node: out.again(node) if i in needed else 0)
 
 

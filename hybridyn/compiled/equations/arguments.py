@@ -216,7 +216,7 @@ def numbers_of(value: Any, found: list[ca.SX]) -> Any:
         return value._make(parts) if hasattr(value, "_make") else tuple(parts)
     if not isinstance(value, np.ndarray) or value.dtype != object:
         return value
-    return settled(filled((numbers_of(x, found) for x in value.ravel()), *value.shape))
+    return settled(filled([numbers_of(x, found) for x in value.ravel()], *value.shape))
 
 
 class Inertias(Protocol):

@@ -78,12 +78,12 @@ def settled(values: Expression) -> Expression:
     return filled(entries, *values.shape)
 
 
-def filled(entries: Iterable[Any], *shape: int) -> Expression:
+def filled(entries: Sequence[Any], *shape: int) -> Expression:
     """Return an array of scalars, given row by row."""
-    out = np.empty(shape, dtype=object)
-    for at, entry in zip(np.ndindex(*shape), entries, strict=True):
-        out[at] = entry
-    return out
+    out = np.empty(len(entries), dtype=object)
+    for i, entry in enumerate(entries):
+        out[i] = entry
+    return out.reshape(shape)
 
 
 def zeros(*shape: int) -> Expression:
@@ -104,7 +104,7 @@ def symbols(name: str, n: int) -> tuple[ca.SX, Expression]:
 
 def unpack(column: ca.SX) -> Expression:
     """Return the entries of a column, shape (n,)."""
-    return filled((column[i] for i in range(column.numel())), column.numel())
+    return filled([column[i] for i in range(column.numel())], column.numel())
 
 
 def pack(*parts: Any) -> ca.SX:
@@ -215,7 +215,7 @@ class Folding:
         plain_values = [abs(x) for x in stacked.ravel() if not isinstance(x, ca.SX)]
         size = np.max(plain_values, initial=0.0)
         shape = stacked.shape[1:]
-        entries = (self._one(settled(stacked[(slice(None), *at)]), size) for at in np.ndindex(*shape))
+        entries = [self._one(settled(stacked[(slice(None), *at)]), size) for at in np.ndindex(*shape)]
         return filled(entries, *shape)
 
     def _one(self, values: Expression, size: float) -> Any:
