@@ -148,9 +148,7 @@ def rates_read(program: Program) -> Array:
     from .programs.whole_robot import function_of
 
     pattern = function_of(program).jac_sparsity(1, 1)  # v_closed over v
-    read = np.zeros(pattern.size2())
-    read[np.unique(pattern.get_col())] = 1.0
-    return read
+    return np.isin(np.arange(pattern.size2()), pattern.get_col()).astype(float)
 
 
 def _array(name: str, values: Array, dtype: str) -> str:

@@ -268,18 +268,17 @@ def lift_program(request: Request) -> Program | None:
 
 def _lift(kernel: LoopKernel) -> Kernel:
     """Return the kernel of modules of one shape, see `lift_program`."""
-    m, tree, independent = kernel.m, kernel.tree, np.ones(kernel.tree.nv)
+    m, tree = kernel.m, kernel.tree
     (q_col, q_0), (xi_col, xi) = symbols("q_0", tree.nq), symbols("xi", tree.nv)
     v_col, v = symbols("v", tree.nv)
     rows = kernel.rows(by_joint(tree, moved_joint, q_0, xi, positions=1))
     step, rates, doubts = kernel.step(rows, v)
-    independent[kernel.dependent] = 0.0
     outputs = [
         pack(by_joint(tree, moved_joint, q_0, xi + step, positions=1)),
         pack(xi + step),
         pack(rates),
         pack(by_joint(tree, displacement_rate, xi, rates)),
-        pack(independent),
+        pack(kernel.independent(np.ones(tree.nv))),
         largest(step / m.spanning_col_scale),
         ca.fmin(1.0, TRUSTED_PIVOT / largest(doubts)),
         largest(rows.residual * m.spanning_row_scale),
