@@ -119,7 +119,8 @@ def _references(
     a = ddm(robot, q, v, tau, effects=effects)
     read = next(rates_read(program) for program in programs if program.name == "close")
     driven = {"v": v * read, "a": a * read, "near": q, "last": q, "v_closed": v, "a_closed": a}
-    driven["position"] = np.array([joint_position(robot, q, motor) for motor in robot.motors]).T
+    positions = [joint_position(robot, q, motor) for motor in robot.motors]
+    driven["position"] = np.array(positions).reshape(-1, SAMPLES).T
     known = {"q": q, "tau": tau, "base_acceleration": a[:, :6]}
     known["parameters"] = np.tile(parameters, (SAMPLES, 1))
     try:

@@ -62,7 +62,7 @@ def verify(
     loops = [module.mechanism for module in robot.modules if module.mechanism.reduction.rounded]
     rounding = max((m.rounding for m in loops), default=0.0)
     agree = max(MODEL_AGREES[str(library.dtype)], ROUNDINGS * rounding)
-    states, computed = cache(partial(_states, robot, on)), dict[str, int]()
+    states, computed = cache(partial(movable_states, robot, on)), dict[str, int]()
 
     def run(name: str, *drawn: Array) -> Any:
         """Run a model at states."""
@@ -83,8 +83,8 @@ def verify(
         raise trusted_nowhere(robot, "models")
 
 
-def _states(robot: HybridRobot, effects: Effects, seed: int) -> States:
-    """Draw q, v, tau, a; every other a is the direct model's where motors do not drive every freedom."""
+def movable_states(robot: HybridRobot, effects: Effects, seed: int) -> States:
+    """Draw `random_states`; every other a is the direct model's where motors do not drive every freedom."""
     states = random_states(robot, seed)
     if any(module.mobility > len(module.moving_motors) for module in robot.modules):
         for t in range(0, SAMPLES, 2):
@@ -145,7 +145,7 @@ def _lift(
             manifold.residual(moved[t])[0],
             opening(moved[t], rates[t])[0],
             np.abs(manifold.retraction.move(q[t], xi[t]) - moved[t]).max(),
-            np.abs(pull(before[t], rates[t]) - pulled[t]).max() / np.abs(rates[t]).max(),
+            np.abs(pull(before[t], rates[t]) - pulled[t]).max() / (np.abs(rates[t]).max() or 1.0),
         )
         for t in range(len(q))
     ]

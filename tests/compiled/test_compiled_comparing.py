@@ -16,12 +16,15 @@ from hybridyn.compiled.library.calls import Calls, Library
 from hybridyn.compiled.programs.derivatives.evaluation import Derivatives
 from hybridyn.compiled.programs.quantities import engine
 from hybridyn.compiled.programs.sources import library_of
+from hybridyn.compiled.programs.whole_robot import Interpreted, programs
+from hybridyn.compiled.verifying import verify
 from hybridyn.dynamics.quantities.independent import independent_coordinates
 from hybridyn.effects.choice import choose
 from hybridyn.identification.compiled_rows import CompiledRows
 from hybridyn.identification.parameters import standard_parameters
 from hybridyn.spatial import Array
 from tests.comparing import refused
+from tests.locked import with_truss
 from tests.samples import some
 
 Robot = hybridyn.HybridRobot
@@ -53,6 +56,7 @@ NEW: dict[str, tuple[Callable[[Robot], Any], str, str, list[int]]] = {
     "wrench": (pushed_models, "floating", "idm_pushed", [0]),
     "accelerations under a wrench": (pushed_models, "floating", "ddm_pushed", [0]),
     "regressor": (regressor, "fixed", "regressor", [1]),
+    "floating regressor": (regressor, "floating", "regressor", [1]),
 }  # fmt: skip
 
 
@@ -89,6 +93,11 @@ def test_states_that_the_general_path_refuses_are_not_computed() -> None:
 
     words = "the compiled 'idm' of the robot 'five_bar' computes a state that the general path refuses"
     refused(lambda: compare_at_states(robot, "'idm'", run, general, 1.0), hybridyn.CompileError, words)
+
+
+def test_a_robot_in_which_nothing_moves_is_verified() -> None:
+    robot = with_truss("alone")
+    verify(Interpreted([*programs(robot, None).values()]), robot, choose(robot, None))
 
 
 def test_derivatives_of_a_robot_without_motors_are_compared(empty_cache: Path) -> None:

@@ -107,6 +107,13 @@ def test_exported_models_compile_and_give_the_reference(
     assert bool(re.search(r"\bfloat q\[", source)) == (dtype == "float32")
 
 
+def test_a_robot_without_motors_is_exported(tmp_path: Path) -> None:
+    export(hybridyn.load("five_bar", motors=[]), tmp_path / "made", name="bar")
+    files = [tmp_path / "made" / name for name in ("test_bar.c", "bar.c")]
+    assert "error" not in compiler("-o", tmp_path / "test", *files, "-lm")
+    assert "ddm 4: guard" in compiler(program=[str(tmp_path / "test")])
+
+
 def test_the_exported_test_can_fail(bar: Path) -> None:
     file = bar / "test_bar.c"
     text = file.read_text()
