@@ -24,6 +24,7 @@ from hybridyn.compiled.library.building import NATIVE, find_compiler
 from hybridyn.compiled.programs.c_header import comment
 from hybridyn.effects import Payload, Spring, with_effects
 from hybridyn.structure.building import build_robot
+from tests import rods
 from tests.comparing import close_to, refused
 from tests.compiled.test_compiled_control import motion
 from tests.compiled_toys import inputs, toy
@@ -240,6 +241,17 @@ def test_control_steps_stay_on_their_branch_or_are_refused(bar: Path) -> None:
         assert stepping.step(robot.home, goal)[0] == stepping.refused
     for goal in ([np.nan, 0.0], [0.0, np.inf]):
         assert np.isnan(stepping.step(robot.home, goal)[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("digits", [6, 9])
+def test_control_steps_take_quaternions_with_the_digits_of_a_file(digits: int, tmp_path: Path) -> None:
+    robot = build_robot(rods.crank())
+    export(robot, tmp_path, name="bar")
+    last = robot.home.round(digits)
+    guard, _, q, *_ = Stepping(robot, tmp_path).step(last, robot.home[robot.motor_q])
+    assert guard <= 1.0
+    close_to((q,), (robot.home,), 2.0 * 10.0**-digits)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@
    of `walking.walk_text`: NQ, NV, SIDE (joints of the side), GIVEN (size of what the program reads), NUMBERS (of which at its
    end are parameters), POSED (whether the side's positions are among it), and the rules of a walk; the programs "close" and
    "turning"; `at` and `turns`, the places of the side's joints in q, and `farthest`, how far each may move in one part of the
-   way. `room`: memory of the programs. */
+   way; `unit_size`, how many coordinates of length one begin at each coordinate. `room`: memory of the programs. */
 static S position_of(const S *q, int m) { return turns(m) ? SCALAR(atan2)(q[at(m) + 1], q[at(m)]) : q[at(m)]; }
 
 static void place(S *given, int m, S x) {
@@ -10,6 +10,15 @@ static void place(S *given, int m, S x) {
     if (POSED) given[NQ + m] = x;
     if (turns(m)) q[0] = SCALAR(cos)(x), q[1] = SCALAR(sin)(x);
     else q[0] = x;
+}
+
+/* Divide quaternions, and cosines and sines, by their length: those of a file have its digits. */
+static void make_unit(S *q) {
+    for (int k = 0; k < NQ; k++) {
+        S squares = 0;
+        for (int i = 0; i < unit_size(k); i++) squares += q[k + i] * q[k + i];
+        for (int i = 0; i < unit_size(k); i++) q[k + i] /= SCALAR(sqrt)(squares);
+    }
 }
 
 /* Newton's method from the posture that `given` begins with; the guard, which measures the last step. */
@@ -41,6 +50,7 @@ static S walk(const S *start, const S *goal, S *result, S *room) {
     S given[GIVEN], here[NQ], from[SIDE], way[SIDE], done = 0, part = 1, longest = 1, guard;
     for (int k = 0; k < GIVEN; k++) given[k] = start[k];
     for (int k = 0; k < NQ; k++) here[k] = start[k];
+    make_unit(here);
     for (int m = 0; m < SIDE; m++) {
         from[m] = position_of(here, m);
         way[m] = goal[m] - from[m];

@@ -59,8 +59,12 @@ def walk_text(
         "LONGEST": LONGEST_STEP, "CONTRACTION": CONTRACTION, "NEWTON_STEPS": WALK_STEPS, "SETTLED": settled,
         "SHORTEST_PART": SHORTEST, "OTHER_BRANCH": OTHER_BRANCH,
     }  # fmt: skip
-    lines = [f"#define {name} {value!r}" for name, value in names.items()]
-    return "\n".join([*lines, joints_text(robot, side) + text_of("walk.h")])
+    lines, units = [f"#define {name} {value!r}" for name, value in names.items()], ["0"] * robot.nq
+    for columns in robot.unit_coordinates:
+        for column in columns[:, 0].tolist():
+            units[column] = str(columns.shape[1])
+    table = TABLE.format("int", "unit_size", ", ".join(units) or "0")
+    return "\n".join([*lines, joints_text(robot, side) + table + text_of("walk.h")])
 
 
 def joints_text(robot: HybridRobot, side: Sequence[str]) -> str:
