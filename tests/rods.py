@@ -99,11 +99,12 @@ def six_legs(s: Sketch, p: Place) -> Iterator[tuple[Array, Array]]:
         yield B, p(0.3 * np.cos(high), 0.3 * np.sin(high), 0.8 + s.jitter())
 
 
-def slides(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Description:
-    """Draw a platform on six rods, each on a driven slide."""
+def slides(seed: int = 0, foot: Foot = "ball", *, thin: bool = False, spare: bool = False) -> Description:
+    """Draw a platform on six rods, each on a driven slide; `spare` adds a seventh."""
     s = plain(seed)
     p, platform = s.place(), None
-    for B, P in six_legs(s, p):
+    seventh = [(p(0.0, 0.05, 0.02), p(0.05, -0.1, 0.78))] * spare
+    for B, P in [*six_legs(s, p), *seventh]:
         slide = s.joint("prismatic", "base", B, p.normal, motor=True, stem="slide")
         platform = rod(s, slide, B, platform, P, foot, thin=thin)
     return s.description(f"{foot}_slides")

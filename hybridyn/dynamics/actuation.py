@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..assembly.free_motions import free_motions, idle_motions
-from ..description.names import listed
+from ..description.names import counted, listed
 from ..errors import ActuationError
 from ..linkage.elimination import null_basis
 from ..linkage.tree import Motion
@@ -70,7 +70,7 @@ def motor_efforts(robot: HybridRobot, module: Module, need: Need, sharing: Shari
     unit = module.mechanism.reduction.col_scale[columns]
     B = np.swapaxes(need.Psi[:, columns], 1, 2) / unit
     tau, share, hard = np.zeros((T, len(moving))), np.ones(len(moving)), np.arange(T)
-    if len(moving) > N:
+    if len(moving) > module.driven:
         share = load_share(robot, module, sharing.weights) * unit
     elif len(moving) == N:
         _, tau, pivot = null_basis(B, -need.Q, N)
@@ -102,7 +102,8 @@ def least_norm(module: Module, B: Array, need: Need, share: Array, sharing: Shar
                 "worst": worst, "advice": 'pass on_singular="least-norm"',
             }  # fmt: skip
 
-        check(LOST_MOTORS, module, np.where(s[:, 0] > 0, s[:, 0], 1.0), s[:, -1], words, at)
+        least = s[:, max(module.driven, 1) - 1]
+        check(LOST_MOTORS, module, np.where(s[:, 0] > 0, s[:, 0], 1.0), least, words, at)
     keep = s > SINGULAR_MOTOR_MAP * s[:, :1]
     y = np.where(keep, np.einsum("tji,tj->ti", U, along[..., -1]) / np.where(keep, s, 1.0), 0.0)
     out: Array = np.einsum("tji,tj->ti", Vt, y) * share
@@ -127,8 +128,8 @@ def load_share(robot: HybridRobot, module: Module, weights: Array | None) -> Arr
     if len({motor.kind == "prismatic" for motor in motors}) > 1:
         raise ActuationError(
             f"module '{module.name}': {len(motors)} motors, some in N and some in N m, share "
-            f"{module.mobility} freedoms. Give weights, or an effort limit for each motor, so that their "
-            "efforts compare",
+            f"{counted(module.driven, 'freedom')}. Give weights, or an effort limit for each motor, so that "
+            "their efforts compare",
             module=module.name,
         )
     return np.ones(len(limits))

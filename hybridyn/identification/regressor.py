@@ -202,7 +202,9 @@ def motions_of_motors(robot: HybridRobot, s: ModuleState) -> Array:
         np.put_along_axis(solved, order[..., None], back_substitute(R[..., :N], R[..., N:]), axis=1)
         hard = np.flatnonzero(pivot_ratio(R, N) < SINGULAR_MOTOR_MAP * N)
     if len(hard):
-        share = load_share(robot, module, None) * unit if len(columns) > N else np.ones(len(columns))
+        share = (
+            load_share(robot, module, None) * unit if len(columns) > module.driven else np.ones(len(columns))
+        )
         each = [
             Need(basis.Psi, np.tile(one, (T, 1)), np.zeros(T), np.zeros(T), s.motion) for one in np.eye(N)
         ]

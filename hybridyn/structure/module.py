@@ -10,6 +10,8 @@ from ..linkage.tree import Motion
 from ..spatial import Array, Index
 from .mechanism import Mechanism
 
+#: Motors are independent if the least singular value of their part in orthonormal motions is above this.
+INDEPENDENT_MOTORS = 1e-8
 #: A smallest residual below this part of the module's length may be rounding in a coarse file.
 COARSE = 1e-2
 
@@ -59,6 +61,15 @@ class Module:
     def moving_motors(self) -> Index:
         """Numbers, among its motors, of the motors that the closures do not lock."""
         return np.flatnonzero(~self.mechanism.locked[self.motor_columns])
+
+    @cached_property
+    def driven(self) -> int:
+        """Number of independent motions that its motors drive: less than they are if they are redundant."""
+        m, moving = self.mechanism, self.motor_columns[self.moving_motors]
+        if not len(moving) or not len(m.postures):
+            return 0
+        Psi = np.linalg.qr(m.basis(m.generic_K).Psi / m.reduction.col_scale[:, None])[0]
+        return int(np.linalg.matrix_rank(Psi[:, moving], tol=INDEPENDENT_MOTORS).max())
 
     @property
     def label(self) -> str:

@@ -87,6 +87,28 @@ def test_no_sample_is_handed_over(name: str, seed: int, foot: rods.Foot, thin: b
     compare(robot, 0.04 if name in ("ball_gough", "slides") else 0.4)
 
 
+def test_motors_of_rods_that_spin_are_redundant() -> None:
+    """Spins are no motions that motors drive: seven slides share the load of six freedoms."""
+    robot = build_robot(rods.slides(1, spare=True))
+    q, v, _, tau = random_states(robot, 5)
+    a = hybridyn.ddm(robot, q, v, tau)
+    wanted = hybridyn.idm(robot, q, v, a)
+    (found,), guard = Interpreted(robot, ("idm",)).batch("idm", q, v, a)
+    assert (guard <= GUARD_LIMIT).all()
+    assert np.abs(found - wanted).max() <= ROUNDING * np.abs(wanted).max()
+    alone = rods.crank(1)
+    slide = next(joint.name for joint in alone.joints if "slide" in joint.name)
+    both = build_robot(replace(alone, motors=(*alone.motors, slide)))
+    q, v, a = rods.moved(build_robot(alone), 5, 0.4)
+    words = "2 motors, some in N and some in N m, share 1 freedom. Give weights"
+    refused(lambda: hybridyn.idm(both, q, v, a), hybridyn.ActuationError, words)
+    tau, rates = hybridyn.idm(both, q, v, a, weights=np.ones(2)), v[:, both.motor_v]
+    power = hybridyn.idm(build_robot(alone), q, v, a)[:, 0] * rates[:, 0]
+    assert np.abs((tau * rates).sum(axis=1) - power).max() <= CLOSED * np.abs(power).max()
+    across = tau[:, 0] * rates[:, 1] - tau[:, 1] * rates[:, 0]  # the least efforts are as the rates
+    assert np.abs(across).max() <= CLOSED * np.abs(power).max()
+
+
 def test_a_floating_base_feels_the_spins_of_its_legs() -> None:
     """No friction takes them along; the other joints feel those of rods that are not round."""
     description, skew = rods.slides(6), 0.01 * np.outer([0.3, 0.5, 0.8], [0.3, 0.5, 0.8])

@@ -286,7 +286,7 @@ def inverse_options(request: Request, k: int) -> Options:
     module = request.robot.modules[k]
     marks = request.marks(module)
     moving = module.moving_motors
-    redundant = len(moving) > module.mobility
+    redundant = len(moving) > module.driven
     share = _share(request.robot, module) if redundant else np.zeros(0)
     return replace(
         _of_all(request, k),
