@@ -193,9 +193,14 @@ def test_motors_that_no_posture_tells_apart_are_the_general_paths() -> None:
         hinge("a", "base", "one"), hinge("b", "one", "two", 1.0),
         hinge("c", "two", "three", 1.0), hinge("d", "three", "four", 1.0),
     ]  # fmt: skip
-    robot = robot_of("geared", ("one", "two", "three", "four"), hinges, [], ["a", "b"], gears)
+    robot, alone = (
+        robot_of("geared", ("one", "two", "three", "four"), hinges, [], motors, gears)
+        for motors in (["a", "b"], ["a"])
+    )
     q, v, a, _ = random_states(robot, 2)
-    refused(lambda: hybridyn.idm(robot, q, v, a), hybridyn.SingularityError, "")
+    tau, one = hybridyn.idm(robot, q, v, a), hybridyn.idm(alone, q, v, a)
+    power, rates = one[:, 0] * v[:, 0], v[:, robot.motor_v]
+    assert np.abs((tau * rates).sum(axis=1) - power).max() <= 1e-12 * np.abs(power).max()
     assert not (Interpreted(robot, ("idm",)).batch("idm", q, v, a)[1] <= TRUSTED).any()
 
 
