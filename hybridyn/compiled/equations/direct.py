@@ -34,6 +34,7 @@ from .expressions import (
     congruence,
     dot,
     hat,
+    is_zero,
     numbers,
     pack,
     plus,
@@ -331,12 +332,26 @@ def write_direct_legs(
     if motion:
         return cut([inputs | later], [{"a": pack(a)}]), written.folding.table(len(group))
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
-    left = np.array([times(1.0 - spinning, along(written.S, sums["f"]))], dtype=object)
-    guard = leg_guard(plan, written) + _unforced(plan, left, sums["f"], group[0].tree_v)
-    if written.spin and plan.column is not None:
-        units = plan.mechanism.reduction.col_scale[group[0].tree_v]
-        ratio = along(written.S, dot(sums["A"], written.S)) / along(np.diag(sums["A"]), units**2)
-        off = spinning * MASSLESS_MOTION / ratio, (1.0 - spinning) * ratio / ROUNDED_INERTIA
-        guard = guard + squares(np.array(off, dtype=object))
-    outputs["guard"] = ca.SX(guard)
+    outputs["guard"] = leg_guard(plan, written) + _freed_guard(plan, leg.tree_v, written.S, spinning, sums)
     return cut([inputs, later], [outputs, {"a": pack(a)}]), written.folding.table(len(group))
+
+
+def _freed_guard(
+    plan: Plan, freedoms: Index, S: Expression, spinning: Any, sums: dict[str, Expression]
+) -> Any:
+    """Return the guard of a leg's spin: of a force on a thin one, and that arguments do not decide which is.
+
+    Args:
+        freedoms: Those of the leg in the tree after the cuts.
+        S, spinning, sums: As of `leg_sums`.
+    """
+    f, A = sums["f"], sums["A"]
+    if all(is_zero(x) for x in S):
+        return 0.0
+    left = np.array([times(1.0 - spinning, along(S, f))], dtype=object)
+    guard = _unforced(plan, left, f, freedoms)
+    if plan.column is None:
+        return guard
+    ratio = along(S, dot(A, S)) / along(np.diag(A), plan.mechanism.reduction.col_scale[freedoms] ** 2)
+    off = spinning * MASSLESS_MOTION / ratio, (1.0 - spinning) * ratio / ROUNDED_INERTIA
+    return guard + squares(np.array(off, dtype=object))

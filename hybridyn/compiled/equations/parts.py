@@ -316,18 +316,18 @@ def parts_of(
     """
     spec = mechanism.spec if arguments is None else arguments.spec
     free = arguments is None or arguments.free
-    links, turns = _links(spec, leg_inertia, arguments)
+    constants, axes = _links(mechanism.spec, leg_inertia, None)  # these decide on legs and rods
+    links, turns = (constants, axes) if arguments is None else _links(spec, leg_inertia, arguments)
     links, base = regrouped(links) if free else (links, np.zeros(10))
     closures = [_turned(c, turns) for c in spec.cut_closures]
     driven = {k for k, mark in enumerate(marks) if "motor" in mark}
     spins = spins_of(mechanism, driven)
-    held = _held_legs(mechanism, spins, leg_inertia=leg_inertia) if free else {}
+    held = _held_legs(mechanism, spins, constants) if free else {}
     kept = [i for i in range(len(links)) if not any(i + 1 in bodies for bodies in held)]
     number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
     legs = [_leg(mechanism, bodies, links, closures[at], number, spins) for bodies, at in held.items()]
     used = [i for i, c in enumerate(closures) if c.body_a in number and c.body_b in number]
     core_links, core_closures = _core(links, closures, kept, used)
-    constants, axes = _links(mechanism.spec, False, None)  # rods are found by the numbers of the robot
     known = _core(constants, [_turned(c, axes) for c in mechanism.spec.cut_closures], kept, used)
     columns = _columns(mechanism, kept)
     return Parts(
@@ -384,16 +384,13 @@ def _links(
     return links, turns
 
 
-def _held_legs(
-    mechanism: Mechanism, spins: Sequence[Spin], *, leg_inertia: bool
-) -> dict[tuple[int, ...], int]:
+def _held_legs(mechanism: Mechanism, spins: Sequence[Spin], links: list[Link]) -> dict[tuple[int, ...], int]:
     """Return the legs that may be grouped, as bodies of the tree, each with the closure at its end.
 
     A spin that moves mass by more than rounding, if less than `IDLE`, is left to the core, as are those of
     floating bodies.
     """
-    links, size = _links(mechanism.spec, leg_inertia, None)[0], mechanism.length
-    size *= sum(body.mass for body in mechanism.spec.leg_bodies if body)
+    size = mechanism.length * sum(body.mass for body in mechanism.spec.leg_bodies if body)
     still = [
         spin
         for spin in spins

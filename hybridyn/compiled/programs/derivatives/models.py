@@ -43,7 +43,7 @@ from .columns import (
     coordinates_of,
     coordinates_of_freedoms,
 )
-from .motor_motion import MotorMotion, motion_nodes, spins_of
+from .motor_motion import MotorMotion, motion_nodes, spins_in_v
 from .relations import JOINED, Group, Place, Relations, groups_of
 from .sweeps import DENSE, Graph, Reading, Sweep, nodes_of
 
@@ -313,7 +313,7 @@ def _over_joints(x: Relations) -> Columns:
     for calls in closed:
         v_index = calls.module.v_index
         legs = [v_index[leg.v].tolist() for group in calls.groups if len(group) > 1 for leg in group]
-        rods = [[*at] for at, _ in spins_of(calls) if not any({*at} <= {*leg} for leg in legs)]
+        rods = [[*at] for at, _ in spins_in_v(calls) if not any({*at} <= {*leg} for leg in legs)]
         sets += [sorted(set(v_index.tolist()).difference(*legs, *rods)), *legs, *rods]
     for freedoms in filter(None, sets):
         own = coordinates_of_freedoms(modules[0].request.robot, set(freedoms))

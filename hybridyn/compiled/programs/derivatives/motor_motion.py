@@ -39,7 +39,7 @@ from .sweeps import PART, Block, Graph, Node, Sweep, nodes_of
 Spins = tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]
 
 
-def spins_of(calls: ModuleCalls) -> Spins:
+def spins_in_v(calls: ModuleCalls) -> Spins:
     """Return the idle spins of a module; these are the first of its motions, in the same order."""
     idle, cut = calls.request.plans[calls.k].parts.idle, calls.module.mechanism.cut
     at = cut.to_tree(calls.module.v_index[None].astype(float))[0].astype(int)
@@ -48,7 +48,7 @@ def spins_of(calls: ModuleCalls) -> Spins:
 
 def moved_by_spins(calls: ModuleCalls) -> list[set[int]]:
     """Return the freedoms in v that each idle spin moves: those of its joint, and of wrists beyond it."""
-    out = [set(at) for at, _ in spins_of(calls)]
+    out = [set(at) for at, _ in spins_in_v(calls)]
     for path in calls.request.plans[calls.k].paths:
         freedoms = calls.module.v_index[path.v].tolist()
         for moved in out:
@@ -56,12 +56,12 @@ def moved_by_spins(calls: ModuleCalls) -> list[set[int]]:
     return out
 
 
-def motions_of(calls: ModuleCalls, name: str, *, held: bool) -> Shared:
+def motions_at(calls: ModuleCalls, name: str, *, held: bool) -> Shared:
     """Return the port "u_dot" or "Q" of a module, the accelerations or forces left along its motions.
 
     With held motors the spins' accelerations are given, too, and no effort balances the forces on spins.
     """
-    port, first = calls.ports[name], len(spins_of(calls)) if held else 0
+    port, first = calls.ports[name], len(spins_in_v(calls)) if held else 0
     return Shared(port.start + first, port.size - first)
 
 
@@ -117,7 +117,7 @@ class MotorMotion:
         Args:
             w: The program under construction.
             modules: Calls of the modules.
-            held: Whether the motors are held, as for `motions_of`.
+            held: Whether the motors are held, as for `motions_at`.
         """
         robot, v_index = modules[0].request.robot, [calls.module.v_index.tolist() for calls in modules]
         self._w, self._module = w, modules[0]
@@ -129,7 +129,7 @@ class MotorMotion:
             self.motors = np.array([driven.index(k) for x in modules for k in x.joints.tolist()], dtype=int)
         n = len(self.motors)
         self._rows = [freedoms.index(driven[k]) for k in self.motors]
-        self._spins = tuple((tuple(map(freedoms.index, at)), share) for at, share in spins_of(modules[0]))
+        self._spins = tuple((tuple(map(freedoms.index, at)), share) for at, share in spins_in_v(modules[0]))
         self.idle = 0 if held else len(self._spins)
         self._rest = [k for k in range(len(freedoms)) if k not in self._rows]
         self.accelerations = [self._numbers[k] for k in self._rows]

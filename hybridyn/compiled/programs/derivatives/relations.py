@@ -28,7 +28,7 @@ from ...program import Constants, Each, Own, Shared, Source, Target
 from ..module_calls import ModuleCalls, read
 from ..writer import Writer
 from .columns import Coordinates, by_columns, coordinates_of_freedoms, factors, matrix, solved
-from .motor_motion import MotorMotion, motions_of, moved_by_spins
+from .motor_motion import MotorMotion, motions_at, moved_by_spins
 from .sweeps import PART, Block, Graph, Reading, Sweep
 
 #: Largest number of motions of modules that are joined: what the lanes of a vector hold.
@@ -46,7 +46,7 @@ class Group:
         modules: Calls of its modules, outwards.
         parent: The group that carries it; None on the robot's base.
         at: Its coordinates.
-        held: Whether the motors are held, as for `motions_of`.
+        held: Whether the motors are held, as for `motions_at`.
         children: Groups on its outputs, by output.
     """
 
@@ -63,8 +63,8 @@ class Group:
         return module.parent, module.parent_output
 
     def along(self, name: str) -> list[Shared]:
-        """Return the ports "u_dot" or "Q" of its modules, as `motions_of`."""
-        return [motions_of(calls, name, held=self.held) for calls in self.modules]
+        """Return the ports "u_dot" or "Q" of its modules, as `motions_at`."""
+        return [motions_at(calls, name, held=self.held) for calls in self.modules]
 
     @property
     def mobility(self) -> int:
@@ -283,7 +283,7 @@ class Relations:
         self._factors = w.shared(n * (n + 1) // 2)
         first = 0
         for i, modules in enumerate(self._runs):
-            u_dot = [motions_of(calls, "u_dot", held=self.held) for calls in modules]
+            u_dot = [motions_at(calls, "u_dot", held=self.held) for calls in modules]
             *ends, count = np.cumsum([0, *(u.size for u in u_dot)]).tolist()
             over_u = Sweep(w, count, self._known)
             for u, at in zip(u_dot, ends, strict=True):
