@@ -311,30 +311,31 @@ def _named_frames(description: Description) -> Iterator[Sign]:
 
 def _passive_joints(description: Description) -> Iterator[Sign]:
     """Yield signs for joints of a tree that its file treats as passive: only a loop would move them."""
-    followers = {coupling.name for coupling in description.couplings}
-    free = [j for j in description.joints if FREEDOMS[j.kind] == 1 and j.name not in followers]
+    named = {joint.name: joint for joint in description.joints}
     mend = (
         f"name the motors (motors = [...] in model.toml); if it has loops, {STATE_THEM[description.format]}"
     )
     if description.motors_from == EVERY_JOINT:
-        weak = [j for j in free if j.effort == 0.0]
-        strong = [j for j in free if 0.0 < j.effort < np.inf]
+        driven = [named[name] for name in description.motors]
+        weak = [j for j in driven if j.effort == 0.0]
+        strong = [j for j in driven if 0.0 < j.effort < np.inf]
         if weak and strong:
             yield Sign(
-                f"{len(weak)} of its {len(free)} joints state effort 0, as passive joints of loops do "
+                f"{len(weak)} of its {len(driven)} joints state effort 0, as passive joints of loops do "
                 f"({listed(j.name for j in weak)}), yet each counts as a motor: no closure is stated",
                 mend,
                 joint=weak[0].name,
             )
-        elif not strong and _is_suspicious(description, free, weak):
+        elif driven and not strong and _is_suspicious(description, weak):
             yield Sign(
-                f"none of its {len(free)} joints states an effort above 0, so every one counts as a motor, "
+                f"none of its {len(driven)} joints states an effort above 0, so every one counts as a motor, "
                 "and no closure is stated",
                 mend,
-                joint=free[0].name,
+                joint=driven[0].name,
             )
     elif "<transmission>" in description.motors_from:
-        passive = [j.name for j in free if j.name not in description.motors]
+        moved = {*description.motors, *(coupling.name for coupling in description.couplings)}
+        passive = [j.name for j in description.joints if FREEDOMS[j.kind] == 1 and j.name not in moved]
         if passive:
             yield Sign(
                 f"<transmission> drives {len(description.motors)} joints and leaves these passive: "
@@ -344,16 +345,17 @@ def _passive_joints(description: Description) -> Iterator[Sign]:
             )
 
 
-def _is_suspicious(description: Description, free: list[Joint], weak: list[Joint]) -> bool:
+def _is_suspicious(description: Description, weak: list[Joint]) -> bool:
     """Check whether joints without effort are passive joints, rather than joints without stated limits.
 
-    They are if each of several joints states effort 0, or if the tree branches: a loop that was cut open
-    leaves two chains.
+    They are if each of several joints states effort 0, or if chains of joints branch: a loop that was cut
+    open leaves two chains. Bodies that float are no chains.
     """
     movable = [joint for joint in description.joints if joint.kind != "fixed"]
     bodies = Bodies(description)
-    ends = {joint.child for joint in movable} - {bodies.of[joint.parent] for joint in movable}
-    return len(weak) == len(free) > 1 or len(ends) > 1
+    tips = {joint.child for joint in movable if joint.kind != "floating"}
+    ends = tips - {bodies.of[joint.parent] for joint in movable}
+    return len(weak) == len(description.motors) > 1 or len(ends) > 1
 
 
 def _files_beside(description: Description) -> Iterator[Sign]:

@@ -53,8 +53,10 @@ def find_module(robot: HybridRobot, wanted: int | str | None) -> int:
         wanted: Number or name; None selects the only module with closures.
 
     Raises:
-        TrajectoryError: There is no such module, or None is ambiguous.
+        TrajectoryError: There is no such module, or none at all, or None is ambiguous.
     """
+    if not robot.modules:
+        raise TrajectoryError(f"no joint of '{robot.name}' moves, so there is no workspace")
     looped = [k for k, module in enumerate(robot.modules) if module.closures]
     if wanted is None:
         if len(looped) != 1:
