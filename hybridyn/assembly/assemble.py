@@ -23,7 +23,7 @@ from ..structure.robot import HybridRobot, joint_position
 from ..threads import one_thread
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies, units_of_pose
-from .requests import Requests, first_guess, gather_requests
+from .requests import Requests, first_guess, gather_requests, home_requests
 from .task import Task, check_agreement, check_bounded, module_task
 
 #: Closures with a larger relative residual are closed once more, with all freedoms free.
@@ -82,6 +82,19 @@ def assemble(
     requests = requests._replace(strict=guess is not None)
     q, v, a = assemble_requests(robot, requests, first_guess(robot, guess))
     return (q[0], v[0], a[0]) if requests.single else (q, v, a)
+
+
+@one_thread()
+def assemble_home(robot: HybridRobot) -> Array:
+    """Compute the posture, shape (nq,), that closes all loops with the motors at home.
+
+    Joints that neither the motors nor the closures determine stay at home.
+
+    Raises:
+        AssemblyError: As in `assemble`.
+    """
+    out: Array = assemble_requests(robot, home_requests(robot), robot.home)[0][0]
+    return out
 
 
 def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> tuple[Array, Array, Array]:

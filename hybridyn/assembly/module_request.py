@@ -34,6 +34,7 @@ class ModuleRequest:
         angles: Given positions of continuous joints, including whole turns, shape (T,) each, [rad].
         strict: As in `Requests`.
         nearest: As in `Requests`.
+        stay: As in `Requests`.
     """
 
     mechanism: Mechanism
@@ -45,6 +46,7 @@ class ModuleRequest:
     angles: dict[int, Array] = field(default_factory=dict)
     strict: bool = False
     nearest: tuple[str, ...] = ()
+    stay: bool = False
 
     def give_joint(self, joint: int, wanted: Array, name: str, *, endless: bool) -> None:
         """Set a joint's position, rate and acceleration, shape (3, T).
@@ -172,7 +174,9 @@ def module_request(
     base_body = robot.bodies.place[module.base][0]
     known = np.tile(m.home, (requests.samples, 1))
     still = np.zeros((2, requests.samples, m.tree.nv))
-    request = ModuleRequest(m, known, still[0], still[1], strict=requests.strict, nearest=requests.nearest)
+    request = ModuleRequest(
+        m, known, still[0], still[1], strict=requests.strict, nearest=requests.nearest, stay=requests.stay
+    )
     tree_joint = {source: i for i, source in enumerate(m.spec.tree_joint) if source is not None}
     for i, joint in enumerate(module.joints):
         if joint in requests.joints:

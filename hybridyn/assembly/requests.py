@@ -14,7 +14,7 @@ from ..linkage.targets import COORDINATES
 from ..linkage.tree import Motion
 from ..spatial import LARGEST, Array, rotation_from_quaternion
 from ..structure.given import by_name, motors_by_name, pose_numbers, triple
-from ..structure.robot import HybridRobot
+from ..structure.robot import HybridRobot, joint_position
 from ..structure.samples import UNIT, as_numbers
 
 #: Motions that may contradict one another, see `Requests.nearest`: measured ones, or those judged elsewhere.
@@ -55,6 +55,7 @@ class Requests(NamedTuple):
             loops.
         nearest: Which of "rates" and "accelerations" may contradict one another: they become those of the
             nearest motion. Others are an error then.
+        stay: Whether joints that nothing determines stay at home; else they are an error.
     """
 
     samples: int
@@ -65,6 +66,7 @@ class Requests(NamedTuple):
     base_quaternion: Array | None
     strict: bool = False
     nearest: tuple[str, ...] = ()
+    stay: bool = False
 
     def part(self, start: int, stop: int) -> Requests:
         """Return the requests for some consecutive samples."""
@@ -77,6 +79,7 @@ class Requests(NamedTuple):
             None if self.base_quaternion is None else self.base_quaternion[start:stop],
             self.strict,
             self.nearest,
+            self.stay,
         )
 
 
@@ -124,6 +127,26 @@ def gather_requests(
     accelerations += [one[2] for one in given.values() if isinstance(one, list)]
     unchecked = MOTIONS if nearest else () if any(map(np.any, accelerations)) else MOTIONS[1:]  # none given
     return Requests(T, not sizes, _for_all(joints, T), tuple(poses), base, quaternion, nearest=unchecked)
+
+
+def home_requests(robot: HybridRobot, joints: Mapping[str, float] | None = None) -> Requests:
+    """Build the requests for a closed posture at home: motors are at home, and what nothing determines stays.
+
+    Args:
+        joints: Positions of joints that are elsewhere [m or rad]. In a module of which one has no motor, a
+            motor that is not named stays at home only if the others leave it free.
+
+    Raises:
+        TrajectoryError: A name is unknown, or a joint has no single position.
+    """
+    named, moved = dict(joints or {}), set[str]()
+    for module in robot.modules:
+        if set(module.joints) & {*named} - {*robot.motors}:
+            moved |= {*module.motors}
+    motors = {
+        name: float(joint_position(robot, robot.home, name)) for name in robot.motors if name not in moved
+    }
+    return gather_requests(robot, motors | named, None)._replace(stay=True)
 
 
 def _known(name: str, known: Collection[str], what: str) -> None:

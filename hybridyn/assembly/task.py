@@ -25,6 +25,9 @@ from .module_request import ModuleRequest
 
 #: Rows over the free freedoms are singular if their reciprocal condition number is below this.
 SINGULAR_ROWS = 1e-10
+#: A joint can stay in place of a motion that moves it by more than this part of the motion's size: far above
+#: rounding, and such that the motion it leaves is not nearly the same.
+MOVED = 1e-3
 #: Ratio of computed to prescribed rates above which a singularity is suspected.
 BOUNDED = 1e6
 #: Given rates and accelerations may differ from the nearest ones that keep the loops closed by this part of
@@ -99,6 +102,10 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> T
         [target for _, target in request.targets], rank_tolerance=m.rank_tolerance,
     )  # fmt: skip
     generic = problem.matrix(m.tree.sweep(m.postures))
+    if request.stay:
+        for joint in undetermined(module, problem, generic):
+            request.given.append(joint)
+            free[m.tree.v_slices[joint]] = False
     rank = check_determined(module, problem, generic)
     blocks = full_rank_blocks(generic, free, m.rank_tolerance)
     problem = replace(problem, rank=rank, blocks=blocks)
@@ -117,29 +124,74 @@ def check_determined(module: Module, problem: LoopProblem, generic: Array) -> in
     Raises:
         AssemblyError: A motion that is not idle remains free; the message names what it moves.
     """
-    free = problem.free
-    report = decide_rank(generic[:, :, free], problem.rank_tolerance)
-    left = int(free.sum()) - report.rank
-    if left:
-        K = generic[0][:, free]
-        null = np.linalg.svd(K, full_matrices=True)[2][report.rank :].T
-        motion = np.zeros((problem.tree.nv, left))
-        motion[free] = null
+    motion = _open_motions(problem, generic)
+    if motion.shape[1]:
         _check_idle(module, problem, motion)
-    return report.rank
+    return int(problem.free.sum()) - int(motion.shape[1])
 
 
-def _check_idle(module: Module, problem: LoopProblem, motion: Array) -> None:
-    """Check that free motions, shape (nv, count), move no motor, no output, and no leg's centre of mass."""
+def _open_motions(problem: LoopProblem, generic: Array) -> Array:
+    """Compute the motions that rows leave free at the first posture, orthonormal, shape (nv, count)."""
+    free = problem.free
+    rank = decide_rank(generic[:, :, free], problem.rank_tolerance).rank
+    motion = np.zeros((problem.tree.nv, int(free.sum()) - rank))
+    if motion.shape[1]:
+        motion[free] = np.linalg.svd(generic[0][:, free], full_matrices=True)[2][rank:].T
+    return motion
+
+
+def undetermined(module: Module, problem: LoopProblem, generic: Array) -> list[int]:
+    """Choose joints that, once they are given, leave a module no motions but idle ones.
+
+    Motors come first, then joints from the base outwards. A joint that idle motions move is none of them.
+
+    Args:
+        generic: As in `check_determined`.
+
+    Returns:
+        Indices of the joints; none if nothing is open.
+    """
+    motion = _open_motions(problem, generic)
+    if not motion.shape[1]:
+        return []
+    moved = _moved(module, problem, motion)[0]
+    s, Vt = np.linalg.svd(moved, full_matrices=True)[1:]
+    rank = int(np.sum(s > IDLE))
+    idle, motion, out = motion @ Vt[rank:].T, motion @ Vt[:rank].T, list[int]()
+    slices, driven = problem.tree.v_slices, {*module.motor_columns}
+    for joint in sorted(range(len(slices)), key=lambda joint: slices[joint].start not in driven):
+        own = motion[slices[joint]]
+        if len(own) > own.shape[1] or np.abs(idle[slices[joint]]).max(initial=0.0) > IDLE:
+            continue
+        s, Vt = np.linalg.svd(own, full_matrices=True)[1:]
+        if s[-1] > MOVED:
+            out.append(joint)
+            motion = motion @ Vt[len(own) :].T
+    return out
+
+
+def _moved(module: Module, problem: LoopProblem, motion: Array) -> tuple[Array, list[str]]:
+    """Compute how free motions, shape (nv, count), move motors, outputs, else legs' centres of mass.
+
+    Returns:
+        Scaled rates, shape (rows, count), and the name of what each row belongs to.
+    """
     m = module.mechanism
     legs = [i for i, link in enumerate(m.spec.leg_bodies) if link is not None and link.mass]
     links = [f"link '{name}'" for name in module.outputs for _ in range(6)]  # outputs come first
     links = links or [f"joint '{module.joints[m.spec.tree_joint[i] or 0]}'" for i in legs for _ in range(3)]
-    moved = effects(m, m.tree.sweep(m.postures[:1]))[0, : len(links)] @ (motion * problem.col_scale[:, None])
-    sizes = np.abs(np.concatenate([motion[module.motor_columns], moved])).max(axis=1)
+    rates = effects(m, m.tree.sweep(m.postures[:1]))[0, : len(links)] @ (motion * problem.col_scale[:, None])
+    names = [*(f"motor '{name}'" for name in module.motors), *links]
+    return np.concatenate([motion[module.motor_columns], rates]), names
+
+
+def _check_idle(module: Module, problem: LoopProblem, motion: Array) -> None:
+    """Check that free motions, shape (nv, count), move no motor, no output, and no leg's centre of mass."""
+    moved, names = _moved(module, problem, motion)
+    sizes = np.abs(moved).max(axis=1)
     if sizes.max(initial=0.0) <= IDLE:
         return
-    worst = [*(f"motor '{name}'" for name in module.motors), *links][int(np.argmax(sizes))]
+    worst = names[int(np.argmax(sizes))]
     raise AssemblyError(
         f"module '{module.name}': what is given leaves {motion.shape[1]} of its {module.mobility} freedoms "
         f"open; {worst} could still move. Give {module.mobility} positions of its motors or coordinates of "

@@ -424,7 +424,8 @@ home = RobotCommand(
     params=[
         option(
             "--at", metavar="NAME=NUMBER", multiple=True, callback=numbers_by_name,
-            help="Position of a motor [m or rad]; the others stay at home. May be repeated.",
+            help="Position of a motor, or of another joint in place of one [m or rad]; other motors stay at "
+            "home, and so does what neither they nor the loops determine. May be repeated.",
         ),
         option("--all", "everything", is_flag=True, help="List all postures that are found."),
         option(

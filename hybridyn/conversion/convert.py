@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly.assemble import assemble
+from ..assembly.assemble import assemble_home
 from ..description.closure_forms import words_of_rows
 from ..description.names import did_you_mean
 from ..description.placement import poses_at
@@ -263,12 +263,11 @@ def closed_at_home(d: Description, robot: HybridRobot | None) -> tuple[Descripti
     opening = f"'{name}' is open at home by {open_by:.2g} (radians, or of the robot's size)"
     try:
         robot = robot or build_robot(d)
-        home = positions(robot, robot.home)
-        q, _, _ = assemble(robot, motors={motor: home[motor][0] for motor in robot.motors})
+        q = assemble_home(robot)
     except HybridynError as error:
         raise ModelError(
             f"{opening}, and no posture near home closes it with the motors where they are ({error}); "
-            "state a closed home posture: [home] in model.toml, which 'hybridyn home --at MOTOR=NUMBER "
+            "state a closed home posture: [home] in model.toml, which 'hybridyn home --at JOINT=NUMBER "
             "--write' finds",
             file=d.source,
             element=name,

@@ -96,6 +96,12 @@ def assemblies(
     requests = gather_requests(robot, motors, platforms)
     if not requests.single:
         raise TrajectoryError("assemblies takes one sample: numbers, and poses of shape (7,)")
+    return search(robot, requests, starts, seed)
+
+
+@one_thread()
+def search(robot: HybridRobot, requests: Requests, starts: int, seed: int) -> Assemblies:
+    """Find the postures of checked requests for one sample; errors are those of `assemblies`."""
     if starts < 1:
         raise TrajectoryError(f"starts must be at least 1, not {starts}")
     q, counts, unseen = _search(robot, requests, starts, seed)

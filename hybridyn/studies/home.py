@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..description.names import did_you_mean
+from ..assembly.requests import home_requests
 from ..description.records import ZERO
-from ..errors import ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot, positions
 from ..tables.signals import unit_of
@@ -59,23 +58,23 @@ def homes(
 ) -> Homes:
     """Find the closed postures of a robot with its motors at given positions.
 
+    Joints that neither the motors nor the closures determine stay at home.
+
     Args:
-        motors: Positions of motors [m or rad]; motors left out stay at home.
+        motors: Positions of motors, or of other joints with one freedom [m or rad]; motors left out stay at
+            home. In a module of which a joint without a motor is named, only motors stay that the named
+            joints leave free.
         starts: Number of random starts per module with loops.
         seed: Seed of the starts.
 
     Raises:
-        ModelError: A name is no motor.
-        AssemblyError: No posture closes the loops, or the motors do not determine it.
+        TrajectoryError: A name is no joint, or one without a single position.
+        AssemblyError: No posture closes the loops.
     """
-    given = dict(motors or {})
-    for name in given:
-        if name not in robot.motors:
-            raise ModelError(f"no such motor '{name}'{did_you_mean(name, robot.motors)}", element=name)
-    home = {name: values[0] for name, values in positions(robot, robot.home).items() if name in robot.motors}
-    from .assemblies import assemblies  # not needed to name the branch, as most commands do
+    requests = home_requests(robot, motors)
+    from .assemblies import search  # not needed to name the branch, as most commands do
 
-    found = assemblies(robot, motors={**home, **given}, starts=starts, seed=seed)
+    found = search(robot, requests, starts, seed)
     out = []
     for q, count, residual, within in zip(
         found.q, found.counts, found.residual, found.within_limits, strict=True

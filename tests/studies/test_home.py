@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.assembly.assemble import assemble_home
 from hybridyn.cli.home import _name
 from hybridyn.structure.robot import positions
 from hybridyn.studies.home import HomePosture, homes
@@ -58,9 +59,67 @@ def test_both_triangles_are_found(file: Path) -> None:
     assert abs(abs(positions(robot, first.q)["a"][0]) - np.arccos((9 + 16 - 16) / 24)) < EXACT
     refused(
         lambda: homes(robot, {"driwe": 0.1}),
-        hybridyn.ModelError,
-        r"no such motor 'driwe' \(did you mean 'drive'\?\)",
+        hybridyn.TrajectoryError,
+        r"unknown joint 'driwe' \(did you mean 'drive'\?\)",
     )
+
+
+def free(kind: str, parent: str, child: str, axis: str = "0 0 1") -> str:
+    """Return a joint without a motor."""
+    return (
+        f'<joint name="{parent}_{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<axis xyz="{axis}"/><limit lower="-9" upper="9" effort="0" velocity="1"/></joint>'
+    )
+
+
+BALL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+#: What stands below the triangle or on it, and moves freely: motions that no closure needs.
+LOOSE = {
+    "rails of a hopper": '<link name="earth"/><link name="rail_x"/>'
+    + free("prismatic", "earth", "rail_x", "1 0 0")
+    + free("prismatic", "rail_x", "ground", "0 1 0"),
+    **{
+        f"a {kind} base": free(kind, "earth", "ground") + '<link name="earth"/>'
+        for kind in ("revolute", "continuous", "planar", "floating")
+    },
+    **{
+        f"a {kind} load": free(kind, "left", "ball") + f'<link name="ball">{BALL}</link>'
+        for kind in ("prismatic", "continuous", "planar", "floating")
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", LOOSE)
+def test_what_no_closure_needs_stays_at_home(case: str, tmp_path: Path) -> None:
+    file = save(tmp_path, TRIANGLE.replace("</robot>", LOOSE[case] + "</robot>"), "triangle.urdf")
+    robot = hybridyn.load(file)
+    home = positions(robot, robot.home)
+    found = homes(robot, starts=20)
+    assert len(found.postures) == 2
+    for q in [one.q for one in found.postures] + [assemble_home(robot)]:
+        at = positions(robot, q)
+        assert {name for name, x in at.items() if x != home[name]} <= {"a", "b"}
+        assert abs(abs(at["a"][0]) - np.arccos((9 + 25 - 16) / 30)) < EXACT
+    hybridyn.convert(file, tmp_path / "closed.sdf")
+
+
+def test_without_motors_a_joint_near_the_base_stays(file: Path) -> None:
+    robot = hybridyn.load(file, motors=[])
+    for q in [one.q for one in homes(robot).postures] + [assemble_home(robot)]:
+        at = {name: x[0] for name, x in positions(robot, q).items()}
+        assert at["b"] == 0.0
+        assert abs(np.sin(at["a"])) < EXACT
+        assert abs(at["drive"] + 0.3 * np.cos(at["a"]) - 0.9) < EXACT
+
+
+def test_a_joint_without_a_motor_takes_the_place_of_a_motor(file: Path) -> None:
+    robot = hybridyn.load(file)
+    found = homes(robot, {"a": 0.5}).postures
+    b = np.arcsin(0.3 * np.sin(0.5) / 0.4)
+    drives = sorted(positions(robot, one.q)["drive"][0] for one in found)
+    reach = 0.5 - 0.3 * np.cos(0.5)
+    assert np.abs(drives - (reach + 0.4 * np.cos(b) * np.array([-1, 1]))).max() < EXACT
+    assert {positions(robot, one.q)["a"] for one in found} == {(0.5,)}
 
 
 def test_postures_are_named_by_the_farthest_joints() -> None:

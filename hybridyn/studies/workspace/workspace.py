@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ...assembly.assemble import assemble, settled, spanning_positions
+from ...assembly.assemble import assemble_home, settled, spanning_positions
 from ...assembly.follow import SAME_BRANCH, SMALL_STEP
 from ...assembly.module_request import module_request
 from ...assembly.requests import gather_requests
@@ -27,7 +27,7 @@ from ...linkage.newton import close
 from ...linkage.targets import COORDINATES
 from ...spatial import Array, Index, Mask
 from ...streams.departures import position_limits
-from ...structure.robot import HybridRobot, joint_position
+from ...structure.robot import HybridRobot
 from ...threads import one_thread
 from .measures import Measures
 from .sweep import Sweep, find_sweep, pose_of, values_at
@@ -377,8 +377,7 @@ def _closed_home(robot: HybridRobot) -> Array:
     """Return the home posture; if its loops are open, assemble it at the home positions of the motors."""
     if not robot.description.closures or closure_residual(robot, robot.home) <= robot.closure_tolerance:
         return robot.home
-    motors = {name: float(joint_position(robot, robot.home, name)) for name in robot.motors}
-    return assemble(robot, motors=motors)[0]
+    return assemble_home(robot)
 
 
 def _at_start(close: Closing, start: Array, home: Array) -> Array:
