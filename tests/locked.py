@@ -14,14 +14,20 @@ Z = np.array([0.0, 0.0, 1.0])
 PLACES = ("on", "below", "beside", "alone")
 
 
-def hinged_five_bar(motors: Sequence[str] = ("ja", "jc")) -> HybridRobot:
+def hinged_five_bar(motors: Sequence[str] = ("ja", "jc"), *, both: bool = False) -> HybridRobot:
     """Return a five-bar of the arms ja-jb and jc-jd, whose second arm has one more hinge, jx, in its elbow.
 
     The axis of jx lies in no plane of the bars, so that the loop locks it. `named` gives the joints' names.
+
+    Args:
+        motors: Ends of the names of the joints with motors.
+        both: Whether the first arm has such a hinge, too, jy.
     """
     s = Sketch(np.random.default_rng(0))
     s.fixed_links = 0.0
     near = s.joint("revolute", "base", np.array([0.0, 0.0, 0.0]), Z, stem="ja")
+    if both:
+        near = s.joint("revolute", near, np.array([-0.1, 0.2, 0.0]), np.array([1.0, 0.4, 0.0]), stem="jy")
     near = s.joint("revolute", near, np.array([-0.2, 0.4, 0.0]), Z, stem="jb")
     far = s.joint("revolute", "base", np.array([0.5, 0.0, 0.0]), Z, stem="jc")
     far = s.joint("revolute", far, np.array([0.6, 0.2, 0.0]), np.array([0.0, 1.0, 0.3]), stem="jx")

@@ -73,7 +73,7 @@ def motor_efforts(robot: HybridRobot, module: Module, need: Need, sharing: Shari
     if len(moving) > module.driven:
         share = load_share(robot, module, sharing.weights) * unit
     elif len(moving) == N:
-        _, tau, pivot = null_basis(B, -need.Q, N)
+        _, tau, pivot = null_basis(B, -need.Q, N, motion_size(module, need.Psi))
         hard = np.flatnonzero(pivot < SINGULAR_MOTOR_MAP * N)
     if len(moving) and len(hard):
         tau[hard] = least_norm(module, B, need, share, sharing, hard)
@@ -83,10 +83,20 @@ def motor_efforts(robot: HybridRobot, module: Module, need: Need, sharing: Shari
     return out
 
 
+def motion_size(module: Module, Psi: Array) -> Array:
+    """Return the size with which the motors' share in a module's motions is compared, shape (T,).
+
+    It is the largest scaled rate of any joint: where motors lose all motions, their own largest is rounding.
+    """
+    out: Array = np.abs(Psi / module.mechanism.reduction.col_scale[:, None]).max(axis=(1, 2), initial=0.0)
+    return out
+
+
 def least_norm(module: Module, B: Array, need: Need, share: Array, sharing: Sharing, at: Index) -> Array:
     """Solve B tau = Q, at some samples, for the tau with the least norm of tau / share, by an SVD.
 
-    Motions are made orthonormal first, so that the residual does not depend on the coordinates u.
+    Motions are made orthonormal first, so that the residual does not depend on the coordinates u, and that
+    singular values compare with the largest share: those of motors that lose all motions are all rounding.
     """
     R = np.linalg.qr(need.Psi[at] / module.mechanism.reduction.col_scale[:, None], mode="r")
     right = np.concatenate([B[at], need.Q[at, :, None]], axis=-1)
@@ -103,8 +113,8 @@ def least_norm(module: Module, B: Array, need: Need, share: Array, sharing: Shar
             }  # fmt: skip
 
         least = s[:, max(module.driven, 1) - 1]
-        check(LOST_MOTORS, module, np.where(s[:, 0] > 0, s[:, 0], 1.0), least, words, at)
-    keep = s > SINGULAR_MOTOR_MAP * s[:, :1]
+        check(LOST_MOTORS, module, np.full(len(s), share.max()), least, words, at)
+    keep = s > SINGULAR_MOTOR_MAP * share.max()
     y = np.where(keep, np.einsum("tji,tj->ti", U, along[..., -1]) / np.where(keep, s, 1.0), 0.0)
     out: Array = np.einsum("tji,tj->ti", Vt, y) * share
     return out

@@ -21,7 +21,8 @@ NOISE = 8 * EPS
 LOST_PIVOT = 1e-13
 #: Below this pivot ratio, the correct digits of the efforts are checked.
 NEAR_LOST_PIVOT = 1e-6
-#: A motor map with a reciprocal condition number below this is at a parallel (type 2) singularity.
+#: Motors whose least share in a motion is below this are at a parallel (type 2) singularity: the least
+#: singular value of S_a Psi in scaled coordinates, Psi orthonormal, so that the largest possible one is 1.
 SINGULAR_MOTOR_MAP = 1e-10
 #: Smallest squared pivot ratio of the motors' map if only the accelerations of motors are given. The errors
 #: of the motion grow with the condition number of this map, and the errors of the efforts with its square.

@@ -15,6 +15,7 @@ from ..linkage.tree import Motion
 from ..manifold.branch import along_branch
 from ..spatial import Array
 from ..structure.module import Module, ModuleState
+from .actuation import motion_size
 from .guards import LOST_PIVOT, MOTOR_ACCELERATIONS, check
 from .inertia_solve import InertiaFactor
 
@@ -43,7 +44,8 @@ def motions_of(state: ModuleState, prescribed: Array | None, passing: bool) -> t
     unit = m.reduction.col_scale[motors]
     S_Psi = basis.Psi[:, motors] / unit[:, None]
     miss = (basis.drift[:, motors] - wanted[:, motors]) / unit
-    Z, u_dot, pivot = null_basis(S_Psi, miss, min(S_Psi.shape[1:]))
+    size = motion_size(state.module, basis.Psi)
+    Z, u_dot, pivot = null_basis(S_Psi, miss, min(S_Psi.shape[1:]), size)
     check(MOTOR_ACCELERATIONS, state.module, np.ones(len(pivot)), pivot**2, lambda t: {"what": "motors"})
     Psi = np.matmul(basis.Psi, Z)
     drift = basis.drift + np.einsum("tij,tj->ti", basis.Psi, u_dot)

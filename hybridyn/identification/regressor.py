@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from ..dynamics.actuation import Need, Sharing, least_norm, load_share
+from ..dynamics.actuation import Need, Sharing, least_norm, load_share, motion_size
 from ..dynamics.backward import module_motions
 from ..dynamics.forward import forward
 from ..dynamics.guards import SINGULAR_MOTOR_MAP
@@ -200,7 +200,7 @@ def motions_of_motors(robot: HybridRobot, s: ModuleState) -> Array:
     if len(columns) == N:
         R, order = pivoted_qr(np.concatenate([B, Psi_t], axis=2), N, N)
         np.put_along_axis(solved, order[..., None], back_substitute(R[..., :N], R[..., N:]), axis=1)
-        hard = np.flatnonzero(pivot_ratio(R, N) < SINGULAR_MOTOR_MAP * N)
+        hard = np.flatnonzero(pivot_ratio(R, N, motion_size(module, basis.Psi)) < SINGULAR_MOTOR_MAP * N)
     if len(hard):
         share = (
             load_share(robot, module, None) * unit if len(columns) > module.driven else np.ones(len(columns))

@@ -11,6 +11,9 @@ import numpy as np
 
 from ..spatial import Array, Index
 
+#: Pivots of scaled rows below this are rounding.
+NO_PIVOT = 1e-13
+
 
 def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
     """Reduce the first `columns` columns by `rank` Householder steps with column pivoting.
@@ -50,13 +53,20 @@ def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
     return A, order
 
 
-def pivot_ratio(R: Array, rank: int) -> Array:
-    """Compute the smallest over the largest pivot of each reduced matrix, shape (B,); 1 if rank is 0."""
+def pivot_ratio(R: Array, rank: int, size: Array | None = None) -> Array:
+    """Compute the smallest pivot of each reduced matrix over a reference size, shape (B,); 1 if rank is 0.
+
+    Args:
+        size: The reference size, shape (B,), where it is known; else the largest pivot, or 1, the size of
+            scaled rows, if the largest is rounding, too. A single pivot is always the largest.
+    """
     if rank == 0:
         return np.ones(len(R))
     pivots = np.abs(np.diagonal(R[:, :rank, :rank], axis1=1, axis2=2))
-    largest = pivots.max(axis=1)
-    out: Array = pivots.min(axis=1) / np.where(largest > 0, largest, 1.0)
+    if size is None:
+        largest = pivots.max(axis=1)
+        size = np.where(largest > NO_PIVOT, largest, 1.0)
+    out: Array = pivots.min(axis=1) / size
     return out
 
 
@@ -72,7 +82,7 @@ def back_substitute(R: Array, rhs: Array) -> Array:
     return x
 
 
-def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
+def null_basis(K: Array, gamma: Array, rank: int, size: Array | None = None) -> tuple[Array, Array, Array]:
     """Compute every solution x = Psi u + x0 of K x = -gamma, for K of the given rank.
 
     The free coordinates u are the non-pivot columns. Psi therefore contains an identity and stays bounded
@@ -82,9 +92,10 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
         K: Matrices, shape (B, m, n).
         gamma: Right-hand sides, shape (B, m).
         rank: Number of pivots.
+        size: Reference size of the pivots, as in `pivot_ratio`.
 
     Returns:
-        Psi, shape (B, n, n - rank), x0, shape (B, n), and the smallest over the largest pivot, shape (B,).
+        Psi, shape (B, n, n - rank), x0, shape (B, n), and the ratio of the pivots, shape (B,).
     """
     B, _, n = K.shape
     R, order = pivoted_qr(np.concatenate([K, gamma[..., None]], axis=-1), n, rank)
@@ -94,7 +105,7 @@ def null_basis(K: Array, gamma: Array, rank: int) -> tuple[Array, Array, Array]:
     Z[:, rank:, :-1] = np.eye(n - rank)
     out = np.empty_like(Z)
     np.put_along_axis(out, order[:, :, None], Z, axis=1)
-    return out[:, :, :-1], out[:, :, -1], pivot_ratio(R, rank)
+    return out[:, :, :-1], out[:, :, -1], pivot_ratio(R, rank, size)
 
 
 def size_of_rows(s: Array, tolerance: float) -> Array:

@@ -43,7 +43,7 @@ class ModuleChart:
             return derivative(lambda s: rows.at(rows.moved(q, s * direction))[1])
 
         self.U, self.V, self.Z, _ = branch_of(K, r, rates, along, module.name, parts)
-        self.pivot = float(s[r - 1] / s[0]) if r and s[0] > 0 else 1.0
+        self.pivot = float(s[r - 1] / max(s[0], 1.0)) if r else 1.0  # 1: the size of scaled rows
         self.w = np.zeros(r)
         self.G = self.V.T @ self.V
         self.K = K

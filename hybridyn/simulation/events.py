@@ -17,7 +17,7 @@ import numpy as np
 from ..manifold.manifold import Manifold
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import one_of
+from ..structure.samples import as_number, one_of
 from .system import State, System
 
 #: Bisections of one step: its length over 2^52 is rounding.
@@ -215,11 +215,18 @@ def near_singularity(
 
     Args:
         robot: The robot.
-        threshold: Least singular value, relative to the largest, at which the event occurs.
+        threshold: Least singular value at which the event occurs: of the closure rows, relative to the
+            largest (at least 1, the size of scaled rows), or of the motors' shares in the motions, of which
+            the largest possible is 1.
         what: "closures": the closures are about to lose rank. "motors": the motors are about to lose a motion
             (parallel singularities), or the motions a motor.
         terminal: Whether the event ends the run.
+
+    Raises:
+        TrajectoryError: The threshold is no number from 0 to 1.
     """
+    advice = "; a posture is given to the event: near_singularity(robot).function(t, q, v)"
+    threshold = as_number(threshold, "threshold", 0.0, 1.0, advice)
     manifold = Manifold(robot)
 
     def closures(t: float, q: Array, v: Array) -> float:
@@ -231,7 +238,7 @@ def near_singularity(
         chart = manifold.chart(q)
         rows = (chart.at_origin(np.eye(chart.size)) / manifold.unit[:, None])[robot.motor_v]
         s = np.linalg.svd(rows, compute_uv=False)
-        return float(s[-1] / s[0]) - threshold if len(s) and s[0] > 0 else 1.0
+        return float(s[-1]) - threshold if len(s) else 1.0
 
     one_of("what", what, "closures", "motors")
     return Event(f"singularity of the {what}", closures if what == "closures" else motors, -1, terminal)

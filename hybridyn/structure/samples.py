@@ -30,6 +30,22 @@ def as_numbers(given: object, name: str) -> Array:
         raise TrajectoryError(f"{name} is not an array of numbers: {error}") from None
 
 
+def as_number(given: object, name: str, least: float, most: float = LARGEST, advice: str = "") -> float:
+    """Return an argument that is one number between two others.
+
+    Args:
+        advice: What to do where it is none, for the message.
+
+    Raises:
+        TrajectoryError: It is not.
+    """
+    out = as_numbers(given, name)
+    if out.ndim or not least <= out <= most:
+        what = f"{float(out):g}" if not out.ndim else f"an array of shape {out.shape}"
+        raise TrajectoryError(f"{name} must be one number from {least:g} to {most:g}, not {what}{advice}")
+    return float(out)
+
+
 def as_batch(array: ArrayLike, width: int, name: str, advice: str = "") -> tuple[Array, bool]:
     """Return samples as an array of shape (T, width), and whether the input was a single sample.
 

@@ -25,7 +25,7 @@ TRACK = "#e9ecef"
 def closeness(robot: HybridRobot, q: Array) -> dict[str, float]:
     """Compute the distances of a posture, shape (nq,), from singularities of "closures" and "motors".
 
-    They are the smallest over the largest singular value, 0 where rank is lost, and 1 if there are none.
+    They are the values of `near_singularity`: 0 where rank or a motion is lost, and 1 if there are none.
     """
     still = np.zeros(robot.nv)
     events = {what: near_singularity(robot, 0.0, what=what) for what in ("closures", "motors")}

@@ -184,9 +184,10 @@ def test_nothing_over_nothing_is_not_trusted() -> None:
     B = np.array([[a, 2 * a]], dtype=object)
     terms = (ca.SX(1.0), np.ones(1), Limits(1.0, 1e-11))
     guard = ca.Function(
-        "guard", [column], [motor_efforts(B, one[0], terms, np.ones(2), Pivots((), (), ()))[1]]
+        "guard", [column], [motor_efforts(B, one[0], terms, np.ones(2), Pivots((), (), (1.0, 2.0)))[1]]
     )
     assert float(guard(0.0)) > TRUSTED
+    assert float(guard(1e-13)) > TRUSTED, "of one motion, the smallest pivot is the largest"
     assert float(guard(1.0)) <= TRUSTED
 
 

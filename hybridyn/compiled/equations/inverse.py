@@ -238,10 +238,10 @@ def motor_pivots(plan: Plan, module: Module, motors: tuple[int, ...]) -> Pivots 
         motors: Freedoms of the tree after the cuts that are driven and can move.
 
     Returns:
-        The pivots; none if there are more motors than motions; None if the map is singular at most of the
-        positions, and so everywhere.
+        The pivots; if there are more motors than motions, none, but the usual size of each motor's largest
+        entry; None if the map is singular at most of the positions, and so everywhere.
     """
-    if not motors or len(motors) > plan.mechanism.mobility - len(plan.parts.idle):
+    if not motors:
         return Pivots((), (), ())
     m, parts, loose = plan.mechanism, plan.parts, Scale(plan.scale.length, 1.0)
     column, q = symbols("q", m.spanning.nq)
@@ -268,6 +268,9 @@ def motor_pivots(plan: Plan, module: Module, motors: tuple[int, ...]) -> Pivots 
     )  # B is no better than what it comes from
     samples = np.array([np.array(entries).reshape(B.shape) for entries, _ in maps])
     samples = samples[good if good.any() else np.isfinite(samples).all(axis=(1, 2))]
+    if len(motors) > len(Psi[0]):
+        usual = np.median(np.abs(samples).max(axis=1), axis=0) if len(samples) else np.zeros(len(motors))
+        return Pivots((), (), tuple(usual.tolist()))
     size = np.abs(samples).max(axis=(0, 2))
     size = np.where(
         size > SINGULAR_MOTOR_MAP * size.max(), size, size.max()
@@ -293,13 +296,13 @@ def motor_efforts(
         terms: The size of the terms of Q as work per scaled coordinate [N m], the unit of each motion,
             shape (N,), and the scales of closure residuals.
         share: Each motor's share of the load if there are more motors than motions, shape (motors,).
-        pivots: Pivots of B (`motor_pivots`); not read if there are more motors than motions.
+        pivots: Pivots of B, or the usual size of its entries (`motor_pivots`).
     """
     N, motors = B.shape
     if not motors:
         return zeros(0), _undriven(Q, *terms)
-    if motors > N and len(share):
-        return _least_norm(B, Q, share)
+    if motors > N and len(share) and pivots is not None:
+        return _least_norm(B, Q, share, float(max(share * pivots.sizes)))
     if motors > N or pivots is None:  # no share, or singular at every posture: the general path raises
         return zeros(motors), ca.SX(np.inf)
     X, doubts = solve(B, Q[:, None], pivots)
@@ -317,8 +320,13 @@ def _undriven(left: Expression, size: Any, units: Array, scale: Scale) -> Any:
     return weighed([(left * units, 1.0)], limits.weight(size))
 
 
-def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression, Any]:
-    """Compute tau of least |tau / share| with B tau = Q by a Householder LQ factorisation of B share."""
+def _least_norm(B: Expression, Q: Expression, share: Array, usual: float) -> tuple[Expression, Any]:
+    """Compute tau of least |tau / share| with B tau = Q by a Householder LQ factorisation of B share.
+
+    Args:
+        usual: Usual size of the largest entry of B share: where all motors lose all motions, the largest
+            pivot is rounding, too.
+    """
     N, motors = B.shape
     A = np.array([[times(B[i, j], float(share[j])) for i in range(N)] for j in range(motors)], dtype=object)
     reflections: list[tuple[Expression, Any]] = []
@@ -343,7 +351,7 @@ def _least_norm(B: Expression, Q: Expression, share: Array) -> tuple[Expression,
         factor = times(scale, along(h, y[k:]))
         y[k:] = y[k:] - [times(factor, x) for x in h]
     small = reduce(ca.fmin, map(ca.fabs, R.diagonal()), ca.SX(np.inf))
-    big = reduce(ca.fmax, map(ca.fabs, R.diagonal()), ca.SX(0.0))
+    big = reduce(ca.fmax, map(ca.fabs, R.diagonal()), ca.SX(usual))
     tau = np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object)
     ratio = ca.if_else(big > 0, small / big, 0.0)  # fmax would ignore the NaN of 0 / 0
     return tau, 2.0 - ratio / TRUSTED_PIVOT

@@ -221,6 +221,9 @@ def _spanning_rates(s: ModuleState, X: Array) -> Array:
 def _right_inverse(s: ModuleState, Q: Array, freedoms: Index, u: Coordinates) -> tuple[Array, Array]:
     """Compute P with S Q P = 1 of least norm, and the motions that S does not see, by an SVD of S Q.
 
+    S is scaled and Q orthonormal, so singular values are compared with 1: where the closures lock all
+    chosen freedoms, the largest is rounding, too.
+
     Args:
         s: State of the module.
         Q: Its motions, orthonormal in scaled coordinates, shape (T, n, N).
@@ -250,7 +253,7 @@ def _right_inverse(s: ModuleState, Q: Array, freedoms: Index, u: Coordinates) ->
         }
 
     if count:
-        check(LOST_MOTORS, module, np.where(size[:, 0] > 0, size[:, 0], 1.0), size[:, -1], lost)
+        check(LOST_MOTORS, module, np.ones(len(size)), size[:, -1], lost)
     idle = np.matmul(Q, np.swapaxes(Vt[:, count:], 1, 2))
 
     def left_open(t: int) -> dict[str, Any]:
