@@ -17,6 +17,7 @@ import numpy as np
 from ..errors import ModelError
 from .reading import open_robot
 from .records import Array
+from .urdf.packages import package_folders
 from .urdf.xacro import share_dirs
 from .urdf.xml_node import Node, origin_of
 
@@ -127,7 +128,7 @@ class MeshFiles:
         self, folder: Path, package_dirs: Sequence[str | os.PathLike[str]], *, named: bool = False
     ) -> None:
         """Find the folders; with `named`, a package's own folder has its name."""
-        self.folder, self.named = folder, named
+        self.folder, self.named, self._known = folder, named, dict[str, list[str]]()
         ros = filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep))
         shares = [Path(place) for place in (*ros, *share_dirs())]
         examples = [place / "example-robot-data" / "robots" for place in shares]
@@ -148,11 +149,17 @@ class MeshFiles:
         if scheme in ("package", "model"):
             inside = inside.lstrip("/")  # Gepetto writes package:///NAME
             package, _, rest = inside.partition("/")
-            places = [root / inside for root in self.roots]
-            # The root may be the package's own folder, or hold its files without the package's name.
-            places += [root / rest for root in self.roots if not self.named or root.name == package]
+            places = [Path(folder) / rest for folder in self._packages(package)]
+            if not self.named:  # a root may hold its files without the package's name
+                places += [root / rest for root in self.roots]
         else:
             places = [self.folder / name.removeprefix("file://")]
         if found := next((place for place in places if place.is_file()), None):
             return found
         raise MissingMeshError(f"no file '{name}'")
+
+    def _packages(self, package: str) -> list[str]:
+        """Return the folders that may be a package, the likeliest first; each is searched for once."""
+        if package not in self._known:
+            self._known[package] = [*package_folders(package, [os.path.abspath(root) for root in self.roots])]
+        return self._known[package]

@@ -21,6 +21,7 @@ from typing import Any
 
 from ...errors import ModelError, install_advice
 from ..shipped import shown
+from .packages import STATEMENT, package_folders
 from .xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
 
 #: Digest of each file that was read, by its path, while they are recorded.
@@ -69,7 +70,7 @@ def content_of(path: str, largest: int) -> bytes:
 
 
 #: Entries that mark the folder of a package: its package file, a folder of robot files, `model.config`.
-MARKS = ("package.xml", "urdf", "xacro", "robots", "meshes", "model.config")
+MARKS = (STATEMENT, "urdf", "xacro", "robots", "meshes", "model.config")
 
 #: Most files and packages that one expansion may ask for; robots include a few dozen files.
 MOST_ASKED = 10_000
@@ -154,7 +155,7 @@ class RobotFolders:
         """Return the folder of a package.
 
         It is searched in the folders that the user names, above and beside the file, and among the installed
-        packages. The file may then read the folder.
+        packages, by the name in its package.xml, else by that of the folder. The file may then read it.
 
         Raises:
             ModelError: There is no such package.
@@ -162,15 +163,14 @@ class RobotFolders:
         if not _PACKAGE.fullmatch(package):
             raise ModelError(f"'{package}' is not a valid package name")
         around = [str(folder) for folder in Path(self.file).parents]
-        for place in (*self.package_dirs, *around, *self.share_dirs):
-            inside = os.path.join(place, package)
-            for folder in (place, inside):
-                if os.path.basename(folder) == package and os.path.isdir(folder):
-                    real = os.path.realpath(folder)
-                    marked = any(os.path.exists(os.path.join(folder, mark)) for mark in MARKS)
-                    if place not in around or self._rests(real) or marked:
-                        self._granted.append(real)
-                        return os.path.abspath(folder)
+        elsewhere = [*self.package_dirs, *self.share_dirs]
+        for folder in package_folders(package, [*self.package_dirs, *around, *self.share_dirs]):
+            real = os.path.realpath(folder)
+            marked = any(os.path.exists(os.path.join(folder, mark)) for mark in MARKS)
+            named = folder in elsewhere or os.path.dirname(folder) in elsewhere
+            if named or self._rests(real) or marked:
+                self._granted.append(real)
+                return os.path.abspath(folder)
         extra = f", or {install_advice('robots')}" if package == "example-robot-data" else ""
         raise ModelError(
             f"package '{package}' is not found; name the folder that holds it with package_dirs{extra}"
@@ -255,6 +255,6 @@ def _own_folder(file: str) -> str:
         if folder == folder.parent or home.is_relative_to(folder):
             break
         below = place.relative_to(folder).parts
-        if (folder / MARKS[0]).is_file() or (below and below[0] in MARKS):
+        if (folder / STATEMENT).is_file() or (below and below[0] in MARKS):
             return str(folder)
     return str(place)
