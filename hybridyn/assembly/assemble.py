@@ -178,7 +178,8 @@ def _assemble_modules(
     q_index, v_index = (np.array([getattr(part, at) for part, _ in parts]) for at in ("q_index", "v_index"))
     task = module_task(robot, module, request)
     guess = q[0, q_index]
-    x = settled(m, follow(task, m.cut.positions(guess), strict=request.strict))
+    x, task = follow(task, m.cut.positions(guess), strict=request.strict)
+    x = settled(m, x)
     placed = m.tree.sweep(x)
     x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x, placed)
     target = m.tree.sweep(x, x_dot, x_ddot, placed)
@@ -221,7 +222,7 @@ def spanning_positions(
         at = m.wrists.positions(number)
         task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6)
         if trajectories or guess.ndim == 1:
-            q[:, at] = follow(task, guess[..., at], keep_branch=False)
+            q[:, at] = follow(task, guess[..., at], keep_branch=False)[0]
         else:
             q[:, at] = task.solve(guess[:, at], np.arange(len(x))).q
     return q
@@ -243,7 +244,7 @@ def _rates_and_accelerations(
 ) -> tuple[Array, Array]:
     """Solve the same rows for rates and accelerations of the tree after the cuts, `placed` at positions x."""
     m, samples = module.mechanism, np.arange(len(x))
-    K = problem.matrix(placed)
+    K = problem.matrix(placed, samples)
     wanted = [np.zeros((len(x), m.closures.rows))]
     wanted += [t.rates(placed, samples)[0] / t.units for t in problem.targets]
     given = request.known_v, request.known_a

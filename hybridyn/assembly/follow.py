@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.newton import SETTLED, STALLED, Closed, close
-from ..linkage.targets import pairwise
+from ..linkage.targets import CoordinateTarget, pairwise
 from ..spatial import Array, Index, Mask
 from .shortfall import shortfall
 from .task import Task
@@ -38,7 +38,7 @@ FINEST = 4096
 COARSEST = 16
 
 
-def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool = False) -> Array:
+def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool = False) -> tuple[Array, Task]:
     """Compute a posture for every sample, on the branch of the previous one; the first on that of the guess.
 
     Args:
@@ -50,7 +50,7 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool =
             is a posture (`NEARLY_CLOSED`).
 
     Returns:
-        Positions, shape (T, nq).
+        Positions, shape (T, nq), and the task with the headings of its angles at every sample.
 
     Raises:
         AssemblyError: There is no first posture, a sample is unreachable, or a step leaves the branch. With
@@ -60,13 +60,17 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool =
     T = len(task.known) // len(guess)
     q = np.empty((len(task.known), task.problem.tree.nq))
     starts = T * np.arange(len(guess))
+    task = task.headed(guess[:1], starts[:1])
     q[starts] = _first_postures(task, guess, starts, strict)
     last, chunk = 0, T
+    task = task.headed(q[:1], starts[:1])
     while last < T - 1:
         stop = min(T, last + 1 + chunk)
         samples = starts[:, None] + np.arange(last, stop)
         q[samples], good = _coarse_to_fine(task, q[starts + last], samples)
+        task = task.headed(q[last:stop], samples[0])
         pairs, steady = samples[:, :-1].ravel(), good[:, 1:].ravel()
+        steady &= ~_mirrored(task, q, pairs + 1)
         if keep_branch:
             steady &= _steps_as_predicted(task, q, pairs)
         bad = pairs[~steady]
@@ -79,10 +83,22 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool =
             q[pair + 1], before = walked, np.abs(off).max(initial=0.0)
             if before > SMALL_STEP:
                 last, chunk = int(pair) + 1, 64
+                task = task.headed(q[pair : pair + 2], np.array([pair, pair + 1]))
                 break
         else:
             last, chunk = stop - 1, 4 * chunk
-    return q
+    return q, task
+
+
+def _mirrored(task: Task, q: Array, samples: Index) -> Mask:
+    """Check which samples take an angle in the other of its triples: there it is not the prescribed one."""
+    out = np.zeros(len(samples), dtype=bool)
+    targets = [t for t in task.problem.targets if isinstance(t, CoordinateTarget) and t.turns]
+    if targets:
+        motion = task.problem.tree.sweep(q[samples])
+        off = [np.abs(t.residual(motion, samples) / t.units).max(axis=1) for t in targets]
+        out = np.max(off, axis=0) > task.tolerance
+    return out
 
 
 def _first_postures(task: Task, guess: Array, starts: Index, strict: bool) -> Array:
@@ -260,7 +276,8 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     problem, tree = task.problem, task.problem.tree
     start = task.with_known(q[samples], samples + 1)
     motion = tree.sweep(start)
-    dx = problem.solve(problem.matrix(motion, every=False), -problem.residual(start, samples + 1, motion))
+    K = problem.matrix(motion, samples + 1, every=False)
+    dx = problem.solve(K, -problem.residual(start, samples + 1, motion))
     predicted = tree.integrate(start, dx * problem.col_scale)
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
@@ -270,7 +287,8 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
         out &= np.abs(given).max(axis=1, initial=0.0) <= FARTHEST
     rest = np.flatnonzero(out & (size > SMALL_STEP))
     if len(rest):
-        here, there = (problem.matrix(tree.sweep(q[samples[rest] + i]), every=False) for i in (0, 1))
+        near = samples[rest]
+        here, there = (problem.matrix(tree.sweep(q[near + i]), near + i, every=False) for i in (0, 1))
         out[rest] = problem.turned(here, there) <= MOST_TURNING
     return out
 
@@ -319,6 +337,7 @@ def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> tuple[Arra
         result = way.solve(q[None], np.array([1]))
         if way.closed(result)[0] and _steps_as_predicted(way, np.stack([q, *result.q]), np.zeros(1, int))[0]:
             q, done, step, longer = result.q[0], done + step, longer * step, 2
+            task = task.headed(q[None], np.array([sample]), on=False)
             continue
         if step <= 1 / COARSEST and not finest:
             finest = bool(task.closed(task.solve(start[None], np.array([sample + 1])))[0])

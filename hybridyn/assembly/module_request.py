@@ -1,12 +1,12 @@
 """The request for one module: given joints of its tree after the cuts, and targets for its bodies."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
-from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target
+from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target, TurnTarget
 from ..linkage.tree import Motion
 from ..spatial import Array, quaternion_from_rotation
 from ..structure.mechanism import Mechanism
@@ -195,8 +195,9 @@ def module_request(
             continue
         place = (m.cut.tree_body(local), R, p)
         if pose.motion is None:
-            target = _coordinate_target(robot, module, base_body, pose, place)
-            request.targets.append((pose.link, target))
+            request.targets += [
+                (pose.link, t) for t in _partial_targets(robot, module, base_body, pose, place)
+            ]
         else:
             motion = _in_base(robot, module, base_body, bodies, pose, pose.motion)
             request.give_pose(pose.link, place, motion)
@@ -210,10 +211,10 @@ def units_of_pose(m: Mechanism) -> Array:
     return np.array([m.length] * 3 + [1.0] * 3)
 
 
-def _coordinate_target(
+def _partial_targets(
     robot: HybridRobot, module: Module, base_body: int, pose: PoseRequest, place: tuple[int, Array, Array]
-) -> CoordinateTarget:
-    """Build the target of a partial pose; `place` is the link's body and its placement in the body."""
+) -> Iterator[Target]:
+    """Yield the targets of a partial pose; `place` is the link's body and its placement in the body."""
     other_body, other_R, other_p = robot.bodies.place[pose.other]
     if other_body != base_body:
         raise AssemblyError(
@@ -222,11 +223,13 @@ def _coordinate_target(
             module=module.name,
         )
     body, R, p = place
-    names = tuple(pose.coordinates)
-    value, rate, acceleration = (np.stack([pose.coordinates[n][i] for n in names], 1) for i in range(3))
-    units = units_of_pose(module.mechanism)[[COORDINATES.index(n) for n in names]]
-    links = pose.link, pose.other
-    return CoordinateTarget(body, links, names, other_R, other_p, (R, p), value, rate, acceleration, units)
+    links, units = (pose.link, pose.other), units_of_pose(module.mechanism)
+    if pose.turn is not None:
+        yield TurnTarget(body, links, other_R, (R, p), pose.turn, units[3:])
+    if names := tuple(pose.coordinates):
+        value, rate, acceleration = (np.stack([pose.coordinates[n][i] for n in names], 1) for i in range(3))
+        own = units[[COORDINATES.index(name) for name in names]]
+        yield CoordinateTarget(body, links, names, other_R, other_p, (R, p), value, rate, acceleration, own)
 
 
 def _in_base(

@@ -12,34 +12,37 @@ from ..description.names import did_you_mean
 from ..errors import AssemblyError, TrajectoryError
 from ..linkage.targets import COORDINATES
 from ..linkage.tree import Motion
-from ..spatial import LARGEST, Array, rotation_from_quaternion
+from ..spatial import LARGEST, Array, quaternion_from_rotation, rotation_from_quaternion
 from ..structure.given import by_name, motors_by_name, pose_numbers, triple
 from ..structure.robot import HybridRobot, joint_position
-from ..structure.samples import UNIT, as_numbers
+from ..structure.samples import as_numbers
+from .orientation import LENGTHS, PLACES, check_unit, rate_names, turn_of
 
 #: Motions that may contradict one another, see `Requests.nearest`: measured ones, or those judged elsewhere.
 MOTIONS = ("rates", "accelerations")
 
 
 class PoseRequest(NamedTuple):
-    """A pose of a link relative to another: complete (`motion`) or partial (`coordinates`).
+    """A pose of a link relative to another: complete (`motion`), or some of its coordinates.
 
     Attributes:
         other: The reference link.
         motion: The complete pose with rates and accelerations, in the reference link, or None.
         coordinates: Coordinate name to its value, rate and acceleration, shape (3, T).
+        turn: The complete orientation without the position, as a motion in the reference link, or None.
     """
 
     link: str
     other: str
     motion: Motion | None
     coordinates: dict[str, Array]
+    turn: Motion | None = None
 
     def part(self, start: int, stop: int) -> PoseRequest:
         """Return the pose at some consecutive samples."""
         coordinates = {name: x[:, start:stop] for name, x in self.coordinates.items()}
-        motion = self.motion and self.motion.take(np.arange(start, stop))
-        return PoseRequest(self.link, self.other, motion, coordinates)
+        motion, turn = (x and x.take(np.arange(start, stop)) for x in (self.motion, self.turn))
+        return PoseRequest(self.link, self.other, motion, coordinates, turn)
 
 
 class Requests(NamedTuple):
@@ -112,17 +115,19 @@ def gather_requests(
     if len(sizes) > 1:
         raise TrajectoryError(f"motors and platforms have different numbers of samples: {sorted(sizes)}")
     (T,) = sizes or {1}
-    base, quaternion, poses, root = None, None, [], robot.description.root
+    base, quaternion, poses = None, None, []
     for key, one in given.items():
         link, other = places[key]
-        if isinstance(one, dict):
-            if link == root:
-                raise TrajectoryError("the base needs its whole pose: x, y, z, qx, qy, qz, qw", column=key)
-            poses.append(PoseRequest(link, other, None, _for_all(one, T)))
-        elif link == other:
-            base, quaternion = _motion(key, one, T), np.broadcast_to(one[0][..., 3:], (T, 4))
+        pose = _pose_request(link, other, one, T)
+        if link != other:
+            poses.append(pose)
+        elif pose.motion is None:
+            raise TrajectoryError("the base needs its whole pose: x, y, z, qx, qy, qz, qw", column=key)
         else:
-            poses.append(PoseRequest(link, other, _motion(key, one, T), {}))
+            base = pose.motion
+            quaternion = quaternion_from_rotation(base.R)
+            if isinstance(one, list):
+                quaternion = np.broadcast_to(one[0][..., 3:], (T, 4))  # with the sign that it has
     accelerations = [levels[2] for one in triples for levels in one.values()]
     accelerations += [one[2] for one in given.values() if isinstance(one, list)]
     unchecked = MOTIONS if nearest else () if any(map(np.any, accelerations)) else MOTIONS[1:]  # none given
@@ -193,14 +198,31 @@ def _pose(key: str, value: object) -> list[Array] | dict[str, list[Array]]:
         return [_array(key, part, width) for part, width in zip(parts, (7, 6, 6), strict=True)]
     out = {}
     for name in parts[0]:
-        _known(name, COORDINATES, "coordinate")
-        levels = tuple(part.get(name) if isinstance(part, Mapping) else None for part in parts)
-        if any(part is not None and x is None for part, x in zip(parts, levels, strict=True)):
+        _known(name, PLACES, "coordinate")
+    names = rate_names(parts[0], key)
+    wanted = (set(parts[0]), set(names), set(names))
+    for part, own in zip(parts, wanted, strict=True):
+        if part is not None and not (isinstance(part, Mapping) and set(part) == own):
             raise TrajectoryError(
-                f"the rates of '{key}' must name the same coordinates as its pose", column=key
+                f"the rates of '{key}' must name the coordinates of its pose ({', '.join(names)})", column=key
             )
+    for name in dict.fromkeys((*parts[0], *names)):
+        levels = tuple(part.get(name) if isinstance(part, Mapping) else None for part in parts)
         out[name] = _three(levels, f"coordinate '{name}' of '{key}'", key)
     return out
+
+
+def _pose_request(link: str, other: str, one: list[Array] | dict[str, list[Array]], T: int) -> PoseRequest:
+    """Build the request of a pose at T samples: whole, or some coordinates and a complete orientation."""
+    key = link if link == other else f"{link}@{other}"
+    if isinstance(one, list):
+        return PoseRequest(link, other, _motion(key, one, T), {})
+    coordinates = _for_all(one, T)
+    turn = turn_of(coordinates, key)
+    if turn is not None and set(LENGTHS) <= set(coordinates):
+        return PoseRequest(link, other, turn, {})
+    names = LENGTHS if turn is not None else COORDINATES
+    return PoseRequest(link, other, None, {n: x for n, x in coordinates.items() if n in names}, turn)
 
 
 def _array(key: str, value: object, width: int) -> Array:
@@ -219,14 +241,7 @@ def _array(key: str, value: object, width: int) -> Array:
 def _motion(key: str, parts: list[Array], T: int) -> Motion:
     """Return the motion of a complete pose at all samples."""
     pose, twist, acceleration = (np.broadcast_to(x, (T, x.shape[-1])) for x in parts)
-    norm = np.linalg.norm(pose[:, 3:], axis=1)
-    bad = np.flatnonzero(np.abs(norm - 1) > UNIT)
-    if len(bad):
-        raise TrajectoryError(
-            f"quaternion of length {norm[bad[0]]:.9g} (must be 1 to {UNIT:g})",
-            row=int(bad[0]) + 1,
-            column=key,
-        )
+    check_unit(pose[:, 3:], key)
     return Motion(
         rotation_from_quaternion(pose[:, 3:]),
         pose[:, :3],

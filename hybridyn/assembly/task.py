@@ -16,6 +16,7 @@ from ..description.groups import Groups
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from ..linkage.reduction import Block, decide_rank
+from ..linkage.targets import CoordinateTarget
 from ..spatial import Array, Index, Mask, indices
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
@@ -79,6 +80,20 @@ class Task(NamedTuple):
             s = np.linalg.svd(K, compute_uv=False)
             out[doubtful] = s[:, self.problem.rank - 1] > CONTRADICTING_RANK * s[:, 0]
         return out
+
+    def headed(self, q: Array, samples: Index, *, on: bool = True) -> Task:
+        """Return the task whose angles are told apart by postures, see `CoordinateTarget.headed`.
+
+        Args:
+            q: Postures at consecutive samples, shape (n, nq).
+            samples: Their indices, shape (n,).
+            on: Whether the last posture counts for all later samples.
+        """
+        if not any(isinstance(target, CoordinateTarget) and target.turns for target in self.problem.targets):
+            return self
+        motion = self.problem.tree.sweep(q)
+        targets = [target.headed(motion, samples, on=on) for target in self.problem.targets]
+        return self._replace(problem=replace(self.problem, targets=targets))
 
     def between(self, sample: int, fractions: Array) -> Task:
         """Interpolate the task from a sample to the next, one new sample per fraction, shape (n,)."""

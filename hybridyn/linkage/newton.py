@@ -98,13 +98,21 @@ class LoopProblem:
         """The closures restricted to the free freedoms."""
         return self.closures.moved_by(self.free)
 
-    def matrix(self, motion: Motion, *, every: bool = True) -> Array:
-        """Compute the scaled rows, shape (T, rows, nv), over all freedoms, or at least the free ones."""
+    def matrix(self, motion: Motion, samples: Index | None = None, *, every: bool = True) -> Array:
+        """Compute the scaled rows, shape (T, rows, nv), over all freedoms, or at least the free ones.
+
+        Args:
+            motion: Motion of the tree.
+            samples: Index of each of its samples into the targets'; None at postures of no sample.
+            every: Whether over all freedoms.
+        """
         closures = self.closures if every else self.moving
         K = closures.matrix(motion, (self.row_scale, self.col_scale))
         if not self.targets:
             return K
-        rows = [t.matrix(self.tree, motion) / t.units[:, None] * self.col_scale for t in self.targets]
+        rows = [
+            t.matrix(self.tree, motion, samples) / t.units[:, None] * self.col_scale for t in self.targets
+        ]
         return np.concatenate([K, *rows], axis=1)
 
     def solve(self, K: Array, rhs: Array, damping: Array | None = None) -> Array:
@@ -204,7 +212,8 @@ def close(
     spent = 0
     course = [np.linalg.norm(residual, axis=1)]
     for spent in range(1, iterations + 1):  # noqa: B007 - the count is reported
-        dx = problem.solve(problem.matrix(motion, every=False), -residual[active], damping[active])
+        K = problem.matrix(motion, samples[active], every=False)
+        dx = problem.solve(K, -residual[active], damping[active])
         open_by = np.abs(residual[active]).max(axis=1, initial=0.0)
         final = least | (damping[active] == 0.0) | (open_by <= RESIDUAL_ROUNDING)
         length = np.abs(dx).max(axis=1, initial=0.0)

@@ -1,7 +1,7 @@
 """Prescribed poses of bodies of a tree, complete or partial, as rows of a Newton problem.
 
-The coordinates of a partial pose are x, y, z of the body's origin and roll, pitch, yaw (URDF's: R = Rz(yaw)
-Ry(pitch) Rx(roll)) in the base of the tree. Any N of them are the paper's v_r of a module with N freedoms.
+The coordinates of a partial pose are x, y, z of the body's origin and roll, pitch, yaw (`angles`) in the base
+of the tree. Any N of them are the paper's v_r of a module with N freedoms.
 """
 
 from __future__ import annotations
@@ -10,10 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..spatial import Array, Index, cross, hat, rotation_from_vector, rotation_vector
+from ..spatial import Array, Index, cross, hat, rotate, rotation_from_vector, rotation_vector
+from .angles import angles_of, angular_drift, angular_map, headings_along, plain_heading, rate_map, wrapped
 from .tree import Motion, Tree
 
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
+#: Angles [rad] that differ by less are one, when the triples of a rotation are told apart.
+SAME_ANGLE = 1e-6
 
 
 class PoseTarget(NamedTuple):
@@ -39,7 +42,7 @@ class PoseTarget(NamedTuple):
         """Return where the body is, shape (T, 3), and the axes, shape (3, 3), of these rows."""
         return motion.p[:, self.body], np.eye(3), [0, 1, 2]
 
-    def matrix(self, tree: Tree, motion: Motion) -> Array:
+    def matrix(self, tree: Tree, motion: Motion, samples: Index | None = None) -> Array:
         """Return the rows over the rates, shape (T, 6, nv)."""
         return tree.jacobian(motion, self.body)
 
@@ -62,9 +65,95 @@ class PoseTarget(NamedTuple):
         here, there = motion.of_body(self.body), self.goal.take(samples)
         return self._replace(goal=Motion(*map(pairwise, here.arrays, there.arrays)))
 
+    def headed(self, motion: Motion, samples: Index, *, on: bool = True) -> PoseTarget:
+        """Return the target itself: a complete rotation has no second triple of angles."""
+        return self
+
+    def headed_at(self, motion: Motion, values: Array) -> PoseTarget:
+        """Return the target itself, as `headed` does."""
+        return self
+
+
+class TurnTarget(NamedTuple):
+    """A body's complete orientation; its position is free.
+
+    Attributes:
+        body: Number of the body.
+        links: The link, and the link in which the orientation is measured.
+        R: Axes of the frame in which the orientation is measured, shape (3, 3), base of the tree.
+        shift: Placement of the link in its body, R (3, 3) and p (3,).
+        goal: The link's prescribed motion in that frame, T samples; its positions do not count.
+        units: Unit of each row, shape (3,): one radian.
+    """
+
+    body: int
+    links: tuple[str, str]
+    R: Array
+    shift: tuple[Array, Array]
+    goal: Motion
+    units: Array
+
+    @property
+    def _pose(self) -> PoseTarget:
+        """The target of a whole pose of the body, whose last three rows are these."""
+        frame, link = (Motion.at_rest(len(self.goal.p), R) for R in (self.R, self.shift[0].T))
+        return PoseTarget(self.body, frame.then(self.goal).then(link), np.ones(6))
+
+    def residual(self, motion: Motion, samples: Index) -> Array:
+        """Compute the rotation vector from the prescribed to the actual orientation, shape (T, 3)."""
+        return self._pose.residual(motion, samples)[:, 3:]
+
+    def point(self, motion: Motion) -> tuple[Array, Array, list[int]]:
+        """Return where the body is, shape (T, 3); no row is a length."""
+        return motion.p[:, self.body], np.zeros((0, 3)), []
+
+    def matrix(self, tree: Tree, motion: Motion, samples: Index | None = None) -> Array:
+        """Return the rows over the rates, shape (T, 3, nv)."""
+        return tree.jacobian(motion, self.body)[:, 3:]
+
+    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
+        """Compute prescribed velocities, and prescribed accelerations minus the drift, shapes (T, 3)."""
+        velocity, acceleration = self._pose.rates(motion, samples)
+        return velocity[:, 3:], acceleration[:, 3:]
+
+    def between(self, sample: int, fractions: Array) -> TurnTarget:
+        """Interpolate from a sample to the next: rotation about a fixed axis."""
+        return self._replace(
+            goal=PoseTarget(self.body, self.goal, np.ones(6)).between(sample, fractions).goal
+        )
+
+    def from_here(self, motion: Motion, samples: Index) -> TurnTarget:
+        """Return the way from where the body is now to the given samples."""
+        R = np.matmul(self.R.T, np.matmul(motion.R[:, self.body], self.shift[0]))
+        here, there = Motion.at_rest(len(R), R), self.goal.take(samples)
+        return self._replace(goal=Motion(*map(pairwise, here.arrays, there.arrays)))
+
+    def by_angles(self) -> CoordinateTarget:
+        """Return the same target by roll, pitch and yaw of the upright triples."""
+        angles = angles_of(self.goal.R)
+        to_rates = rate_map(angles)
+        rates = rotate(to_rates, self.goal.w)
+        E = angular_map(self.goal.R, angles)
+        accelerations = rotate(to_rates, self.goal.w_dot - angular_drift(E, rates))
+        levels = angles, rates, accelerations
+        names = COORDINATES[3:]
+        return CoordinateTarget(
+            self.body, self.links, names, self.R, np.zeros(3), self.shift, *levels, self.units
+        )
+
+    def headed(self, motion: Motion, samples: Index, *, on: bool = True) -> TurnTarget:
+        """Return the target itself: a complete rotation has no second triple of angles."""
+        return self
+
+    def headed_at(self, motion: Motion, values: Array) -> TurnTarget:
+        """Return the target itself, as `headed` does."""
+        return self
+
 
 class CoordinateTarget(NamedTuple):
-    """Some coordinates of a body's pose in the base of its tree.
+    """Some coordinates of a body's pose in the base of its tree, among them at most two angles.
+
+    A rotation has two triples of angles. At each sample, the triple near its heading is meant.
 
     Attributes:
         body: Number of the body.
@@ -77,6 +166,7 @@ class CoordinateTarget(NamedTuple):
         rate: Prescribed rates, shape (T, names).
         acceleration: Prescribed accelerations, shape (T, names).
         units: Unit of each row.
+        heading: A yaw near that of the triple that is meant, shape (T,), [rad]; None for the upright triple.
     """
 
     body: int
@@ -89,110 +179,133 @@ class CoordinateTarget(NamedTuple):
     rate: Array
     acceleration: Array
     units: Array
+    heading: Array | None = None
 
-    def _rows(self) -> list[int]:
-        """Return the indices of the coordinates in `COORDINATES`."""
-        return [COORDINATES.index(name) for name in self.names]
+    @property
+    def _rows(self) -> Index:
+        """The indices of the coordinates in `COORDINATES`."""
+        return np.array([COORDINATES.index(name) for name in self.names])
 
-    def _frame(self, motion: Motion) -> tuple[Array, Array, Array]:
-        """Compute the link's axes and origin in the reference, and its offset in the body, base axes."""
-        R = motion.R[:, self.body]
-        offset = np.matmul(R, self.shift[1])
-        p = motion.p[:, self.body] + offset
-        return np.matmul(self.R.T, np.matmul(R, self.shift[0])), (p - self.p) @ self.R, offset
+    @property
+    def turns(self) -> bool:
+        """Whether an angle is prescribed."""
+        return bool((self._rows >= 3).any())
+
+    def axes(self, motion: Motion) -> Array:
+        """Compute the link's axes in the frame in which coordinates are measured, shape (T, 3, 3)."""
+        out: Array = np.matmul(self.R.T, np.matmul(motion.R[:, self.body], self.shift[0]))
+        return out
+
+    def _offset(self, motion: Motion) -> Array:
+        """Compute the link's origin seen from the body's, shape (T, 3), [m], base axes."""
+        out: Array = np.matmul(motion.R[:, self.body], self.shift[1])
+        return out
+
+    def _angles(self, motion: Motion, samples: Index | None) -> Array:
+        """Compute roll, pitch and yaw of the triple that is meant, shape (T, 3), [rad]."""
+        heading = None if self.heading is None or samples is None else self.heading[samples]
+        return angles_of(self.axes(motion), heading)
+
+    def coordinates(self, motion: Motion, samples: Index) -> Array:
+        """Compute the actual coordinates, shape (T, rows), [m, rad]."""
+        out = (motion.p[:, self.body] + self._offset(motion) - self.p) @ self.R
+        if self.turns:
+            out = np.concatenate([out, self._angles(motion, samples)], axis=1)
+        coordinates: Array = out[:, self._rows]
+        return coordinates
 
     def residual(self, motion: Motion, samples: Index) -> Array:
         """Compute actual minus prescribed coordinates, shape (T, rows); angles wrapped to half a turn."""
-        R, p, _ = self._frame(motion)
-        rows = np.array(self._rows())
-        angle = rows >= 3
-        there = np.concatenate([p, roll_pitch_yaw(R)], axis=1) if angle.any() else p
-        out: Array = there[:, rows] - self.value[samples]
-        out[:, angle] -= 2 * np.pi * np.round(out[:, angle] / (2 * np.pi))
+        out: Array = self.coordinates(motion, samples) - self.value[samples]
+        angle = self._rows >= 3
+        out[:, angle] = wrapped(out[:, angle])
         return out
 
     def point(self, motion: Motion) -> tuple[Array, Array, list[int]]:
         """Return where the link is, shape (T, 3), and the axes, shape (k, 3), of the rows of lengths."""
-        offset = self._frame(motion)[2]
-        rows = [i for i, coordinate in enumerate(self._rows()) if coordinate < 3]
-        return motion.p[:, self.body] + offset, self.R.T[np.array(self._rows())[rows]], rows
+        rows = np.flatnonzero(self._rows < 3).tolist()
+        return motion.p[:, self.body] + self._offset(motion), self.R.T[self._rows[rows]], rows
 
-    def matrix(self, tree: Tree, motion: Motion) -> Array:
-        """Return the rows over the rates, shape (T, rows, nv)."""
-        R, _, offset = self._frame(motion)
+    def matrix(self, tree: Tree, motion: Motion, samples: Index | None = None) -> Array:
+        """Return the rows over the rates, shape (T, rows, nv), of the upright triple without `samples`."""
         J = tree.jacobian(motion, self.body)
-        out: Array = np.matmul(self.R.T, J[:, :3] - np.matmul(hat(offset), J[:, 3:]))
-        if max(self._rows()) >= 3:
-            turned = np.concatenate([out, np.matmul(self.R.T, J[:, 3:])], axis=1)
-            out = np.matmul(_coordinate_map(R), turned)
-        return out[:, self._rows()]
+        out: Array = np.matmul(self.R.T, J[:, :3] - np.matmul(hat(self._offset(motion)), J[:, 3:]))
+        if self.turns:
+            turning = np.matmul(rate_map(self._angles(motion, samples)), np.matmul(self.R.T, J[:, 3:]))
+            out = np.concatenate([out, turning], axis=1)
+        return out[:, self._rows]
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
         """Compute prescribed rates, and prescribed accelerations minus the drift, shapes (T, rows)."""
-        R, _, offset = self._frame(motion)
+        offset = self._offset(motion)
         w, w_dot = motion.w[:, self.body], motion.w_dot[:, self.body]
-        velocity = motion.p_dot[:, self.body] + cross(w, offset)
-        bias = motion.p_ddot[:, self.body] + cross(w_dot, offset) + cross(w, cross(w, offset))
-        twist = np.concatenate([velocity @ self.R, w @ self.R], axis=1)
-        accel = np.concatenate([bias @ self.R, w_dot @ self.R], axis=1)
-        caused = np.matmul(_coordinate_map(R), accel[..., None])[..., 0] + _coordinate_drift(R, twist)
-        return self.rate[samples], self.acceleration[samples] - caused[:, self._rows()]
+        caused = (motion.p_ddot[:, self.body] + cross(w_dot, offset) + cross(w, cross(w, offset))) @ self.R
+        if self.turns:
+            angles = self._angles(motion, samples)
+            E, to_rates = angular_map(self.axes(motion), angles), rate_map(angles)
+            own = w_dot @ self.R - angular_drift(E, rotate(to_rates, w @ self.R))
+            caused = np.concatenate([caused, rotate(to_rates, own)], axis=1)
+        return self.rate[samples], self.acceleration[samples] - caused[:, self._rows]
 
     def between(self, sample: int, fractions: Array) -> CoordinateTarget:
         """Interpolate the coordinates linearly from a sample to the next, angles by the shorter way."""
-        step = self.value[sample + 1] - self.value[sample]
-        angle = np.array(self._rows()) >= 3
-        step[angle] -= 2 * np.pi * np.round(step[angle] / (2 * np.pi))
-        return self._replace(value=self.value[sample] + fractions[:, None] * step)
+        step, angle = self.value[sample + 1] - self.value[sample], self._rows >= 3
+        step[angle] = wrapped(step[angle])
+        heading = None if self.heading is None else np.full(len(fractions), self.heading[sample])
+        return self._replace(value=self.value[sample] + fractions[:, None] * step, heading=heading)
 
     def from_here(self, motion: Motion, samples: Index) -> CoordinateTarget:
         """Return the way from where the body is now to the given samples."""
-        now = self.residual(motion, samples) + self.value[samples]
-        return self._replace(value=pairwise(now, self.value[samples]))
+        heading = None if self.heading is None else np.repeat(self.heading[samples], 2)
+        now = self.coordinates(motion, samples)
+        return self._replace(value=pairwise(now, self.value[samples]), heading=heading)
+
+    def headed(self, motion: Motion, samples: Index, *, on: bool = True) -> CoordinateTarget:
+        """Return the target with the headings of a motion, each near the one before.
+
+        Without any heading yet, the first is that of the plainer triple.
+
+        Args:
+            motion: Motion at consecutive samples.
+            samples: Their indices, shape (n,). The heading before them is that of the first.
+            on: Whether all later samples take the last heading.
+        """
+        if not self.turns:
+            return self
+        R = self.axes(motion)
+        if self.heading is None:
+            heading, before = np.zeros(len(self.value)), float(plain_heading(R[:1])[0])
+        else:
+            heading = self.heading.copy()
+            before = float(heading[samples[0]])
+        heading[samples] = headings_along(R, before)
+        if on:
+            heading[samples[-1] :] = heading[samples[-1]]
+        return self._replace(heading=heading)
+
+    def headed_at(self, motion: Motion, values: Array) -> CoordinateTarget:
+        """Return the target with the heading at each sample of the triple that has given coordinates.
+
+        Args:
+            motion: Motion at all samples.
+            values: Coordinates there, shape (T, rows), [m, rad]. Where both triples have them, at a pitch of
+                a quarter turn, the plainer one counts.
+        """
+        if not self.turns:
+            return self
+        plain = plain_heading(self.axes(motion))
+        every, angle = np.arange(len(plain)), self._rows >= 3
+        near, far = (
+            np.abs(wrapped(there.coordinates(motion, every) - values)[:, angle]).max(axis=1)
+            for there in (self._replace(heading=plain), self._replace(heading=plain + np.pi))
+        )
+        return self._replace(heading=np.where(near <= far + SAME_ANGLE, plain, plain + np.pi))
 
 
 #: Rows that prescribe the motion of one body.
-Target = PoseTarget | CoordinateTarget
+Target = PoseTarget | TurnTarget | CoordinateTarget
 
 
 def pairwise(here: Array, there: Array) -> Array:
     """Return the rows of two arrays, shape (n, ...), in turn, shape (2 n, ...)."""
     return np.stack([here, there], axis=1).reshape(-1, *here.shape[1:])
-
-
-def roll_pitch_yaw(R: Array) -> Array:
-    """Compute roll, pitch and yaw of rotations (..., 3, 3), in URDF's convention."""
-    pitch = np.arctan2(-R[..., 2, 0], np.hypot(R[..., 0, 0], R[..., 1, 0]))
-    roll, yaw = np.arctan2(R[..., 2, 1], R[..., 2, 2]), np.arctan2(R[..., 1, 0], R[..., 0, 0])
-    return np.stack([roll, pitch, yaw], -1)
-
-
-def _euler_map(R: Array) -> Array:
-    """Compute the map from rates of roll, pitch, yaw to angular velocity, shape (T, 3, 3).
-
-    Its columns are the axes of the three turns: of the body, of the line of nodes, and of the reference.
-    """
-    yaw = roll_pitch_yaw(R)[:, 2]
-    E = np.zeros_like(R)
-    E[:, :, 0], E[:, 2, 2] = R[:, :, 0], 1.0
-    E[:, 0, 1], E[:, 1, 1] = -np.sin(yaw), np.cos(yaw)
-    return E
-
-
-def _coordinate_map(R: Array) -> Array:
-    """Compute the map from velocity and angular velocity to rates of the coordinates, shape (T, 6, 6)."""
-    out = np.zeros((len(R), 6, 6))
-    out[:, :3, :3] = np.eye(3)
-    out[:, 3:, 3:] = np.linalg.pinv(_euler_map(R))
-    return out
-
-
-def _coordinate_drift(R: Array, twist: Array) -> Array:
-    """Compute the coordinates' accelerations at zero acceleration of the body, shape (T, 6)."""
-    E = _euler_map(R)
-    E_inv = np.linalg.pinv(E)
-    rates = np.matmul(E_inv, twist[:, 3:, None])[..., 0]
-    roll, pitch, yaw = (E[:, :, i] * rates[:, i, None] for i in range(3))
-    # The line of nodes turns with yaw, the body's axis with pitch, too.
-    drift = -np.matmul(E_inv, (cross(yaw, roll + pitch) + cross(pitch, roll))[..., None])[..., 0]
-    return np.concatenate([np.zeros_like(drift), drift], axis=1)

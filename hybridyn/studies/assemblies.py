@@ -169,7 +169,8 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
         AssemblyError: There is none.
     """
     m, rng = module.mechanism, np.random.default_rng(seed)
-    reached = [follow(task, m.home)]
+    nearest, task = follow(task, m.home)
+    reached = [nearest]
     if m.closures.rows:
         spread = np.where(np.abs(m.tree.S_linear).max(axis=1, initial=0.0) > 0, m.length, np.pi)
         for first in range(0, starts, STARTS_AT_ONCE):
@@ -196,7 +197,7 @@ def _reached(task: Task, q: Array) -> Array:
         motion = problem.tree.sweep(q[active])
         residual = problem.residual(q[active], np.zeros(len(active), dtype=int), motion)
         there[active] = np.abs(residual).max(axis=1, initial=0.0) < CONVERGED
-        K = problem.matrix(motion, every=False)[:, :, problem.free]
+        K = problem.matrix(motion, np.zeros(len(active), dtype=int), every=False)[:, :, problem.free]
         square = K @ K.transpose(0, 2, 1)
         size = np.trace(square, axis1=1, axis2=2)[:, None, None]
         square += (REGULARISATION * size + np.finfo(float).tiny) * np.eye(square.shape[1])
@@ -236,7 +237,7 @@ def marks_of(module: Module, x: Array) -> Array:
 def unchanged_by_idle_motions(task: Task, module: Module, x: Array) -> Mask:
     """Determine the marks that no idle motion changes, shape (marks,), from a few postures (T, nq)."""
     problem = task.problem
-    K = problem.matrix(problem.tree.sweep(x))[:, :, problem.free]
+    K = problem.matrix(problem.tree.sweep(x), np.zeros(len(x), dtype=int))[:, :, problem.free]
     here = marks_of(module, x)
     still = np.ones(here.shape[1], dtype=bool)
     for idle in np.moveaxis(np.linalg.svd(K)[2][:, problem.rank or 0 :], 1, 0):

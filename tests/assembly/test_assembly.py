@@ -565,7 +565,7 @@ BAD: dict[str, tuple[dict, dict, str]] = {
     "array": (np.zeros(3), {}, r"motors has shape \(3,\); wanted \(2,\) or \(T, 2\), as robot.motors"),
     "coordinate": ({}, {"left_rod": {"X": 0.0}}, "unknown coordinate 'X'"),
     "self": ({}, {"left_rod@left_rod": np.array([0, 0, 0, 0, 0, 0, 1.0])}, "are one rigid body"),
-    "rates": ({}, {"left_rod": ({"x": 0.0}, {"y": 0.0})}, "must name the same coordinates"),
+    "rates": ({}, {"left_rod": ({"x": 0.0}, {"y": 0.0})}, "must name the coordinates"),
 }  # fmt: skip
 
 

@@ -159,7 +159,7 @@ def followed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many rows are followed together, call by call."""
     counts, follow = [], assemble.follow
 
-    def counted(task: Task, guess: Array, **how: bool) -> Array:
+    def counted(task: Task, guess: Array, **how: bool) -> tuple[Array, Task]:
         if how.get("keep_branch", True):  # wrists keep none
             counts.append(len(guess))
         return follow(task, guess, **how)

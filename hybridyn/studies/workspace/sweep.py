@@ -146,7 +146,8 @@ def _at_home(robot: HybridRobot, number: int, link: str, q: Array) -> tuple[Arra
     Psi = m.basis(m.closures.matrix(motion)).Psi[0]
     orthonormal = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0] * m.reduction.col_scale[:, None]
     J = target.matrix(m.tree, motion)[0] @ orthonormal / target.units[:, None]
-    return J, target.residual(motion, np.zeros(1, dtype=int))[0]
+    first = np.zeros(1, dtype=int)
+    return J, target.headed(motion, first).coordinates(motion, first)[0]
 
 
 def _independent(J: Array, first: tuple[str, ...]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -88,25 +88,28 @@ class Closing:
             left = np.flatnonzero(alive)
             if not len(left):
                 break
-            way = before[left] + i / parts * (after - before)[left]
-            out[left], alive[left] = self._once(way, out[left])
+            here, way = (before[left] + k / parts * (after - before)[left] for k in (i - 1, i))
+            out[left], alive[left] = self._once(here, way, out[left])
         state = np.full(len(q), OUT_OF_REACH)
         state[alive] = self.outside(out[alive])
         return out, state
 
-    def _once(self, values: Array, q: Array) -> tuple[Array, Mask]:
-        """Close the loops at coordinates near postures; return postures, and where they are on the branch."""
+    def _once(self, here: Array, values: Array, q: Array) -> tuple[Array, Mask]:
+        """Close the loops at coordinates near those `here`; return postures, and which are on the branch."""
         robot, module = self.robot, self.robot.modules[self.sweep.module]
         m = module.mechanism
         requests = gather_requests(robot, {}, {self.sweep.key: pose_of(self.sweep, values)})
         request = module_request(requests, robot, self.sweep.module, {})
+        start, samples = m.cut.positions(q), np.arange(len(q))
         task = module_task(robot, module, request)
-        start = m.cut.positions(q)
-        samples = np.arange(len(q))
+        before = m.tree.sweep(start)
+        targets = [target.headed_at(before, here) for target in task.problem.targets]
+        task = task._replace(problem=replace(task.problem, targets=targets))
         known = task.with_known(start, samples)
         motion = m.tree.sweep(known)
         problem = task.problem
-        dx = problem.solve(problem.matrix(motion, every=False), -problem.residual(known, samples, motion))
+        K = problem.matrix(motion, samples, every=False)
+        dx = problem.solve(K, -problem.residual(known, samples, motion))
         predicted = m.tree.integrate(known, dx * problem.col_scale)
         result = close(problem, known, samples, iterations=MOST_NEWTON_STEPS)
         off = np.abs(m.tree.difference(predicted, result.q) / problem.col_scale).max(axis=1, initial=0.0)

@@ -15,9 +15,10 @@ from ....assembly.follow import MOST_TURNING
 from ....assembly.module_request import ModuleRequest, module_request, on_own_bases
 from ....assembly.requests import PoseRequest, Requests, gather_requests
 from ....assembly.task import module_task
+from ....linkage.angles import angles_of, plain_heading
 from ....linkage.newton import LoopProblem
 from ....linkage.reduction import Block
-from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget
+from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, TurnTarget
 from ....linkage.tree import Motion, Tree
 from ....spatial import Array, Index, cross, quaternion_from_rotation
 from ....structure.module import Module
@@ -54,13 +55,20 @@ class Coordinates:
     def of(cls, target: CoordinateTarget) -> Coordinates:
         """Return the coordinates that a target prescribes."""
         zero = np.zeros((1, len(target.names)))
-        at_zero = target._replace(value=zero, rate=zero, acceleration=zero)
+        at_zero = target._replace(value=zero, rate=zero, acceleration=zero, heading=None)
         return cls(target.body, target.links, target.names, at_zero)
 
     @property
     def rows(self) -> tuple[int, ...]:
         """Their places in `COORDINATES`."""
         return tuple(COORDINATES.index(name) for name in self.names)
+
+    def may_be_mirrored(self, motion: Motion) -> bool:
+        """Return whether other than the upright triple of angles may be meant at a posture's motion."""
+        if not 0 < self.kinds.count(ANGLE) < 3:  # a complete rotation has one meaning
+            return False
+        R = self.target.axes(motion)
+        return bool((np.cos(plain_heading(R) - angles_of(R)[:, 2]) < 0.0).any())
 
     @property
     def kinds(self) -> tuple[int, ...]:
@@ -153,10 +161,14 @@ def given_of(request: ModuleRequest) -> Given:
         tuple(request.given),
         tuple(kinds.get(tree.joints[joint].kind, NUMBER) for joint in request.given),
         tuple(pose.body for _, pose in request.targets if isinstance(pose, PoseTarget)),
-        tuple(
-            Coordinates.of(target) for _, target in request.targets if isinstance(target, CoordinateTarget)
-        ),
+        tuple(map(Coordinates.of, _by_coordinates(request))),
     )
+
+
+def _by_coordinates(request: ModuleRequest) -> list[CoordinateTarget]:
+    """Return the targets that are no whole poses, by coordinates: orientations by their angles."""
+    partial = [target for _, target in request.targets if not isinstance(target, PoseTarget)]
+    return [target.by_angles() if isinstance(target, TurnTarget) else target for target in partial]
 
 
 def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Array]:
@@ -170,7 +182,7 @@ def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Arra
     for goal in (target.goal for _, target in request.targets if isinstance(target, PoseTarget)):
         pairs = (goal.p, quaternion_from_rotation(goal.R)), (goal.p_dot, goal.w), (goal.p_ddot, goal.w_dot)
         levels.append(tuple(np.concatenate(pair, axis=1) for pair in pairs))
-    for some in (target for _, target in request.targets if isinstance(target, CoordinateTarget)):
+    for some in _by_coordinates(request):
         levels.append((some.value, some.rate, some.acceleration))
     g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*levels, strict=True))
     return g, g_dot, g_ddot
@@ -393,7 +405,9 @@ def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
 
 def structure_of(requests: Requests) -> tuple[object, ...]:
     """Return what requests have in common that the same program closes."""
-    poses = tuple((p.link, p.other, p.motion is None, tuple(p.coordinates)) for p in requests.poses)
+    poses = tuple(
+        (p.link, p.other, p.motion is None, p.turn is None, tuple(p.coordinates)) for p in requests.poses
+    )
     return tuple(requests.joints), poses, requests.base is None
 
 

@@ -173,6 +173,8 @@ def _like(parts: list[Part], robot: HybridRobot, requests: Requests) -> list[Par
 def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Rows | None:
     """Return the closed posture at a guess, see `ClosedRows.close`; None if its loops do not close near it.
 
+    None, too, where an angle may be meant in another triple than the upright one, which kernels know.
+
     Args:
         parts: Its modules but a free base.
         guess: Positions of the spanning tree, shape (nq,).
@@ -191,6 +193,9 @@ def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Rows | None
                     return None
                 x = found.q
                 q[at] = spanning_positions(part.module, x, m.tree.sweep(x), q[at])[0]
+        motion = m.tree.sweep(x)
+        if any(one.may_be_mirrored(motion) for one in part.given.coordinates):
+            return None
         cut.append(x)
     p, g = places_at(parts, cut, 1)
     return q, p[0], g[0]

@@ -1,0 +1,189 @@
+"""Prescribed angles mean what they say: lone ones stay on their branch, complete ones are a rotation."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hybridyn
+from hybridyn import HybridRobot, TrajectoryError
+from hybridyn.assembly.assemble import assemble_requests
+from hybridyn.assembly.requests import first_guess, gather_requests
+from hybridyn.compiled.programs.closing.assembling import Assembler
+from hybridyn.linkage.angles import (
+    angles_of,
+    angular_drift,
+    angular_map,
+    other_triple,
+    plain_heading,
+    rate_map,
+    rotation_from_angles,
+    wrapped,
+)
+from hybridyn.spatial import Array
+from hybridyn.studies.workspace.workspace import workspace
+from tests.comparing import close_to, refused
+
+ROUNDING = 1e-9  # relative, through the conditioning of these arms
+STEP = 1e-4  # of time in central differences [s]
+DIFFERENCED = 1e-5  # relative: truncation 1e-8, rounding 1e-12 / STEP^2 twice differentiated
+
+AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
+
+
+def arm(folder: Path, axes: str, heading: float = 0.0) -> HybridRobot:
+    """Return a serial arm whose joints turn about these axes at home, on a base turned by a heading."""
+    parts = [f'<link name="root"/><link name="base"/><joint name="turned" type="fixed"><parent link="root"/>'
+             f'<child link="base"/><origin rpy="0 0 {heading!r}"/></joint>']  # fmt: skip
+    below = "base"
+    for i, axis in enumerate(axes):
+        parts.append(
+            f'<link name="l{i}"><inertial><origin xyz="0.3 0 0.1"/><mass value="1"/><inertia ixx="0.02" '
+            f'iyy="0.03" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j{i}" '
+            f'type="revolute"><parent link="{below}"/><child link="l{i}"/>'
+            f'<origin xyz="{0.5 if i else 0} 0 0"/><axis xyz="{AXES[axis]}"/>'
+            '<limit lower="-6.5" upper="6.5" effort="9" velocity="9"/></joint>'
+        )
+        below = f"l{i}"
+    path = folder / "arm.urdf"
+    path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+    return hybridyn.load(path)
+
+
+def placed(robot: HybridRobot, q: Array, link: str) -> Array:
+    """Return the rotations of a link in the root, shape (T, 3, 3), by Pinocchio."""
+    data, frame, out = robot.model.createData(), robot.model.getFrameId(link), []
+    for row in q:
+        pin.framesForwardKinematics(robot.model, data, row)
+        out.append(data.oMf[frame].rotation.copy())
+    return np.array(out)
+
+
+# -------------------------------------------------------------------- angles of rotations
+
+
+def test_both_triples_are_the_same_rotation_and_the_heading_tells_them_apart() -> None:
+    rng = np.random.default_rng(0)
+    angles = rng.uniform(-3, 3, (200, 3))
+    angles[:20, 1] = np.pi / 2  # the yaw is then the heading
+    R = rotation_from_angles(angles)
+    for one, wanted in zip(angles[20:], R[20:], strict=True):
+        close_to(pin.rpy.rpyToMatrix(*one), wanted, 1e-14)
+    close_to(rotation_from_angles(other_triple(angles)), R, 1e-14)
+    found = angles_of(R, angles[:, 2] + rng.uniform(-1, 1, 200) * (np.abs(np.cos(angles[:, 1])) > 1e-9))
+    assert np.abs(wrapped(found - angles)).max() < 1e-7
+    close_to(rotation_from_angles(angles_of(R)), R, 1e-8)  # the upright triple near a pitch of a quarter turn
+    assert np.abs(angles_of(R)[:, 1]).max() <= np.pi / 2 + 1e-15
+
+
+def test_rates_of_angles_follow_those_of_the_rotation() -> None:
+    """Maps of rates, and their drift, against differences of rotations, for both triples."""
+    rng = np.random.default_rng(1)
+    angles, rates = rng.uniform(-3, 3, (50, 3)), rng.normal(size=(50, 3))
+    R, E = rotation_from_angles(angles), angular_map(rotation_from_angles(angles), angles)
+    later, before = (rotation_from_angles(angles + s * STEP * rates) for s in (1, -1))
+    spin = np.matmul((later - before) / (2 * STEP), R.swapaxes(1, 2))
+    w = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+    close_to(np.einsum("tij,tj->ti", E, rates), w, DIFFERENCED)
+    close_to(np.einsum("tij,tj->ti", rate_map(angles), w), rates, 1e-4)
+    ways = [
+        np.einsum("tij,tj->ti", angular_map(rotation_from_angles(x), x), rates)
+        for x in (angles + STEP * rates, angles - STEP * rates)
+    ]
+    close_to(angular_drift(E, rates), (ways[0] - ways[1]) / (2 * STEP), DIFFERENCED)
+
+
+@pytest.mark.parametrize(
+    ("angles", "plain"),
+    [((0, 2.0, 0), 0), ((0, -2.9, 0), 0), ((0.1, 0.2, 3.1), 3.1), ((3.0, 0.1, 0), 0), ((0, 1.0, 2.5), 2.5)],
+)  # fmt: skip
+def test_the_plainer_triple_is_the_one_that_a_person_would_name(
+    angles: tuple[float, ...], plain: float
+) -> None:
+    assert float(wrapped(plain_heading(rotation_from_angles(np.array(angles))) - plain)) == pytest.approx(0)
+
+
+# -------------------------------------------------------------------- lone angles
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, 2.5])
+def test_a_lone_angle_is_not_mirrored(tmp_path: Path, heading: float) -> None:
+    """The pitch was folded at a quarter turn: 2.14 was taken for 1.0, and its effort had the other sign."""
+    robot = arm(tmp_path, "y", heading)
+    for angle, guess in (
+        (1.0, 2.0),
+        (2.0, 1.0),
+        (-1.4, -1.9),
+        (np.pi / 2, 0.0),
+        (3.0, np.pi / 2),
+        (1.7, 0.0),
+    ):
+        q, v, a = hybridyn.assemble(robot, platforms={"l0@base": ({"pitch": angle},)}, guess=[guess])
+        assert q[0] == pytest.approx(angle, abs=1e-12)
+        assert hybridyn.idm(robot, q, v, a) == pytest.approx(
+            -9.81 * (0.3 * np.cos(angle) + 0.1 * np.sin(angle))
+        )
+
+
+def test_six_coordinates_are_a_whole_pose() -> None:
+    """Of a platform beyond a quarter turn of pitch, and of a moving base."""
+    robot = hybridyn.load("gough_stewart", base="moving")
+    root, platform = robot.description.root, robot.modules[-1].outputs[0]
+    names, base = ("x", "y", "z", "roll", "pitch", "yaw"), np.array([0.1, 0.2, 0.3, 0.4, 1.9, -0.5])
+    pose = np.array([0.0, 0.0, 0.6, 0.02, -0.03, 0.01])
+    by_angles = {key: (dict(zip(names, x, strict=True)),) for key, x in ((root, base), (platform, pose))}
+    whole = {
+        key: (np.r_[x[:3], pin.Quaternion(pin.rpy.rpyToMatrix(*x[3:])).coeffs()],)
+        for key, x in ((root, base), (platform, pose))
+    }
+    found, wanted = (hybridyn.assemble(robot, platforms=x)[0] for x in (by_angles, whole))
+    found[3:7] *= np.sign(found[3:7] @ wanted[3:7])
+    close_to(found, wanted, ROUNDING)
+
+
+# -------------------------------------------------------------------- tables in C, workspaces
+
+
+@pytest.mark.parametrize("way", ["over", "near", "from beyond"])
+def test_rows_in_c_are_those_of_the_general_path(tmp_path: Path, way: str) -> None:
+    """C knows the upright triples; rows that may mean another one are handed over."""
+    robot = arm(tmp_path, "y", 0.7)
+    t = np.linspace(0, 1, 60)
+    angle = {"over": 0.5 + 2.0 * t, "near": 1.5 * np.sin(6 * t), "from beyond": 2.2 - 2.0 * t}[way]
+    goal = {"l0@base": ({"pitch": angle}, {"pitch": np.gradient(angle, t)}, {"pitch": 1 + t})}
+    requests = gather_requests(robot, {}, goal, nearest=True)
+    guess = first_guess(robot, angle[:1])
+    found = Assembler(robot).assemble(requests, guess)
+    for one, wanted in zip(found, assemble_requests(robot, requests, guess), strict=True):
+        close_to(one, wanted, 1e-8)
+    close_to(found[0][:, 0], angle, ROUNDING)
+
+
+def test_a_workspace_of_an_angle_is_as_wide_as_the_limits(tmp_path: Path) -> None:
+    """It ended at 1.56 "by reach of the loops" of a robot without loops."""
+    text = (path := tmp_path / "arm.urdf") and arm(tmp_path, "y") and path.read_text()
+    path.write_text(text.replace('lower="-6.5" upper="6.5"', 'lower="-1" upper="3"'))
+    found = workspace(hybridyn.load(path), 1, axes=["pitch"], steps={"pitch": 0.05})
+    assert found.blocked == {"j0": 2}
+    close_to(found.coordinates[:, 0], found.q[:, 0], ROUNDING)
+    assert (found.q.min(), found.q.max()) == pytest.approx((-1.0, 3.0), abs=0.051)
+
+
+# -------------------------------------------------------------------- wrong
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        (({"qx": 0.0, "qy": 0.0},), "lacks qz, qw: it takes qx, qy, qz, qw"),
+        (({"rx": 0.0, "ry": 0.0, "rz": 0.0, "yaw": 0.0},), "given twice, by roll, pitch, yaw and rx, ry, rz"),
+        (({"qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.1},), "quaternion of length 1.1"),
+        (({"rx": 0.0, "ry": 0.0, "rz": 0.0}, {"rx": 0.0}), r"must name .*\(wx, wy, wz\)"),
+        (({"pitch": 0.0}, {"pitch": 0.0, "yaw": 1.0}), r"must name .*\(pitch\)"),
+    ],
+)  # fmt: skip
+def test_bad_orientations_are_refused(tmp_path: Path, pose: tuple[object, ...], words: str) -> None:
+    robot = arm(tmp_path, "y")
+    refused(partial(hybridyn.assemble, robot, platforms={"l0": pose}), TrajectoryError, words)
