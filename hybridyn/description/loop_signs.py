@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ModelError
-from .motors import EVERY_JOINT
+from .motors import EVERY_JOINT, moved_by
 from .names import closest, listed
 from .placement import outwards
 from .records import FREEDOMS, Array, Description, Format, Joint, RobotFile
@@ -334,7 +334,7 @@ def _passive_joints(description: Description) -> Iterator[Sign]:
                 joint=driven[0].name,
             )
     elif "<transmission>" in description.motors_from:
-        moved = {*description.motors, *(coupling.name for coupling in description.couplings)}
+        moved = moved_by(description.motors, description.couplings)
         passive = [j.name for j in description.joints if FREEDOMS[j.kind] == 1 and j.name not in moved]
         if passive:
             yield Sign(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -17,6 +17,10 @@ RANKING: tuple[MotorSource, ...] = (
 
 #: What is told of actuators that are no motors.
 MEND = "To drive other joints, name them: motors=[..], --motors, or motors = [..] in model.toml"
+
+#: Couplings are dependent below this singular value, where factors are at most 1, and hold a joint that the
+#: motions they leave move by less.
+STILL = 1e-9
 
 #: The rule for a tree whose files name no motor.
 EVERY_JOINT = "every joint, because there is no closure and no file names motors"
@@ -47,6 +51,26 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
         robot.notes.append(f"<transmission> names joints that the robot does not have: {listed(lost)}")
         statement = statement._replace(names=tuple(name for name in statement.names if name not in lost))
     return _checked(robot, statement), statement.where
+
+
+def moved_by(driven: Iterable[str], couplings: Sequence[Coupling]) -> set[str]:
+    """Return driven joints, and those that couplings determine from them.
+
+    It makes no difference whether the file states a coupling as `<mimic>` or otherwise.
+    """
+    moved = {*driven}
+    left = sorted({name for coupling in couplings for name, _ in coupling.terms} - moved)
+    if not left:
+        return moved
+    K = np.zeros((len(couplings), len(left)))
+    for row, coupling in zip(K, couplings, strict=True):
+        size = max(abs(factor) for _, factor in coupling.terms)
+        for name, factor in coupling.terms:
+            if name not in moved and size:
+                row[left.index(name)] += factor / size
+    s, Vt = np.linalg.svd(K)[1:]
+    open_motions = np.abs(Vt[int((s > STILL).sum()) :]).max(axis=0, initial=0.0)
+    return moved | {name for name, most in zip(left, open_motions, strict=True) if most <= STILL}
 
 
 def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:

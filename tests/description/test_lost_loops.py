@@ -90,6 +90,51 @@ def test_a_robot_that_lost_loops_or_mass_is_told(
     assert words in f"{found.element} {found.message}"
 
 
+def belt(predecessor: str, successor: str) -> str:
+    """Return a coupling: `drive` with `swing`, or both `drive` and `elbow` with `swing`."""
+    return (
+        f'<coupling name="belt_{predecessor}"><predecessor link="{predecessor}"/>'
+        f'<successor link="{successor}"/><ratio value="-2"/></coupling>'
+    )
+
+
+def mimic(follower: str, leader: str) -> tuple[str, str]:
+    joint = f'<joint name="{follower}" type="continuous">'
+    return joint, joint + f'<mimic joint="{leader}" multiplier="-2"/>'
+
+
+#: Couplings in every form, the text that is replaced, the driven joints, and the joints that move freely.
+COUPLED = {
+    "a mimic": ((), mimic("swing", "drive"), "", ["drive"], ["elbow"]),
+    "a belt": ((belt("crank", "rocker"),), ("", ""), "", ["drive"], ["elbow"]),
+    "a belt whose other end is driven": ((belt("crank", "rocker"),), ("", ""), "", ["swing"], ["elbow"]),
+    "a belt of which no end is driven": (
+        (belt("crank", "rocker"),), ("", ""), "", ["elbow"], ["drive", "swing"],
+    ),
+    "a differential": ((belt("coupler", "rocker"),), ("", ""), "", ["drive"], ["elbow", "swing"]),
+    "a differential with two motors": ((belt("coupler", "rocker"),), ("", ""), "", ["drive", "swing"], []),
+    "a differential and a belt": (
+        (belt("crank", "rocker"), belt("coupler", "rocker")), ("", ""), "", ["drive"], [],
+    ),
+    "a coupling of the model file": (
+        (), ("", ""), "[couplings.belt]\nterms = {swing = 1, drive = -2}\n", ["drive"], ["elbow"],
+    ),
+    "no coupling": ((), ("", ""), "", ["drive"], ["elbow", "swing"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", COUPLED)
+def test_a_coupling_is_one_in_every_form(case: str, tmp_path: Path) -> None:
+    parts, replaced, model, motors, free = COUPLED[case]
+    path = save(tmp_path, robot(*parts, driven(*motors)).replace(*replaced))
+    save(tmp_path, model, f"{path.stem}.model.toml")
+    said = " ".join(of_files(read(path)))
+    assert all(f"'{name}'" in said for name in free), said
+    assert not any(f"'{name}'" in said for name in ("drive", "elbow", "swing") if name not in free), said
+    chains = [one for one in hybridyn.check(path) if "ends a chain" in one.message]
+    assert chains == []
+
+
 @pytest.mark.parametrize("name", ["robot_submechanisms.yml", "submechanisms/knee.submechanism.yaml"])
 def test_a_file_of_loops_beside_is_told(name: str, tmp_path: Path) -> None:
     path = save(tmp_path / "urdf", robot(ALL))

@@ -93,7 +93,7 @@ def _active(robot: RobotFile, document: YamlFile, place: Place, entry: Any) -> l
         return []
     document.refuse_unknown((*place, "jointnames_spanningtree"), spanning, known, "joint")
     document.refuse_unknown((*place, "jointnames_active"), active, known, "joint")
-    moved = {*active, *(coupling.name for coupling in robot.couplings)}
+    moved = {*active, *(joint for coupling in robot.couplings for joint, _ in coupling.terms)}
     passive = [name for name in spanning if name not in moved]
     if entry.loop_constraints is None and (passive or entry.type == "NUMERICAL"):
         name = entry.contextual_name or entry.name or entry.type

@@ -65,7 +65,9 @@ def check_dangling_chains(subject: Subject) -> Iterator[Finding]:
     closures = subject.description.closures
     closed = [_chain(subject, link) for closure in closures for link in (closure.link_a, closure.link_b)]
     alike = Counter((start, kinds) for start, kinds, _ in closed if kinds)
+    held = {name for coupling in subject.description.couplings for name, _ in coupling.terms}
     taken = {body for *_, bodies in closed for body in bodies}
+    taken |= {body for body, joint in subject.joint_above.items() if joint.name in held}
     ends = {link: _chain(subject, link) for link in subject.links if not subject.carried[link]}
     free = {link: one[:2] for link, one in ends.items() if alike[one[:2]] > 1 and not taken & {*one[2]}}
     for link, key in free.items():
