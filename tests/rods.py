@@ -217,3 +217,16 @@ def spin(robot: hybridyn.HybridRobot, q: Array, v: Array, a: Array | None, rng: 
         rates = (own, None) if a is None else (v[:, at], own)
         m.wrists.recover(q[:, state.module.q_index], *rates, target)
         changed[:, at] = own
+
+
+def cylinder(seed: int = 0) -> Description:
+    """Draw a driven crank whose rod pushes a round bar that slides and turns in a bushing: both spin idly."""
+    s = plain(seed)
+    p = s.place()
+    E, P = p(0.15, 0.0, 0.0), p(0.1, 0.1, 0.5)
+    upper = s.joint("revolute", "base", p(0.0, 0.0, 0.0), p.axes @ [0.0, 0.2, 1.0], motor=True, stem="crank")
+    bar = s.joint("floating", "base", P, stem="bar")
+    rod_body(s, bar, P, p.normal, 0.4)
+    s.close("cylindrical", "base", bar, P, p.normal)
+    rod(s, upper, E, bar, P, "ball")
+    return s.description("cylinder_crank")

@@ -7,6 +7,7 @@ from functools import reduce
 
 import numpy as np
 
+from ..assembly.assemble import assemble
 from ..dynamics.direct import ddm
 from ..dynamics.inverse import idm
 from ..effects.choice import Effects
@@ -118,20 +119,21 @@ def _references(
     q, v, _, tau = random_states(robot, SAMPLES, seed=1)
     a = ddm(robot, q, v, tau, effects=effects)
     read = next(rates_read(program) for program in programs if program.name == "close")
-    driven = {"v": v * read, "a": a * read, "near": q, "last": q, "v_closed": v, "a_closed": a}
+    v_closed, a_closed = _following(robot, q, v, a)
+    driven = {"v": v * read, "a": a * read, "near": q, "last": q, "v_closed": v_closed, "a_closed": a_closed}
     positions = [joint_position(robot, q, motor) for motor in robot.motors]
     driven["position"] = np.array(positions).reshape(-1, SAMPLES).T
     known = {"q": q, "tau": tau, "base_acceleration": a[:, :6]}
     known["parameters"] = np.tile(parameters, (SAMPLES, 1))
-    try:
-        efforts = {"tau": idm(robot, q, v, a, effects=effects)}
-    except HybridynError:
-        efforts = {}
+    efforts = {
+        "idm": _efforts(robot, effects, q, v, a),
+        "idm_from_motors": _efforts(robot, effects, q, v_closed, a_closed),
+    }
     out: list[dict[str, Array]] = []
     for program in programs:
         values = known | (driven if "v_closed" in dict(program.outputs) else {"v": v, "a": a, "near": q})
-        if program.name.startswith("idm"):
-            values = efforts and values | efforts
+        if program.name in efforts:
+            values = efforts[program.name] and values | efforts[program.name]
         elif program.name == "kinematics":
             values["bodies"] = body_rows(robot, q, v, a)
         elif program.name == "close_platforms":
@@ -141,6 +143,33 @@ def _references(
         elif robot.base == "moving" and program.name == "ddm":
             values["a"] = ddm(robot, q, v, tau, effects=effects, base_acceleration=a[:, :6])
         out.append(values)
+    return out
+
+
+def _efforts(robot: HybridRobot, effects: Effects, *motion: Array) -> dict[str, Array]:
+    """Compute the output "tau" of an inverse model; nothing if the motors cannot produce the motion."""
+    try:
+        return {"tau": idm(robot, *motion, effects=effects)}
+    except HybridynError:
+        return {}
+
+
+def _following(robot: HybridRobot, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """Return rates and accelerations of states as they follow from the motors', with the least spins of rods.
+
+    They are those of the states where the motors do not determine the motion: then nothing is left open.
+    """
+    out = v.copy(), a.copy()
+    free = np.arange(robot.nv) >= (0 if robot.base == "fixed" else 6)
+    columns = [robot.v_slices[robot.joint_index[name]].start for name in robot.motors]
+    for t in range(len(q)):
+        at = np.array([float(joint_position(robot, q[t], name)) for name in robot.motors])
+        try:
+            _, *found = assemble(robot, motors=(at, v[t, columns], a[t, columns]), guess=q[t])
+        except HybridynError:
+            continue
+        for whole, own in zip(out, found, strict=True):
+            whole[t, free] = own[free]
     return out
 
 

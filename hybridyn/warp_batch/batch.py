@@ -156,7 +156,7 @@ class Batch:
             acceleration: Their accelerations, of the same shape; zero by default.
             near: Closed postures, shape (N, nq) or (nq,), from which the motors move straight to `position`,
                 on the same assembly branch; the home posture by default. A base keeps its pose, and
-                joints that no motor moves keep their positions.
+                joints that no motor moves keep their positions; rods that spin idly take the least rates.
             parameters: As in `idm`.
             fallback: As in `idm`.
 

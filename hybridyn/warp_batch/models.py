@@ -9,10 +9,11 @@ from functools import cached_property, partial
 from ..compiled.code.scalars import text_of
 from ..compiled.equations.request import Request, request
 from ..compiled.program import Program
-from ..compiled.programs.close import close_program, freedoms_of, lift_program, loop_kernels, turning_program
+from ..compiled.programs.close import close_program, freedoms_of, lift_program, turning_program
 from ..compiled.programs.direct import direct_program
 from ..compiled.programs.inverse import inverse_program
 from ..compiled.programs.kinematics import kinematics_program
+from ..compiled.programs.loop_kernels import loop_kernels
 from ..compiled.programs.map_programs import map_programs
 from ..compiled.programs.walking import joints_text, walk_text
 from ..dynamics.quantities.joint_map import motors_beside

@@ -455,19 +455,24 @@ def spanning_closures(
     return out
 
 
-def dependent_pivots(modules: list[Module], last: Sequence[int] = ()) -> Pivots:
-    """Choose dependent coordinates with large pivots at generic postures of all modules of a shape.
-
-    Args:
-        last: Freedoms that should stay independent if possible.
-    """
+def generic_rows(modules: list[Module]) -> Array:
+    """Compute the rows of all closures at generic postures, module by module, shape (samples, rows, nv)."""
     m, folding = modules[0].mechanism, Folding()
     q_col, q = symbols("q", m.spanning.nq)
     K = spanning_closures(modules, folding, q).K
     numbers_of = zip(modules, folding.table(len(modules)), strict=True)
     points = [(x, own) for module, own in numbers_of for x in generic_positions(module)]
+    return sampled(K, [q_col, folding.symbol()], points)
+
+
+def dependent_pivots(modules: list[Module], K: Array, last: Sequence[int] = ()) -> Pivots:
+    """Choose dependent coordinates with large pivots at generic postures of all modules of a shape.
+
+    Args:
+        K: Their `generic_rows`.
+        last: Freedoms that should stay independent if possible.
+    """
+    m = modules[0].mechanism
     rank, unit = m.spanning.nv - m.mobility, m.spanning_col_scale.copy()
     unit[list(last)] *= LAST
-    return choose_pivots(
-        sampled(K, [q_col, folding.symbol()], points), rank, m.spanning_row_scale, unit, SPARSE_SPANNING
-    )
+    return choose_pivots(K, rank, m.spanning_row_scale, unit, SPARSE_SPANNING)

@@ -6,7 +6,9 @@ Newton step for the positions of the other joints and computes their rates and a
 
     K_d step = -residual(q)      K_d v_d = -K_i v_i      K_d a_d = -K_i a_i - K_dot v
 
-(d: dependent, i: independent freedoms). In "lift" the coordinates of a module are its independent joints.
+(d: dependent, i: independent freedoms). Independent freedoms that only move what is idle, such as the spin of
+a rod between two balls, are not read: step, rates and accelerations are the least, as `assembly.assemble`
+has them (`least_norm`). In "lift" the coordinates of a module are its independent joints.
 They are chosen once, such that the pivots of K over the other joints are large at generic postures. About a
 posture q_0, with q = move(q_0, xi), the step and the rates are the same, and xi_dot = T(xi)^-1 v.
 
@@ -17,94 +19,33 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import reduce
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ...assembly.follow import MOST_TURNING
-from ...errors import SingularityError
 from ...linkage.tree import Tree
-from ...spatial import Array, Index
-from ...structure.module import Module
-from ...structure.module_spec import ModuleSpec
+from ...spatial import Index
 from ...structure.robot import HybridRobot
 from ..equations.arguments import OTHER_STRUCTURE, ChosenNumbers
 from ..equations.displacement import by_joint, displacement_rate, moved_joint, position_rate
-from ..equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, unpack
-from ..equations.guarded_elimination import GUARD_CLOSED, TRUSTED_PIVOT, Pivots, largest, solve, squares
-from ..equations.loops import LoopRows, dependent_pivots, shape_of, spanning_closures
+from ..equations.expressions import Expression, dot, is_zero, pack, symbols, unpack
+from ..equations.guarded_elimination import GUARD_CLOSED, TRUSTED_PIVOT, largest, solve, squares
+from ..equations.loops import LoopRows
 from ..equations.request import Request
 from ..program import Program
-from .writer import ModuleWriter, alike
-
-#: Function and table of numbers of a kernel.
-Kernel = tuple[ca.Function, Array]
-
-
-class LoopKernel:
-    """The loops of modules of one shape, for which a kernel is written.
-
-    Attributes:
-        modules: The modules.
-        given: Freedoms that stay independent if they can; others may, too.
-        specs: The modules' numbers where some are arguments, or nothing.
-        tree: Their spanning tree.
-        folding: Collects the numbers in which they differ.
-        pivots: Pivots of the dependent freedoms.
-        dependent: These freedoms.
-    """
-
-    def __init__(self, modules: list[Module], given: Sequence[int], specs: Sequence[ModuleSpec] = ()) -> None:
-        """Choose the dependent freedoms."""
-        self.modules, self.given, self.specs = modules, given, specs
-        self.m, self.folding = modules[0].mechanism, Folding()
-        self.tree, self._looped = self.m.spanning, bool(self.m.spanning_closures.rows)
-        self.pivots = dependent_pivots(modules, given) if self._looped else Pivots((), (), ())
-        self.dependent = list(self.pivots.cols)
-
-    def check_independent(self, what: str, why: str) -> None:
-        """Check that what is given is independent.
-
-        Raises:
-            SingularityError: It is not; the words are `why`, and `what` are the given joints.
-        """
-        if set(self.dependent) & set(self.given):
-            name = self.modules[0].name
-            raise SingularityError(f"module '{name}': {why}", module=name, what=what)
-
-    def rows(self, q: Expression, v: Expression | None = None) -> LoopRows:
-        """Compute the rows at a posture, and at rates v."""
-        folding = self.folding if self._looped else Folding()  # numbers of a tree without rows are not read
-        return spanning_closures(self.modules, folding, q, self.specs, v)
-
-    def step(self, rows: LoopRows, v: Expression) -> tuple[Expression, Expression, Expression]:
-        """Compute a Newton step, and the rates that the independent ones of v cause, shapes (nv,)."""
-        rates = self.independent(v)
-        X, doubts = solve(rows.K, np.stack([-rows.residual, -dot(rows.K, rates)], axis=1), self.pivots)
-        rates[self.dependent] = X[self.dependent, 1]
-        return X[:, 0], rates, doubts
-
-    def independent(self, v: Expression) -> Expression:
-        """Return independent rates, zero for the others."""
-        out = v.copy()
-        out[self.dependent] = 0.0
-        return out
-
-    def kernel(self, name: str, inputs: list[ca.SX], outputs: list[Any]) -> Kernel:
-        """Return the function of inputs and of numbers, and the table of these."""
-        function = ca.Function(name, [*inputs, self.folding.symbol()], [*map(ca.SX, outputs)])
-        return function, self.folding.table(len(self.modules))
+from .loop_kernels import Kernel, LoopKernel, loop_kernels
+from .writer import ModuleWriter
 
 
 def close_program(request: Request) -> Program:
     """Build the program that closes a robot's loops.
 
     Inputs are "near", a posture with the motors' present positions and the other joints' previous ones, and
-    "v" and "a", of which the entries of motors, of a moving base, and of joints that no motor moves are read.
-    Outputs are "q", the posture after a Newton step from "near", and the rates and accelerations of all
-    joints at "near". The guard is at most 1 if the loops were closed before the step. Otherwise call again
-    with "q".
+    "v" and "a", of which the entries of motors, of a moving base, and of joints that no motor moves are read,
+    but not those of idle motions. Outputs are "q", the posture after a Newton step from "near", and the rates
+    and accelerations of all joints at "near". The guard is at most 1 if the loops were closed before the
+    step. Otherwise call again with "q".
     """
     return following_program(request, "close", freedoms_of(request.robot, request.robot.motors))
 
@@ -164,30 +105,6 @@ def loop_writer(
     return ModuleWriter(name, inputs, outputs, kinds, chosen.column if chosen else None)
 
 
-def loop_kernels(
-    request: Request, driven: set[int], among: Sequence[int] | None = None
-) -> list[tuple[Any, list[int], LoopKernel]]:
-    """Return the loops of the modules of each shape, with a key and the modules' numbers.
-
-    Args:
-        driven: Freedoms that are given.
-        among: Numbers of the modules, by default all.
-    """
-    modules = request.robot.modules
-    own = request.arguments.of_modules if isinstance(request.arguments, ChosenNumbers) else ()
-    given = [tuple(k for k, column in enumerate(m.v_index.tolist()) if column in driven) for m in modules]
-    specs = [m.mechanism.spec if x is None else x.spec for m, x in zip(modules, own, strict=False)]
-    shapes = alike(range(len(modules)) if among is None else among, lambda k: shape_of(modules[k], given[k]))
-    return [
-        (
-            shape,
-            numbers,
-            LoopKernel([modules[k] for k in numbers], given[numbers[0]], [specs[k] for k in numbers if own]),
-        )
-        for shape, numbers in shapes.items()
-    ]
-
-
 def keep_base(w: ModuleWriter) -> None:
     """Copy the prescribed motion of a moving base to the outputs."""
     six = np.arange(6)
@@ -208,7 +125,7 @@ def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
     K, residual = rows.K, rows.residual
     step, v, doubts = kernel.step(rows, v)
     right = -dot(K, a) - drift(rows, q_col, w_col, v, tree)
-    a[kernel.dependent] = solve(K, right[:, None], kernel.pivots)[0][kernel.dependent, 0]
+    a = kernel.solved(rows, right[:, None], a)[0][:, 0]
     guard = ca.fmax(squares(doubts), largest(step / m.spanning_col_scale) / closed)
     if len(K) and (kernel.specs or len(K) > len(kernel.pivots.rows)):
         scale, unit = m.spanning_row_scale, m.spanning_col_scale
@@ -261,7 +178,7 @@ def lift_program(request: Request) -> Program | None:
     outputs = {"q": "q"} | dict.fromkeys(("xi_next", "v_closed", "xi_dot", "independent"), "v")
     outputs |= dict.fromkeys(MEASURES, "module")
     w = loop_writer(request, "lift", {"q_0": "q", "xi": "v", "v": "v"}, outputs)
-    for key, numbers, kernel in loop_kernels(request, set()):
+    for key, numbers, kernel in loop_kernels(request, set(), follows=False):
         w.add(key, numbers, _lift(kernel))
     return w.program()
 

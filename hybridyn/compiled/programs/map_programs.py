@@ -23,13 +23,14 @@ from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..equations.displacement import by_joint, moved_joint
-from ..equations.expressions import Expression, pack, symbols
-from ..equations.guarded_elimination import GUARD_CLOSED, largest, solve, squares
+from ..equations.expressions import Expression, pack, symbols, zeros
+from ..equations.guarded_elimination import GUARD_CLOSED, largest, squares
 from ..equations.loops import LoopRows
 from ..equations.request import Request
 from ..equations.states import moving_states
 from ..program import Program
-from .close import Kernel, LoopKernel, loop_writer
+from .close import loop_writer
+from .loop_kernels import Kernel, LoopKernel
 
 #: Random postures at which the joints are tried before the map is written.
 TRIED = 8
@@ -164,9 +165,9 @@ def _kernel(module: Module, given: Side, wanted: Side, closed: float) -> Kernel:
 
 def _followed(kernel: LoopKernel, rows: LoopRows, wanted: list[int]) -> tuple[Expression, Any, Expression]:
     """Return a Newton step, the guard of its pivots, and rates of wanted freedoms over the given ones."""
-    X, doubts = solve(rows.K, -rows.residual[:, None], kernel.pivots)
+    step, motions, doubts = kernel.solved(rows, -rows.residual[:, None], zeros(kernel.tree.nv))
     free = [c for c in range(kernel.tree.nv) if c not in kernel.dependent]
-    return X[:, 0], squares(doubts), X[np.ix_(wanted, [1 + free.index(a) for a in kernel.given])]
+    return step[:, 0], squares(doubts), motions[np.ix_(wanted, [free.index(a) for a in kernel.given])]
 
 
 def _freedoms(module: Module, side: Side) -> list[int]:

@@ -59,6 +59,12 @@ class Extended:
         return joints, self.cut, self.source, loops, tuple(c.terms for c in self.couplings), self.length
 
     @property
+    def weight(self) -> Array:
+        """Weight of each freedom in the least norm, shape (nv,): none for wrists, which follow their ends."""
+        ends = np.cumsum([0, *(at.stop - at.start for at in self.tree.v_slices)])
+        return np.where(np.arange(self.tree.nv) < ends[self.cut], 1.0 / self.unit, 0.0)
+
+    @property
     def platforms(self) -> tuple[int, ...]:
         """Joints that stand for platforms."""
         return tuple(i for i, source in enumerate(self.source) if source is None)

@@ -25,7 +25,7 @@ from ....spatial import Array, Index
 from ....structure.module import Module
 from ...equations.arguments import ModuleArguments
 from ...equations.displacement import by_joint, joint_difference, moved_joint
-from ...equations.expressions import Expression, Folding, dot, is_zero, pack, plus, symbols, zeros
+from ...equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, zeros
 from ...equations.guarded_elimination import (
     GUARD_CLOSED,
     Pivots,
@@ -37,9 +37,11 @@ from ...equations.guarded_elimination import (
     squares,
     weighed,
 )
+from ...equations.idle import least_norm
 from ...equations.parts import Spin
 from ...equations.states import generic_positions, seen_postures
-from ..close import Kernel, drift
+from ..close import drift
+from ..loop_kernels import Kernel
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
 from .rows import Places, Rows, row_scales, rows_at
@@ -248,18 +250,15 @@ class ModuleKernels:
     def _solved(self, rows: Rows, right: Expression) -> tuple[Expression, Expression]:
         """Solve K_f x = right; the entries of given freedoms are zero, shape (nv, k).
 
-        Spins, which the rows leave open, are added with what they move until x is orthogonal to them.
+        Of spins, which the rows leave open, x has the least.
         """
         k, spins = right.shape[1], [spin.col for spin in self.u.spins]
-        out = zeros(self.e.tree.nv, k)
+        out, motions = zeros(self.e.tree.nv, k), zeros(self.e.tree.nv, len(spins))
         solved, doubts = solve(rows.K[:, [*self.u.free, *spins]], right, self.pivots)
-        out[self.u.free] = solved[: len(self.u.free), :k]
-        for i, spin in enumerate(self.u.spins):
-            share = -spin.axis[spin.main] * dot(spin.share, out[list(spin.cols)])
-            out[spin.col] = share
-            out[self.u.free] = plus(
-                out[self.u.free], dot(solved[: len(self.u.free), k + i][:, None], share[None])
-            )
+        known = len(self.u.free)
+        out[self.u.free], motions[self.u.free] = solved[:known, :k], solved[:known, k:]
+        motions[spins, range(len(spins))] = 1.0
+        least_norm(out, motions, self.e.weight)
         return out, doubts
 
     def _newton(self, rows: Rows, z: tuple[ca.SX, Expression], folding: Folding) -> ca.Function:

@@ -16,7 +16,8 @@ from ...equations.guarded_elimination import GUARD_CLOSED
 from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
 from ...program import Program
-from ..close import CLOSED, Kernel, by_motors, freedoms_of, keep_base, loop_kernels, loop_writer
+from ..close import CLOSED, by_motors, freedoms_of, keep_base, loop_writer
+from ..loop_kernels import Kernel, loop_kernels
 from ..writer import alike
 from .extended import extended
 from .given import CONTRADICTING_FILE, MOST_FREEDOMS, POSE, Given, modules_of
