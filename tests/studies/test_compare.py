@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,10 +14,12 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
+from hybridyn.structure.robot import HybridRobot
 from hybridyn.studies.compare import compare as module
 from hybridyn.studies.compare.compare import compare
+from hybridyn.studies.compare.engines.mujoco_engine import MujocoEngine
 from hybridyn.studies.compare.judging import judge
-from hybridyn.studies.compare.states import apart, draw_states
+from hybridyn.studies.compare.states import apart, closure_rows, draw_states
 from tests import ROOT
 from tests.command_line import call
 from tests.comparing import refused
@@ -98,6 +101,126 @@ def test_an_engine_that_only_says_that_it_holds_the_loop(two_bars: Path) -> None
     verdict = judge(loaded, pretending, states, ("other", "1"), 1e-6)
     assert verdict.named("ignored") == ["pin", "roll"]
     assert not verdict.agrees(1, 1.0)
+
+
+class Partly:
+    """An `Engine` that holds some rows of a robot's closures, each of them as softly as is asked."""
+
+    way, notes = "by its rows", ()
+
+    def __init__(self, robot: HybridRobot, kept: Sequence[int], softness: float) -> None:
+        self.robot, self.kept, self.softness = robot, kept, softness
+        self.model, self.data = robot.unchanged_model, robot.unchanged_model.createData()
+
+    def forward(self, q: np.ndarray, v: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Compute accelerations with the rows in place."""
+        a = np.array(pin.aba(self.model, self.data, q, v, force))
+        J = closure_rows(self.robot, q)[self.kept]
+        M_inv = np.array(pin.computeMinverse(self.model, self.data, q))
+        M_inv = np.triu(M_inv) + np.triu(M_inv, 1).T
+        A = J @ M_inv @ J.T
+        A += np.diag(np.diag(A)) * self.softness
+        return a - M_inv @ J.T @ np.linalg.lstsq(A, J @ a + self.drift(q, v)[self.kept], rcond=1e-12)[0]
+
+    def drift(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the second derivatives of all residuals without accelerations."""
+        out = []
+        for part in self.robot.modules:
+            m, qk, vk = part.mechanism, q[None, part.q_index], v[None, part.v_index]
+            motion = m.spanning.sweep(qk, vk, 0.0 * vk)
+            out.append(m.spanning_closures.rates(motion, vk)[1][0] * m.spanning_row_scale)
+        return np.concatenate(out)
+
+    def inverse(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Compute the forces of the tree."""
+        return np.array(pin.rnea(self.model, self.data, q, v, a))
+
+    def freedoms(self, q: np.ndarray) -> int:
+        """Count what the rows leave."""
+        return self.robot.nv - int(np.linalg.matrix_rank(closure_rows(self.robot, q)[self.kept], tol=1e-9))
+
+
+def gripper(seed: int) -> str:
+    """Return a gripper whose joints all mimic the driven one, like the fingers of most."""
+    rng = np.random.default_rng(seed)
+    joint = '<limit lower="-1" upper="1" effort="50" velocity="2"/><axis xyz="0 0 1"/>'
+    parts, ends = ["<link name='palm'/>"], ["palm"]
+    for i in range(6):
+        m, on = rng.uniform(0.01, 0.1), ends[int(rng.integers(len(ends)))]
+        mimic = f"<mimic joint='j0' multiplier='{rng.choice([-1, 1])}'/>" if i else ""
+        parts.append(
+            f"<link name='l{i}'><inertial><origin xyz='.02 0 0'/><mass value='{m}'/>"
+            f"<inertia ixx='{m * 1e-5}' iyy='{m * 3e-4}' izz='{m * 3e-4}' ixy='0' ixz='0' iyz='0'/>"
+            "</inertial></link>"
+            f"<joint name='j{i}' type='revolute'><origin xyz='.03 {rng.uniform(-0.03, 0.03)} 0'/>"
+            f"<parent link='{on}'/><child link='l{i}'/>{joint}{mimic}</joint>"
+        )
+        ends.append(f"l{i}")
+    return f"<robot name='gripper'>{''.join(parts)}</robot>"
+
+
+#: Robots, the rows that an engine holds of all closures (None: all), and the fate of each closure.
+HELD: dict[str, tuple[str, list[int] | None, list[str]]] = {
+    **{f"gripper {seed}": (gripper(seed), None, ["held"] * 5) for seed in range(3)},
+    "a gripper of which a joint is left out": (
+        gripper(0),
+        [0, 1, 3, 4],
+        ["held", "held", "ignored", "held", "held"],
+    ),
+    "a loop and a wheel": (TWO_BARS, None, ["held"] * 2),
+    "a point that is held along one axis": (TWO_BARS, [0, 2, 3], ["partial", "held"]),
+    "a point that is held across the plane alone": (TWO_BARS, [2, 3], ["ignored", "held"]),
+    "a hinge that is held as a point": (robot(LOOP, MOTOR), [0, 1, 2], ["held"]),
+    "nothing": (TWO_BARS, [], ["ignored"] * 2),
+}
+
+
+@pytest.mark.parametrize("case", HELD)
+def test_fates_come_from_the_rows_that_an_engine_holds(case: str, tmp_path: Path) -> None:
+    """Each state alone says the same."""
+    text, kept, fates = HELD[case]
+    loaded = hybridyn.load(save(tmp_path, text))
+    rows = len(closure_rows(loaded, loaded.home))
+    kept = list(range(rows)) if kept is None else kept
+    for state in draw_states(loaded, 3, 0):
+        for softness in (0.0, 0.1, 9.0):
+            engine = Partly(loaded, kept, softness)
+            verdict = judge(loaded, engine, [state], ("rows", "1"), 1e-9)
+            expected = ["softened" if softness and fate == "held" else fate for fate in fates]
+            assert [closure.fate for closure in verdict.closures] == expected, verdict
+
+
+def test_mujoco_holds_what_mimics(tmp_path: Path) -> None:
+    """The verdict was that of one random state: with a small free opening, springs left most of it."""
+    needs("mjcf")
+    loaded = hybridyn.load(save(tmp_path, gripper(0)))
+    for seed in range(4):
+        read = compare(loaded, ["mujoco"], samples=1, seed=seed).verdicts[1]
+        assert len(read.named("softened")) == 5
+
+
+WELD = """<mujoco><worldbody><body name="a"><joint name="drive" axis="0 1 0"/>
+<inertial pos=".1 0 0" mass="1" diaginertia=".01 .02 .02"/><body name="b" pos=".3 0 0">
+<joint name="j" axis="0 1 0"/>
+<inertial pos=".1 0 0" mass="1" diaginertia=".01 .02 .02"/></body></body>
+<body name="c" pos=".6 0 0"><joint name="k" axis="0 1 0"/>
+<joint name="x" type="slide" axis="1 0 0"/>
+<inertial pos="0 0 0" mass="1" diaginertia=".01 .02 .02"/></body></worldbody>
+<equality><weld body1="b" body2="c"/></equality><actuator><motor joint="drive"/></actuator></mujoco>"""
+
+
+def test_a_weld_without_torque_is_held_in_part(tmp_path: Path) -> None:
+    needs("mjcf")
+    import mujoco
+
+    loaded = hybridyn.load(save(tmp_path, WELD, "weld.xml"))
+    model = mujoco.MjModel.from_xml_string(WELD.replace("<weld", '<weld torquescale="0"'))
+    engine = MujocoEngine(loaded, model, "without torque")
+    for seed in range(4):
+        verdict = judge(loaded, engine, draw_states(loaded, 1, seed), ("mujoco", ""), 1e-6)
+        (weld,) = verdict.closures
+        assert (weld.fate, weld.lost, weld.rows) == ("partial", 1, 3)
+        assert verdict.freedoms == loaded.mobility + 1
 
 
 def test_an_engine_without_numbers_does_not_agree(two_bars: Path) -> None:

@@ -49,8 +49,10 @@ class Comparison:
 
     @property
     def ignored(self) -> dict[str, list[str]]:
-        """Names of the closures that each engine ignores, by engine and way; none that ignores nothing."""
-        found = {f"{one.engine}, {one.way}": one.named("ignored") for one in self.verdicts}
+        """Names of the closures that each engine ignores, all or some of their rows, by engine and way."""
+        found = {
+            f"{one.engine}, {one.way}": one.named("ignored") + one.named("partial") for one in self.verdicts
+        }
         return {name: closures for name, closures in found.items() if closures}
 
     @property
@@ -142,6 +144,10 @@ def remarks(comparison: Comparison) -> list[str]:
             out.append(f"{who}: {verdict.refusal}")
         if names := verdict.named("ignored"):
             out.append(f"{who}: ignores {listed(names)}")
+        for closure in verdict.closures:
+            if closure.fate == "partial":
+                rows = f"{closure.lost} of its {counted(closure.rows, 'independent row')}"
+                out.append(f"{who}: holds '{closure.name}' in part: it ignores {rows}")
         soft = [closure for closure in verdict.closures if closure.fate == "softened"]
         if soft:
             worst = max(closure.left for closure in soft)

@@ -136,6 +136,16 @@ def closure_names(robot: HybridRobot) -> tuple[str, ...]:
     return tuple(name for module in robot.modules for name in module.closures)
 
 
+def closure_slices(robot: HybridRobot) -> list[slice]:
+    """Return the rows of each closure and coupling in `closure_rows`, in the order of `closure_names`."""
+    out, before = list[slice](), 0
+    for module in robot.modules:
+        own = module.mechanism.spanning_closures
+        out += [slice(before + at.start, before + at.stop) for at in own.row_slices]
+        before += own.rows
+    return out
+
+
 def apart(robot: HybridRobot, q: Array, v: Array, a: Array) -> list[float]:
     """Compute how fast accelerations open each closure and coupling, in the order of `closure_names`.
 
