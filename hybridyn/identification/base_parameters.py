@@ -30,7 +30,8 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
 from ..threads import one_thread
 from .parameters import StandardParameters, standard_parameters
-from .regressor import effort_rows
+from .regressor import done_together, effort_rows
+from .whitening import Whitening
 
 #: A pivot below this part of the largest counts as zero, in columns of scaled parameters. Rounding leaves
 #: about 1e-14, and less than 1e-6 of a robot's efforts is beyond any measurement.
@@ -161,7 +162,7 @@ def _factors(robot: HybridRobot, parameters: StandardParameters, scale: Array) -
     yield np.zeros((0, p))
     for first in range(0, count, step):
         part = slice(first, first + step)
-        Y = effort_rows(robot, parameters, q[part], v[part], a[part]) * scale
+        Y = effort_rows(robot, parameters, q[part], v[part], a[part], together=True) * scale
         size = np.linalg.norm(Y, axis=2, keepdims=True)  # no row near a singular posture outweighs others
         yield triangular((Y / np.where(size > 0, size, 1.0)).reshape(-1, p))
 
@@ -222,14 +223,14 @@ def _name(row: Array, lead: int, names: tuple[str, ...]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class TriangularFactor:
-    """Least squares of all samples: |Y x - tau|^2 = |R x - z|^2 + rest^2.
+    """Least squares of all samples: |Y x - tau|^2 = |R x - z|^2 + rest^2, of what motors do together.
 
     Attributes:
         base: The base parameters x.
         R: Upper triangular factor of the weighted rows, shape (rank, rank).
         z: Right-hand side, shape (rank,).
         rest: Norm of what no x explains.
-        rows: Number of rows: samples times motors.
+        rows: Number of rows: samples times motors, or the motions that redundant ones drive.
     """
 
     base: BaseParameters
@@ -258,7 +259,8 @@ def triangular_factor(
         effects: As in `regressor`.
         symmetric: As in `regressor`.
         base: `base_parameters` with the same choices, if known.
-        weights: Factor of the rows of each motor, such as 1 / standard deviation, shape (motors,).
+        weights: Factor of the rows of each motor, such as 1 / standard deviation, shape (motors,); those
+            of redundant motors matter for what they do together.
         compiled: Whether to build C for the rows first (`CompiledRows`), which pays for 100,000 samples.
         threads: Number of threads that share the samples. They do not change the result.
 
@@ -278,19 +280,23 @@ def triangular_factor(
 
         rows_of = CompiledRows(robot, parameters, base.columns)
 
-    def reduced(part: Chunk) -> Array:
-        """Return the triangular factor of some samples."""
+    def reduced(part: Chunk) -> tuple[Array, int]:
+        """Return the triangular factor of some samples, and the number of their rows."""
         *motion, tau = part
-        Y = rows_of(*motion) if rows_of else effort_rows(robot, parameters, *motion)[..., base.columns]
-        new = np.concatenate([Y, tau[..., None]], axis=2) * factor[:, None]
-        return triangular(new.reshape(-1, rank + 1))
+        Y = rows_of(*motion) if rows_of else effort_rows(robot, parameters, *motion, together=True)
+        Y = Y if rows_of else Y[..., base.columns]
+        together = done_together(robot, motion[0])
+        white = Whitening.of(np.tile(1 / factor, (len(tau), 1)), together)
+        new = white(np.concatenate([Y, tau[..., None]], axis=2))
+        return triangular(new), len(new)
 
     R, rows = np.zeros((rank + 1, rank + 1)), 0
     parts = _parts(robot, chunks)
     with one_thread(), ThreadPoolExecutor(threads) as pool:
         while some := list(islice(parts, threads)):
-            R = triangular(np.concatenate([R, *pool.map(reduced, some)]))
-            rows += sum(part[-1].size for part in some)
+            new = [*pool.map(reduced, some)]
+            R = triangular(np.concatenate([R, *(factor for factor, _ in new)]))
+            rows += sum(count for _, count in new)
     return TriangularFactor(base, R[:rank, :rank], R[:rank, rank], abs(float(R[rank, rank])), rows)
 
 

@@ -24,8 +24,9 @@ from ..tables.results import open_results
 from ..threads import one_thread
 from .base_parameters import base_parameters
 from .regressor import motions_of_motors
-from .rows import Source, check_robot, linear_model
+from .rows import Source, check_robot
 from .signals import Triple, fourier
+from .sought import linear_model
 
 #: Samples of a period for each harmonic: the limits are checked there while searching, and finer at the end.
 COARSE, FINE = 30, 60
@@ -136,8 +137,8 @@ def excitation(
     if harmonics < 3 or not period > 0 or evaluations < 1:
         raise ModelError("an excitation needs a period, at least three harmonics and at least one candidate")
     check_robot(robot)
-    model, known = linear_model(base_parameters(robot, effects=effects, symmetric=symmetric))
-    search = _Search(Source(robot, model, known, compiled, every=1), period, gain)
+    sought = linear_model(base_parameters(robot, effects=effects, symmetric=symmetric))
+    search = _Search(Source(robot, sought, compiled, every=1), period, gain)
     rng = np.random.default_rng(seed)
     shape = 2, harmonics, len(robot.motors)
     spread = search.room / np.arange(1, harmonics + 1)[:, None]
@@ -171,7 +172,7 @@ class _Search:
     def __init__(self, source: Source, period: float, gain: float) -> None:
         robot = source.robot
         self.source, self.period, self.gain = source, period, gain
-        self.scale = source.model.unit[source.model.columns]
+        self.scale = source.sought.model.unit[source.sought.model.columns]
         self.home = np.array([float(joint_position(robot, robot.home, name)) for name in robot.motors])
         room = []
         for name, x in zip(robot.motors, self.home, strict=True):

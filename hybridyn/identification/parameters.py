@@ -7,10 +7,11 @@ legs share their parameters: they were made from the same drawings.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..description.names import did_you_mean
 from ..effects.choice import FROM_FILES, Choice, Effects, choose, listed_units
@@ -18,6 +19,7 @@ from ..effects.choice import JOINTS as LAWS
 from ..effects.joints import OnJoints, placed
 from ..errors import ModelError
 from ..spatial import Array, Index
+from ..structure.bodies import Payload
 from ..structure.building import rebuilt
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
@@ -92,6 +94,9 @@ class StandardParameters:
         bodies: The ten parameters of each body, by the body's number, shape (10,).
         payloads: The ten parameters of each payload of `robot.payloads`, and its body.
         terms: The numbers of laws and the offsets.
+        loads: The payloads themselves, in the order of `payloads`.
+        centres: By the first of ten parameters, the centre of mass in the file of what these belong to: the
+            payload, or the link that a body is called by; in the body's frame, shape (3,), [m].
     """
 
     names: tuple[str, ...]
@@ -100,6 +105,8 @@ class StandardParameters:
     bodies: dict[int, Index]
     payloads: tuple[tuple[int, Index], ...] = ()
     terms: tuple[Term, ...] = ()
+    loads: tuple[Payload, ...] = ()
+    centres: dict[int, Array] = field(default_factory=dict)
 
     @property
     def tens(self) -> list[Index]:
@@ -144,9 +151,11 @@ def standard_parameters(
         ModelError: Effects are unknown, or depend on numbers that cannot be identified.
     """
     on, offsets = _selected(robot, effects)
+    links = {link.name: link for link in robot.description.links}
     names: list[str] = []
     values: list[Array] = []
     bodies, payloads, terms = dict[int, Index](), list[tuple[int, Index]](), list[Term]()
+    loads, centres = list[Payload](), dict[int, Array]()
 
     def add(new: Sequence[str], numbers: Any) -> Index:
         """Append parameters and return their places."""
@@ -157,13 +166,16 @@ def standard_parameters(
     for body in _heavy_bodies(robot, on):
         own = robot.bodies.bodies[body]
         ten = ten_numbers(own.mass, own.com, own.inertia) - sum(
-            (placed_ten for at, placed_ten in _payloads(robot) if at == body), np.zeros(10)
+            (placed_ten for at, placed_ten, _ in _payloads(robot) if at == body), np.zeros(10)
         )
         bodies[body] = add([f"{number} of {own.name}" for number in OF_BODY], ten)
-    for body, ten in _payloads(robot):
+        centres[int(bodies[body][0])] = _centre(robot, own.name, links[own.name].com)
+    for body, ten, load in _payloads(robot):
         if body in bodies:
-            name = f"payload on {robot.payloads[len(payloads)].link}"
-            payloads.append((body, add([f"{number} of {name}" for number in OF_BODY], ten)))
+            at = add([f"{number} of payload on {load.link}" for number in OF_BODY], ten)
+            payloads.append((body, at))
+            loads.append(load)
+            centres[int(at[0])] = _centre(robot, load.link, load.com)
     for law in (*on.rotors, *on.joints):
         freedoms = [robot.v_slices[robot.joint_index[joint]] for joint in law.joints]
         widths = [at.stop - at.start for at in freedoms]
@@ -177,7 +189,9 @@ def standard_parameters(
         at = add([f"offset of {motor}" for motor in robot.motors], np.zeros(len(robot.motors)))
         terms.append(Term("offset", None, 0, tuple(robot.motors), at, robot.motor_v))
     every = np.concatenate([np.zeros(0), *values])
-    out = StandardParameters(tuple(names), every, on, bodies, tuple(payloads), tuple(terms))
+    out = StandardParameters(
+        tuple(names), every, on, bodies, tuple(payloads), tuple(terms), tuple(loads), centres
+    )
     return shared_by_legs(robot, out) if symmetric else out
 
 
@@ -226,12 +240,18 @@ def _heavy_bodies(robot: HybridRobot, on: Effects) -> Iterator[int]:
             yield body
 
 
-def _payloads(robot: HybridRobot) -> Iterator[tuple[int, Array]]:
-    """Yield the body of each payload, and its ten numbers in that body's frame, shape (10,)."""
+def _payloads(robot: HybridRobot) -> Iterator[tuple[int, Array, Payload]]:
+    """Yield the body of each payload, its ten numbers in that body's frame, shape (10,), and itself."""
     for load in robot.payloads:
         body, R, p = robot.bodies.place[load.link]
         ten = ten_numbers(load.mass, np.array(load.com), np.array(load.inertia))
-        yield body, moved(ten, R, p)
+        yield body, moved(ten, R, p), load
+
+
+def _centre(robot: HybridRobot, link: str, com: ArrayLike) -> Array:
+    """Return a point of a link, shape (3,), in the frame of its body."""
+    _, R, p = robot.bodies.place[link]
+    return np.asarray(p + R @ np.asarray(com))
 
 
 def with_parameters(
@@ -260,7 +280,7 @@ def with_parameters(
     new = parameters.vector(values)
     changed = new != parameters.values
     loads, named = dict[str, Any](), dict[str, Any]()
-    for (_, at), load in zip(parameters.payloads, robot.payloads, strict=False):
+    for (_, at), load in zip(parameters.payloads, parameters.loads, strict=True):
         if changed[at].any():
             loads |= _named(robot, load.link, new[at], "payload_")
     robot = robot.with_parameters(loads) if loads else robot
@@ -333,7 +353,7 @@ def shared_by_legs(robot: HybridRobot, parameters: StandardParameters) -> Standa
             if term.law is not None and math.isclose(own, others, rel_tol=EQUAL_LEGS):
                 into[at] = like
     kept, number, count = np.unique(into, return_inverse=True, return_counts=True)
-
+    starts = [int(i) for i in kept if int(i) in parameters.centres]
     names = tuple(
         parameters.names[i] + (f" (and {n - 1} equal)" if n > 1 else "")
         for i, n in zip(kept.tolist(), count.tolist(), strict=True)
@@ -343,6 +363,7 @@ def shared_by_legs(robot: HybridRobot, parameters: StandardParameters) -> Standa
         names=names,
         values=parameters.values[kept],
         bodies={body: number[at] for body, at in parameters.bodies.items()},
+        centres={int(number[first]): parameters.centres[int(first)] for first in starts},
         payloads=tuple((body, number[at]) for body, at in parameters.payloads),
         terms=tuple(replace(term, columns=number[term.columns]) for term in parameters.terms),
     )

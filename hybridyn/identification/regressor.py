@@ -87,8 +87,21 @@ def regressor(
     return Regressor(Y[0] if single else Y, parameters.names, parameters.values.copy())
 
 
-def effort_rows(robot: HybridRobot, parameters: StandardParameters, q: Array, v: Array, a: Array) -> Array:
-    """Compute Y, shape (T, motors, p), from checked arrays of shapes (T, nq), (T, nv), (T, nv)."""
+def effort_rows(
+    robot: HybridRobot,
+    parameters: StandardParameters,
+    q: Array,
+    v: Array,
+    a: Array,
+    *,
+    together: bool = False,
+) -> Array:
+    """Compute Y, shape (T, motors, p), from checked arrays of shapes (T, nq), (T, nv), (T, nv).
+
+    Args:
+        together: Whether redundant motors have the efforts that `done_together` leaves of theirs, not their
+            share in the load.
+    """
     on = parameters.effects
     usual = robot.base == "fixed" and all((on.gravity, on.inertia, on.velocity))
     if usual and not any(module.mechanism.closures.rows for module in robot.modules):
@@ -101,7 +114,7 @@ def effort_rows(robot: HybridRobot, parameters: StandardParameters, q: Array, v:
     received: list[list[list[Block]]] = [[[] for _ in s.module.outputs] for s in states]
     for k in reversed(range(len(states))):
         s = states[k]
-        Phi = motions_of_motors(robot, s)
+        Phi = motions_of_motors(robot, s, together=together)
         for term, efforts in terms:
             for i in np.flatnonzero(np.isin(term.freedoms, s.module.v_index)):
                 own = np.zeros((1, len(s.module.v_index)))
@@ -180,10 +193,43 @@ def _of_leg(s: ModuleState, body: Motion, velocity: bool) -> tuple[Array, Array,
     return acceleration, w, w_dot
 
 
-def motions_of_motors(robot: HybridRobot, s: ModuleState) -> Array:
+def redundant(robot: HybridRobot) -> bool:
+    """Return whether some motors are more than the motions that they drive."""
+    return any(len(module.moving_motors) > module.driven for module in robot.modules)
+
+
+def done_together(robot: HybridRobot, q: Array) -> Array | None:
+    """Compute Pi, shape (T, motors, motors): Pi tau is the part of efforts that motors do together.
+
+    It is B^+ B of Eq. (33), B tau = Q, with a pseudo-inverse in units in which efforts compare [N m]. What it
+    leaves out, redundant motors do against each other: no motion tells it.
+
+    Args:
+        q: Closed positions, shape (T, nq).
+
+    Returns:
+        Pi, or None where no motor is redundant.
+
+    Raises:
+        SingularityError: The motors lose a direction, or closures lose rank.
+    """
+    if not redundant(robot):
+        return None
+    rest, out = np.zeros((len(q), robot.nv)), np.tile(np.eye(len(robot.motors)), (len(q), 1, 1))
+    for s in forward(robot, q, rest, rest, None):
+        if len(s.module.moving_motors) > s.module.driven:
+            Phi, at = motions_of_motors(robot, s, together=True), s.module.motor_index
+            out[:, at[:, None], at] = np.swapaxes(Phi[:, s.module.motor_columns], 1, 2)
+    return out
+
+
+def motions_of_motors(robot: HybridRobot, s: ModuleState, *, together: bool = False) -> Array:
     """Compute Phi = Psi B^-T: generalised forces H along x need the efforts Phi^T H, shape (T, n, motors).
 
     Redundant motors share the load, and motors that are too few carry what they can, as in `idm`.
+
+    Args:
+        together: Whether redundant motors share alike in what they do together, in units that compare [N m].
 
     Raises:
         SingularityError: The motors lose a direction, or closures lose rank.
@@ -202,9 +248,8 @@ def motions_of_motors(robot: HybridRobot, s: ModuleState) -> Array:
         np.put_along_axis(solved, order[..., None], back_substitute(R[..., :N], R[..., N:]), axis=1)
         hard = np.flatnonzero(pivot_ratio(R, N, motion_size(module, basis.Psi)) < SINGULAR_MOTOR_MAP * N)
     if len(hard):
-        share = (
-            load_share(robot, module, None) * unit if len(columns) > module.driven else np.ones(len(columns))
-        )
+        own_share = len(columns) > module.driven and not together
+        share = load_share(robot, module, None) * unit if own_share else np.ones(len(columns))
         each = [
             Need(basis.Psi, np.tile(one, (T, 1)), np.zeros(T), np.zeros(T), s.motion) for one in np.eye(N)
         ]

@@ -14,6 +14,7 @@ from scipy.special import kolmogorov
 
 from ..description.names import counted
 from ..effects.choice import Choice
+from ..errors import ModelError
 from ..spatial import Array, Mask
 from ..structure.robot import HybridRobot
 
@@ -86,7 +87,7 @@ class Identification:
 
     Attributes:
         robot: The robot of the file.
-        identified: The robot with the identified parameters; it can exist.
+        built: The robot with the identified parameters; or the error why there is none.
         effects: The effects in the model.
         method: "wls", "irls" or "iv".
         names: Base parameters, as sums of standard parameters, shape (rank,).
@@ -108,7 +109,7 @@ class Identification:
     """
 
     robot: HybridRobot
-    identified: HybridRobot
+    built: HybridRobot | ModelError
     effects: Choice
     method: str
     names: tuple[str, ...]
@@ -126,6 +127,17 @@ class Identification:
     constrained: bool
     never: tuple[str, ...]
     remarks: tuple[str, ...]
+
+    @property
+    def identified(self) -> HybridRobot:
+        """The robot with the identified parameters; it can exist.
+
+        Raises:
+            ModelError: There is no such robot; all other attributes stand.
+        """
+        if isinstance(self.built, ModelError):
+            raise self.built
+        return self.built
 
     @property
     def relative(self) -> Array:
@@ -235,9 +247,11 @@ def _parameters(found: Identification) -> list[Column]:
 
 def _possible(found: Identification) -> str:
     """Return how the robot that can exist differs from the estimate."""
+    if isinstance(found.built, ModelError):
+        return f"There is no robot with these numbers: {found.built}"
     away = np.abs(found.of_robot - found.values) / np.maximum(found.deviation, np.finfo(float).tiny)
     how = (
-        "Some bodies would have been impossible; the conic program found the nearest that are not."
+        "Some numbers would have been impossible; the conic program found the nearest that are not."
         if found.constrained
         else "All bodies are possible as they were estimated."
     )

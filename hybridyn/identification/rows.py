@@ -1,22 +1,20 @@
 """From a log to the rows of tau = Y base + known: loops closed, rows thinned, units tested."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
+from typing import NamedTuple
 
 import numpy as np
-from scipy import interpolate, linalg
+from scipy import interpolate
 
 from ..assembly.assemble import assemble
 from ..compiled.model import CompiledRobot
-from ..description.names import did_you_mean
 from ..errors import HybridynError, ModelError, TrajectoryError
-from ..spatial import Array, Mask
+from ..spatial import Array
 from ..streams.departures import other_unit
 from ..structure.robot import HybridRobot
-from .base_parameters import RANK, BaseParameters, led
-from .regressor import effort_rows
+from .regressor import done_together, effort_rows
 from .signals import Log, Triple, means, processed
+from .sought import Sought
 
 #: Entries of the whole regressor that are held at once.
 ENTRIES = 4_000_000
@@ -32,59 +30,48 @@ TESTED, TELLING = 60, 0.95
 UNITS, NEAR = {3: "N mm or mN", -3: "kN"}, 0.15
 
 
-def linear_model(
-    base: BaseParameters, known: Sequence[str] = (), only: Sequence[str] = ("*",)
-) -> tuple[BaseParameters, Mask]:
-    """Return the base parameters that are to be identified, and which standard parameters are known, (p,).
-
-    Args:
-        base: Base parameters of all.
-        known: Names of parameters, or patterns, whose numbers are known.
-        only: Names or patterns of those that are to be identified; the others are known.
-
-    Raises:
-        ModelError: A pattern matches nothing, or nothing is left to be identified.
-    """
-
-    def matching(patterns: Sequence[str]) -> Mask:
-        """Return which parameters match a pattern, shape (p,)."""
-        out = np.zeros(len(base.standard.names), dtype=bool)
-        for pattern in patterns:
-            own = np.array([fnmatchcase(name, pattern) for name in base.standard.names])
-            if not own.any():
-                raise ModelError(f"'{pattern}' is no parameter{did_you_mean(pattern, base.standard.names)}")
-            out |= own
-        return out
-
-    fixed = matching(known) | ~matching(only)
-    K = np.where(fixed, 0.0, base.combination) * base.unit / base.unit[base.columns, None]
-    rank = int((linalg.svdvals(K) > RANK).sum())
-    if not rank:
-        raise ModelError("nothing is left to be identified: no effort depends on the chosen parameters")
-    if not fixed.any():
-        return base, fixed
-    return led(K, rank, base.standard, base.unit), fixed
-
-
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Thinned rows of a log.
+    """Thinned rows of a log; all efforts are what the motors do together.
 
     Attributes:
         log: The processed log.
         time: Times, shape (T,), [s].
         Y: Regressor of the base parameters, shape (T, motors, rank).
-        measured: Efforts or currents, shape (T, motors).
-        known: Efforts by the known parameters, shape (T, motors).
+        known: Efforts by what is held, shape (T, motors).
         of_file: Efforts by the numbers of the robot's file, shape (T, motors).
+        of_each: Part of each motor's effort or current, a column each, shape (T, motors, motors).
+        together: Pi of redundant motors (`regressor.done_together`), shape (T, motors, motors), or None.
     """
 
     log: Log
     time: Array
     Y: Array
-    measured: Array
     known: Array
     of_file: Array
+    of_each: Array
+    together: Array | None
+
+    @property
+    def measured(self) -> Array:
+        """Efforts or currents, shape (T, motors)."""
+        return np.asarray(self.of_each.sum(axis=2))
+
+
+class Lines(NamedTuple):
+    """Rows of a motion, whose efforts are not known.
+
+    Attributes:
+        Y: As in `Rows`, like the next two.
+        known: Shape (T, motors).
+        of_file: Shape (T, motors).
+        together: Pi of every sample, before they are thinned, shape (T every, motors, motors), or None.
+    """
+
+    Y: Array
+    known: Array
+    of_file: Array
+    together: Array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +80,7 @@ class Source:
 
     Attributes:
         robot: The robot.
-        model: The base parameters of tau = Y base + known.
-        known: Whether each standard parameter is known, shape (p,).
+        sought: What is to be identified.
         compiled: Compiled models, or None; as in `identify`, like all that follow.
         band: Band of the positions [Hz], or None.
         period: Period of the motion [s], or None.
@@ -102,8 +88,7 @@ class Source:
     """
 
     robot: HybridRobot
-    model: BaseParameters
-    known: Mask
+    sought: Sought
     compiled: CompiledRobot | None
     band: float | None = None
     period: float | None = None
@@ -114,10 +99,13 @@ class Source:
         _ask_units(self.robot, log)
         done = processed(log, band=self.band, period=self.period)
         every = self.every_of(done)
-        Y, known, of_file = self.regress(done.motion, every)
-        thinned = f"means of {every} samples: {1 / done.step / every:.4g} a second"
-        done = replace(done, remarks=(*done.remarks, thinned))
-        return Rows(done, means(done.time, every), Y, means(done.effort, every), known, of_file)
+        found = self.regress(done.motion, every)
+        remarks = [f"means of {every} samples: {1 / done.step / every:.4g} a second"]
+        if found.together is not None:
+            remarks.append("redundant motors: what they do together is compared, not what each does")
+        done = replace(done, remarks=(*done.remarks, *remarks))
+        time, (of_each, together) = means(done.time, every), _thinned(done.effort, found.together, every)
+        return Rows(done, time, found.Y, found.known, found.of_file, of_each, together)
 
     def every_of(self, log: Log) -> int:
         """Return how many samples are averaged."""
@@ -125,27 +113,32 @@ class Source:
             return min(self.every, len(log.time))
         if log.band is None:
             return 1
-        enough = len(log.time) * len(self.robot.motors) / (LEAST_EACH * len(self.model.names))
+        enough = len(log.time) * len(self.robot.motors) / (LEAST_EACH * len(self.sought.model.names))
         return max(1, int(min(1 / log.step / (PER_HERTZ * log.band), enough, len(log.time) / LEAST)))
 
-    def regress(self, motion: Triple, every: int) -> tuple[Array, Array, Array]:
-        """Compute Y, known efforts and those by the file's numbers, thinned, from the motors' motion."""
-        parts: list[list[Array]] = []
-        guess, m = None, self.model
-        step = max(1, ENTRIES // (len(self.robot.motors) * len(m.standard.names)) // every) * every
+    def regress(self, motion: Triple, every: int) -> Lines:
+        """Compute the rows of the motors' motion, thinned."""
+        parts: list[Triple] = []
+        projectors: list[Array] = []
+        guess, p = None, len(self.sought.model.standard.names)
+        step = max(1, ENTRIES // (len(self.robot.motors) * p) // every) * every
         rows = len(motion[0]) // every * every
         for first in range(0, rows, step):
             x, x_dot, x_ddot = (level[first : min(first + step, rows)] for level in motion)
             q, v, a = self.closed((x, x_dot, x_ddot), guess)
             guess = q[-1]
-            parts.append([means(values, every) for values in self.of_states(q, v, a)])
-        Y, known, of_file = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return Y, known, of_file
+            Y, held, of_file = (means(values, every) for values in self.of_states(q, v, a))
+            parts.append((Y, held, of_file))
+            if (together := done_together(self.robot, q)) is not None:
+                projectors.append(together)
+        Y, held, of_file = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return Lines(Y, held, of_file, np.concatenate(projectors) if projectors else None)
 
     def of_states(self, q: Array, v: Array, a: Array) -> Triple:
-        """Compute Y, known efforts and those by the file's numbers at closed states."""
-        Y, values = effort_rows(self.robot, self.model.standard, q, v, a), self.model.standard.values
-        return Y[:, :, self.model.columns], Y @ np.where(self.known, values, 0.0), Y @ values
+        """Compute Y, efforts by what is held and those by the file's numbers at closed states."""
+        standard = self.sought.model.standard
+        Y = effort_rows(self.robot, standard, q, v, a, together=True)
+        return self.sought.columns(Y), Y @ self.sought.constant, Y @ standard.values
 
     def closed(self, motors: Triple, guess: Array | None) -> Triple:
         """Close the loops for a measured motion, the nearest of redundant motors; return q, v, a."""
@@ -168,7 +161,14 @@ class Source:
             )
         spline = interpolate.make_interp_spline(reference.time, reference.position, k=5)
         motion = spline(time), spline(time, nu=1), spline(time, nu=2)
-        return self.regress(motion, self.every_of(data.log))[0]
+        return self.regress(motion, self.every_of(data.log)).Y
+
+
+def _thinned(effort: Array, together: Array | None, every: int) -> tuple[Array, Array | None]:
+    """Return each motor's part of what motors do together, thinned, and Pi, (T, motors, motors) each."""
+    if together is None:
+        return means(effort, every)[:, None, :] * np.eye(effort.shape[1]), None
+    return means(together * effort[: len(together), None, :], every), means(together, every)
 
 
 def check_robot(robot: HybridRobot) -> None:
@@ -248,7 +248,7 @@ def _faster(source: Source, data: Rows) -> float:
     at = pick * every + every // 2
     motion = log.motion[0][at], 1e3 * log.motion[1][at], 1e6 * log.motion[2][at]
     try:
-        predicted = source.regress(motion, 1)[2]
+        predicted = source.regress(motion, 1).of_file
     except HybridynError:
         return 0.0
     return _alike(data.measured[pick], predicted)[0]

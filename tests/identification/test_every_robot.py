@@ -9,7 +9,7 @@ from hybridyn.assembly.assemble import assemble_requests
 from hybridyn.assembly.requests import MOTIONS, gather_requests
 from hybridyn.effects import CoulombFriction
 from hybridyn.identification.base_parameters import random_motions
-from hybridyn.identification.identify import estimate
+from hybridyn.identification.estimators import estimate
 from hybridyn.identification.inertial import ten_numbers
 from hybridyn.identification.parameters import with_parameters
 from hybridyn.identification.regressor import effort_rows

@@ -11,10 +11,11 @@ import hybridyn
 from hybridyn.effects import Payload
 from hybridyn.errors import HybridynError, ModelError, TrajectoryError
 from hybridyn.identification.base_parameters import base_parameters
-from hybridyn.identification.identify import estimate
-from hybridyn.identification.inertial import consistent, pseudo_inertia
-from hybridyn.identification.rows import Source, linear_model
+from hybridyn.identification.estimators import estimate
+from hybridyn.identification.possible import Possible, consistent, pseudo_inertia
+from hybridyn.identification.rows import Source
 from hybridyn.identification.signals import read_log
+from hybridyn.identification.sought import linear_model
 from tests.extras import needs
 from tests.identification.logs import PERIOD, Case, Table, case
 from tests.samples import slow
@@ -74,8 +75,8 @@ def test_impossible_wishes_are_refused(words: dict[str, Any], says: str) -> None
 def rows(of: Case) -> np.ndarray:
     """Return Y of the base parameters, shape (T, motors, rank)."""
     base = base_parameters(of.robot, effects="model", symmetric=True)
-    model, known = linear_model(base)
-    return Source(of.robot, model, known, None, every=2).rows(read_log(of.robot, of.log(rates=True))).Y
+    source = Source(of.robot, linear_model(base), None, every=2)
+    return source.rows(read_log(of.robot, of.log(rates=True))).Y
 
 
 @pytest.mark.parametrize("method", ["wls", "irls", "iv"])
@@ -274,15 +275,19 @@ def test_the_conic_program_finds_the_nearest_body_that_can_exist() -> None:
     prior = np.array([2.0, 0.1, 0.0, 0.2, 0.05, 0.0, 0.06, 0.0, 0.0, 0.04])
     bad = prior.copy()
     bad[4] = -0.01
-    x, constrained = consistent(
-        np.eye(10), bad, 1e-3 * np.eye(10), prior, np.abs(prior) + 0.01, [np.arange(10)], [0]
-    )
+    least = np.where(np.arange(10) == 0, 0.0, -np.inf)
+    steps = np.diag(np.abs(prior) + 0.01)
+
+    def found(base: np.ndarray) -> Possible:
+        """Find the possible numbers near some."""
+        return consistent(np.eye(10), base, 1e-3 * np.eye(10), prior, steps, [np.arange(10)], least)
+
+    x, constrained, remark = found(bad)
     assert constrained
+    assert not remark
     assert np.linalg.eigvalsh(pseudo_inertia(x)).min() > 0
     assert np.abs(x - bad).max() < 0.1
-    same, constrained = consistent(
-        np.eye(10), prior, 1e-3 * np.eye(10), prior, np.abs(prior) + 0.01, [np.arange(10)], [0]
-    )
+    same, constrained, _ = found(prior)
     assert not constrained
     np.testing.assert_allclose(same, prior, rtol=1e-12)
 
