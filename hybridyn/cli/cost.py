@@ -107,7 +107,9 @@ def _show(study: Study, started: float, result: Point | Worth) -> None:
     words = (
         f"without {result[0]}: {result[1]:.1e}"
         if isinstance(result, tuple)
-        else (f"{result.line}, {result.setting}: {result.error:.1e} in {time_words(result.seconds)}")
+        else (
+            f"{result.line}, {result.setting}: {error_words(result, study)} in {time_words(result.seconds)}"
+        )
     )
     if sys.stderr.isatty():
         left = f"{spent:4.0f} s, {spent / study.done - spent:3.0f} s left  "

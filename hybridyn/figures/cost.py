@@ -26,7 +26,7 @@ def chart_of_cost(study: Study, source: str) -> Chart:
     drawn = by_line([p for p in study.points if 0 < p.seconds < inf > p.error])
     usual = next((p for p in study.points if p.use == "usual"), None)
     chosen = (("now", usual, MOTOR), ("advised", cheapest(study, ADVISED), GOOD))
-    lines = [(words, [p], "ring", colour) for words, p, colour in chosen if p]
+    lines = [(words, [p], "ring", colour) for words, p, colour in chosen if p and p.error < inf]
     for (name, own), colour in zip(drawn.items(), cycle(MODULES), strict=False):
         style = "open" if each and not own[0].one_call else "front"
         lines += [("", own, "pale", colour), (name, front(own, study.own_error) or own, style, colour)]

@@ -15,6 +15,7 @@ import pytest
 
 import hybridyn
 from hybridyn.effects import choose
+from hybridyn.effects.choice import FROM_FILES
 from hybridyn.scenes.stage import Stage, stage
 from hybridyn.studies.cost import models, points, runs
 from hybridyn.studies.cost.models import QUANTITIES, UNJUDGED, Measured, Trajectory, by_rates, study_models
@@ -35,6 +36,7 @@ from hybridyn.studies.cost.runs import (
     distance,
     effects_fragment,
     errors,
+    every_effect,
     needed_effects,
     study_runs,
 )
@@ -46,6 +48,7 @@ from tests.command_line import call, table_text
 from tests.comparing import refused
 from tests.extras import needs
 from tests.files import save
+from tests.robot_texts import CLOSED_FOUR_BAR
 
 EXACT = 1e-12
 #: Loops closed in C are open by some units in the thirteenth digit.
@@ -312,6 +315,39 @@ def measured(swing: Study, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runs, "study_runs", filled)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_an_error_between_two_outputs_shows_in_the_path(seed: int) -> None:
+    """An error of a hundredth of a run that is gone at its end."""
+    robot, rng = hybridyn.load("five_bar"), np.random.default_rng(seed)
+    t, rest = runs.OUTPUTS, np.zeros(len(runs.OUTPUTS))
+    exact = SimpleNamespace(status="finished", q=np.tile(robot.home, (len(t), 1)), residual=rest)
+    exact.kinetic = exact.potential = rest
+    bump = np.exp(-(((t - rng.uniform(0.03, 0.97)) / 0.005) ** 2))
+    found = SimpleNamespace(**vars(exact) | {"q": exact.q + 1e-3 * bump[:, None]})
+    away = errors(robot, found, exact)
+    assert away["path"] == pytest.approx(1e-3, rel=0.25)
+    assert away["error"] < 1e-9
+    stopped = SimpleNamespace(**vars(found) | {"status": "interrupted", "q": found.q[: rng.integers(201)]})
+    assert errors(robot, stopped, exact) == {"error": np.inf}
+    assert errors(robot, exact, stopped) == {"error": np.inf}
+
+
+@pytest.mark.slow
+def test_the_path_of_a_setting_is_its_largest_error_at_any_time(swing: Study) -> None:
+    ready = stage(SWING)
+    times = np.linspace(0.0, SHORT, 1001)
+    both = [
+        hybridyn.simulate(
+            ready.robot, ready.q0, ready.v0, (0.0, SHORT), output_times=times, method="dopri5", rtol=rtol,
+            atol=rtol * 1e-2, compiled=hybridyn.compile(ready.robot, ready.effects, wait=True),
+        ).q
+        for rtol in (1e-3, 1e-12)
+    ]  # fmt: skip
+    away = max(distance(ready.robot, *pair) for pair in zip(*both, strict=True))
+    point = next(p for p in swing.points if p.setting == "rtol 0.001")
+    assert point.path == pytest.approx(away, rel=0.02)
+
+
 @pytest.mark.slow
 def test_methods_of_a_scene_have_their_orders(swing: Study) -> None:
     by_line = {
@@ -402,30 +438,65 @@ def test_effects_that_a_scene_needs() -> None:
         Worth("coulomb_friction", 2e-3, 0.01, computed=False),
         Worth("rotor_inertia", 1e-4, 0.01, computed=False),
     ]
-    needed = needed_effects(study, ready, 1e-3)
+    every = choose(ready.robot, "model")
+    every = replace(every, names=(*every.names, "payload"))
+    needed = needed_effects(study, ready, every, 1e-3)
     assert needed[:3] == ["gravity", "inertia", "leg_inertia"]
     assert {*needed} - {*needed[:3]} == {"viscous_friction", "coulomb_friction", "payload"}
     lines = tomllib.loads(effects_fragment(ready.source, needed))
     assert lines["effects"]["use"] == [name for name in needed if name != "payload"]
     # together they change more than the target: the payload stays in a table of its own
-    assert needed_effects(study, ready, 1e-7) != []
+    assert needed_effects(study, ready, every, 1e-7) != []
 
 
 @pytest.mark.parametrize(("here", "there", "kept"), [(5e-4, 5e-4, 3), (2e-3, 5e-4, 4), (5e-4, 2e-3, 3)])
 def test_effects_that_miss_the_target_over_the_whole_scene_are_not_advised(
     monkeypatch: pytest.MonkeyPatch, here: float, there: float, kept: int
 ) -> None:
-    """Single effects may be known of the beginning alone: their set is run to the end, and from there."""
+    """The changes of single effects need not add up: their set is run, and once more from the end."""
     ready = stage(ROOT / "models/lx4/sag.toml")
     every = ready.effects.only(["gravity", "inertia", "leg_inertia", "velocity"])
     end = SimpleNamespace(state=SimpleNamespace(q=ready.q0, v=ready.v0))
-    runner = SimpleNamespace(ready=ready, compiled=True, run=lambda *_, **__: (end, 0.0), start=None)
+    runner = SimpleNamespace(ready=ready, compiled=True, whole=lambda *_: end, start=None)
     monkeypatch.setattr(runs, "errors", lambda *_: {"error": here if runner.start is None else there})
     some = ["gravity", "inertia", "leg_inertia"]
     needed, said = runs._checked(runner, every, some, 1e-3, 1.0)
     assert ("do not carry over to a motion" in said[-1]) == (there > 1e-3)
     assert len(needed) == kept
-    assert ("fewer miss the target" in said[0]) == (kept == 4)
+    assert said[0] == f"without 'velocity', the end is {here:.1e} from that with every effect that is stated"
+
+
+def test_effects_that_were_not_run_to_the_end_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What changes little over the beginning of a scene may change everything at its end."""
+    monkeypatch.setattr(runs, "clock", Clock(tick=1.0))
+    scene = Runner(stage(SWING), 2.0)
+    scene.compiled = False
+    said = "a run came to .* s of 2 s in 4 s of computing: --seconds gives more time"
+    every = every_effect(scene.ready)
+    refused(lambda: [*runs._worth(scene, every, 4.0)], hybridyn.HybridynError, said)
+    needed, words = runs._checked(scene, every, ["gravity", "inertia"], 1e-3, 4.0)
+    assert needed == ["gravity", "inertia"]
+    assert re.fullmatch(f"not compared with every effect that is stated: {said}", words[0])
+
+
+def test_effects_that_act_on_nothing_have_no_line(tmp_path: Path) -> None:
+    """Files that state a rotor, a friction or none: of those that are not there, no word."""
+    before = '<dynamics damping="0.1" friction="0.2"/>'
+    for stated in ("", '<dynamics damping="0.1"/>'):
+        robot = hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR.replace(before, stated), "bar.urdf"))
+        some, names = motion(robot, 4), {"viscous_friction"} if "damping" in stated else set()
+        on = choose(robot, "model")
+        study = Study("", "per sample")
+
+        def off(solve: Any, at: Trajectory = some) -> tuple[float, float]:
+            """Return a change that no effect causes by itself."""
+            return float(np.abs(solve(*at[:3])).max() < 0.0), 0.0
+
+        run = SimpleNamespace(quantity="idm", robot=robot, effects=on, errors=off, study=study)
+        found = {one.effect for one in models.by_effects(run, -1.0) if isinstance(one, Worth)}
+        assert found & {*FROM_FILES} == names
+        scene = SimpleNamespace(robot=robot, effects=on)
+        assert {*every_effect(scene).names} & {*FROM_FILES} == names
 
 
 @pytest.mark.slow
@@ -502,7 +573,11 @@ def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
     usual = Setting(options, "", "usual", compiled=False)
     early, _ = scene.run(usual, 3.5)
     assert (early.status, 0 < early.state.t < 2.0) == ("interrupted", True)
-    assert errors(scene.ready.robot, early, early) == {"error": np.inf}
+    scene.exact = early
+    point = runs._point(scene, usual, early, 3.5, 0.0)
+    assert (point.error, point.seconds) == (np.inf, pytest.approx(3.5 * 2.0 / early.state.t))
+    assert re.fullmatch(r"the first \S+ % of the scene.*, time extrapolated", point.how)
+    assert error_words(point, STUDY) == "not known"
     stopped, _ = scene.run(usual, 45.5)
     assert stopped.status == "interrupted"
     assert 0 < stopped.state.t < 2.0

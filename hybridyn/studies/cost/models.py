@@ -469,6 +469,11 @@ def spared(worth: Sequence[Worth], target: float, error: Callable[[list[str]], f
     return gone
 
 
+def worded(names: Sequence[str]) -> str:
+    """Write the names of effects in a sentence."""
+    return listed([name.replace("_", " ") for name in names])
+
+
 def by_effects(run: Measured, target: float) -> Iterator[Worth | Point]:
     """Measure what each effect is worth; then build and run the set that suffices for an error.
 
@@ -487,14 +492,16 @@ def by_effects(run: Measured, target: float) -> Iterator[Worth | Point]:
 
     for name in (name for name in on.names if name not in KEPT):
         share = 1.0 - operations(robot, on.without(name), quantity) / every
-        worth.append(Worth(name, error([name]), share, computed=True))
-        yield worth[-1]
+        change = error([name])
+        if change or share:  # else it acts on nothing, as rotors of a robot without
+            worth.append(Worth(name, change, share, computed=True))
+            yield worth[-1]
     if gone := spared(worth, target, error):
         left = on.without(*gone)
         method = Method(IN_C, quantity, partial(set_up, quantity, left, "float64"), batches=True)
-        names = listed([name.replace("_", " ") for name in gone])
-        what, lines = f"drop {names} and compute in C", model_fragment(left.names, "compiled", quantity)
-        yield from run.by_way(Way(method, "command", what, lines, f"without {names}"))
+        what = f"drop {worded(gone)} and compute in C"
+        lines = model_fragment(left.names, "compiled", quantity)
+        yield from run.by_way(Way(method, "command", what, lines, f"without {worded(gone)}"))
 
 
 def by_rates(run: Measured) -> Iterator[Point]:

@@ -53,7 +53,7 @@ class Point:
     Attributes:
         line: Family that it belongs to: one line of the plot.
         setting: What distinguishes it within its family, in words.
-        error: Relative error (see `Study`).
+        error: Relative error (see `Study`); infinite where it is not known.
         seconds: Time per sample or of the whole run [s].
         fragment: Lines to paste into a scene, or comments if no scene can request it.
         use: "usual" for the default, "command" if a command offers it, "program" if only a program of your
@@ -61,7 +61,7 @@ class Point:
         what: How to obtain it, in words that continue "For 0.1 %, ...".
         one_call: Whether it is the time of one sample at a time; else that of a batch or a run.
         elsewhere: Error on the motion `SECOND`; nan if there is none.
-        path: Of a run, the largest error of any of its outputs; nan if there is none, as below.
+        path: Of a run, the largest error at any of many times; nan if there is none, as below.
         energy: Its largest error of the energy, relative to the largest kinetic energy.
         closure: Its largest closure residual, relative to the module's length.
         how: How error or time was found if not by a complete run, in words.
@@ -242,6 +242,8 @@ def time_words(seconds: float) -> str:
 
 
 def error_words(point: Point, study: Study) -> str:
-    """Write a point's error; an error below that of the reference is shown as "< ..."."""
+    """Write a point's error; one below that of the reference as "< ...", one of no complete run in words."""
     least = study.own_error
+    if point.error == float("inf"):
+        return "not known"
     return f"< {least:.0e}" if point.error < least else f"{point.error:.1e}"

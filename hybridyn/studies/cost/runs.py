@@ -1,16 +1,18 @@
 """Measure error and time of a scene's integration: method, step or tolerance, compiled or not, effects.
 
 Accelerations are compiled. The general path takes a hundred times as long: it runs for a short time only, and
-its time is extrapolated. So is that of any run that takes too long; its error is then that up to the posture
-it came to. At most three models are built: of the scene's effects, of every effect that is stated, and of the
-effects that are needed. Single effects are those of the general path.
+its time is extrapolated. So is that of any run that takes too long; its error at the end is not known. Errors
+are judged by a run with many outputs, times by runs with the last one alone. Models are built of the scene's
+effects, of these without or with each other effect, of every effect that is stated, and of those that are
+needed.
 """
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import time as clock
 from collections.abc import Iterator, Sequence
-from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -29,7 +31,7 @@ from ...simulation.simulate import simulate
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..compare.methods import written
-from .models import Trajectory, operations, requested, spared
+from .models import Trajectory, operations, requested, spared, worded
 from .points import ADVISED, SECOND, SECONDS, SLOWER, Point, Progress, Step, Study, Use, Worth, cheapest, fill
 
 #: Fixed steps relative to the mean step of the scene's own solver.
@@ -52,15 +54,15 @@ ROUNDS, SHORT = 2, 0.3
 #: Part of a time that the first run takes at most. Where it is stopped, the scene is as many times as short,
 #: since tighter tolerances take longer.
 SHORTER = 4.0
-#: Times at which postures are compared, as parts of a run; early ones judge a run that is stopped.
-OUTPUTS = np.array([0.0, 0.01, 0.03, 0.1, 0.3, 0.6, 1.0])
+#: Times at which postures are compared, as parts of a run: an error between two of them shows at both. The
+#: general path interpolates slowly: without compiled models, each of so many is taken.
+OUTPUTS, SPARSE = np.linspace(0.0, 1.0, 201), 8
 #: Part of a scene that is run before anything is timed.
 BEGINNING = 1e-6
 #: Parts of `SECONDS`: for one family of settings, for the reference, and for each effect.
-ONE_FAMILY, REFERENCE, ONE_EFFECT = 1 / 16, 1 / 10, 1 / 40
-#: Relative tolerance of the runs that show what effects are worth together, and what one is, by the general
-#: path: changes matter from 1e-3 on.
-OF_EFFECTS, OF_ONE = 1e-8, 1e-5
+ONE_FAMILY, REFERENCE, ONE_EFFECT = 1 / 16, 1 / 10, 1 / 20
+#: Relative tolerance of the runs that show what effects are worth: their changes matter from 1e-3 on.
+OF_EFFECTS = 1e-8
 
 #: The outputs of a run so far, and its computing time [s].
 Run = tuple[Result, float]
@@ -129,14 +131,16 @@ class Runner:
         self.near = dict[str, tuple[Setting, Run]]()
 
     def run(
-        self, setting: Setting, limit: float, *, effects: Effects | None = None, watch: bool = False
-    ) -> Run:
+        self, setting: Setting, limit: float, *, effects: Effects | None = None, watch: bool = False,
+        outputs: Array | None = None,
+    ) -> Run:  # fmt: skip
         """Run once.
 
         Args:
             limit: Processor time after which the run is stopped [s].
             effects: The effects; those of the scene by default.
             watch: Whether the scene's events may end the run.
+            outputs: Times of its outputs, as parts of the duration; by default those that are compared.
 
         Raises:
             HybridynError: The run fails.
@@ -154,7 +158,7 @@ class Runner:
         result = simulate(
             ready.robot, *self.start, (0.0, self.duration), effort=ready.effort, effects=on, compiled=model,
             events=ready.events if watch else (), progress=after_step,
-            output_times=self.duration * OUTPUTS, **setting.options,
+            output_times=self.duration * (self.outputs if outputs is None else outputs), **setting.options,
         )  # fmt: skip
         seconds = clock.process_time() - start
         if result.status == "interrupted" and seconds <= limit:
@@ -162,6 +166,26 @@ class Runner:
         if result.status not in ("finished", "event", "interrupted"):
             raise HybridynError(f"the run ended at {result.t[-1]:.3g} s: {result.status} {result.message}")
         return result, seconds
+
+    @property
+    def outputs(self) -> Array:
+        """Times at which postures are compared, as parts of the duration."""
+        return OUTPUTS if self.compiled else OUTPUTS[::SPARSE]
+
+    def whole(self, limit: float, effects: Effects) -> Result:
+        """Run to the end with some effects, to see what they change.
+
+        Raises:
+            HybridynError: The run fails, or takes too long.
+        """
+        with untold("hybridyn.compiled"):  # of models that nobody asked for
+            found, _ = self.run(setting_of("dopri5", OF_EFFECTS, self.compiled), limit, effects=effects)
+        if found.status == "interrupted":
+            raise HybridynError(
+                f"a run came to {self.came:.2g} s of {self.duration:.2g} s in {limit:.2g} s of computing: "
+                "--seconds gives more time"
+            )
+        return found
 
     def find_reference(self, limit: float) -> Result:
         """Find the end of the scene, and the reference: the tightest tolerance that takes so long.
@@ -209,18 +233,35 @@ class Runner:
         raise HybridynError(f"no reference: {why}. {beginning} more time (--seconds)")
 
 
+@contextlib.contextmanager
+def untold(name: str) -> Iterator[None]:
+    """Drop what a logger says."""
+    logger, drop = logging.getLogger(name), lambda record: False
+    logger.addFilter(drop)
+    try:
+        yield
+    finally:
+        logger.removeFilter(drop)
+
+
 def errors(robot: HybridRobot, found: Result, exact: Result) -> dict[str, Any]:
-    """Return the errors of a run as far as it came: of its last posture, path, energy, and its closures."""
-    count = min(len(found.t), len(exact.t))
-    if count < 2:  # it was stopped before there was a posture to compare
+    """Return the errors of a run: of its last posture, path, energy, and its closures.
+
+    Of a run that was stopped, or is compared with one that was, the error at the end is not known: infinite.
+    """
+    if "interrupted" in (found.status, exact.status):
         return {"error": np.inf}
-    away = [distance(robot, *pair) for pair in zip(found.q[:count], exact.q[:count], strict=True)]
-    lost = (found.kinetic + found.potential)[:count] - (exact.kinetic + exact.potential)[:count]
+    away = way_off(robot, found, exact)
+    lost = (found.kinetic + found.potential) - (exact.kinetic + exact.potential)
     energy = float(np.abs(lost).max() / (exact.kinetic.max() or 1.0))
     return {
-        "error": away[-1], "path": max(away), "energy": energy,
-        "closure": float(found.residual[:count].max()),
+        "error": away[-1], "path": max(away), "energy": energy, "closure": float(found.residual.max()),
     }  # fmt: skip
+
+
+def way_off(robot: HybridRobot, found: Result, exact: Result) -> list[float]:
+    """Return the distance from the exact posture at each output that a run came to."""
+    return [distance(robot, *pair) for pair in zip(found.q, exact.q, strict=False)]
 
 
 def distance(robot: HybridRobot, q0: Array, q1: Array) -> float:
@@ -297,9 +338,9 @@ def study_runs(
         (family[0].line, _family(runner, family, tried, limit))
         for family in (near, quick, [usual], [general], *others)
     ]
-    steps.insert(4, ("effects", _worth(study, runner, every, seconds * ONE_EFFECT)))
+    steps.append(("effects", _worth(runner, every, seconds * ONE_EFFECT)))
     fill(study, steps, progress)
-    if needed := needed_effects(study, ready, target):
+    if needed := needed_effects(study, ready, every, target):
         study.kept, said = _checked(runner, every, needed, target, limit)
         study.needed = [effects_fragment(ready.source, study.kept), *(f"# {line}" for line in said)]
     if best := cheapest(study, target):
@@ -310,7 +351,7 @@ def study_runs(
 def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], left: float) -> Iterator[Point]:
     """Measure settings from coarse to fine, until one takes too long or is as exact as the reference.
 
-    A run that is stopped is judged up to where it came to. One that fails is followed by a finer one.
+    One that fails is followed by a finer one.
 
     Args:
         tried: Receives the settings, by their lines to paste.
@@ -319,27 +360,36 @@ def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], le
     for setting in (one for one in family if one.use == "usual" or one.fragment not in tried):
         try:
             run, seconds = runner.near.pop(setting.fragment, (setting, None))[1] or runner.run(setting, left)
-            least = min([seconds, *(runner.run(setting, left)[1] for _ in range(ROUNDS) if seconds < SHORT)])
+            left -= seconds
+            point = _point(runner, setting, run, seconds, left)
         except HybridynError:  # a step that is too long for the motion
             if setting is family[-1]:
                 raise
             continue
-        part = float(run.state.t) / runner.duration
-        how = f"the first {100 * part:.2g} % of the scene, time extrapolated" if part < 1 - 1e-12 else ""
         tried[setting.fragment] = setting
-        point = Point(
-            setting.line, setting.words, seconds=least / part, fragment=setting.fragment,
-            what=(
-                "keep what the scene says"
-                if setting.use == "usual"
-                else f"take {setting.line}, {setting.words}"
-            ),
-            use=setting.use, how=how, **errors(runner.ready.robot, run, runner.exact),
-        )  # fmt: skip
         yield point
         left -= seconds
-        if how or left <= 0 or point.error <= runner.own_error:
+        if point.how or left <= 0 or point.error <= runner.own_error:
             return
+
+
+def _point(runner: Runner, setting: Setting, run: Result, seconds: float, left: float) -> Point:
+    """Return what a run shows of a setting, and take its time without outputs, where time is left [s]."""
+    robot, how = runner.ready.robot, ""
+    if run.status == "interrupted":
+        part, away = float(run.state.t) / runner.duration, way_off(robot, run, runner.exact)
+        seconds /= part
+        so_far = f" (error so far {max(away):.1e})" if len(away) > 1 else ""
+        how = f"the first {100 * part:.2g} % of the scene{so_far}, time extrapolated"
+    elif seconds <= left:
+        bare = partial(runner.run, setting, np.inf, outputs=OUTPUTS[-1:])
+        seconds = min([seconds, *(bare()[1] for _ in range(ROUNDS if seconds < SHORT else 1))])
+    words = f"take {setting.line}, {setting.words}"
+    return Point(
+        setting.line, setting.words, seconds=seconds, fragment=setting.fragment,
+        what="keep what the scene says" if setting.use == "usual" else words,
+        use=setting.use, how=how, **errors(robot, run, runner.exact),
+    )  # fmt: skip
 
 
 def _elsewhere(study: Study, runner: Runner, best: Point, setting: Setting) -> None:
@@ -353,28 +403,24 @@ def _elsewhere(study: Study, runner: Runner, best: Point, setting: Setting) -> N
     study.points[study.points.index(best)] = replace(best, elsewhere=error)
 
 
-def _worth(study: Study, runner: Runner, every: Effects, limit: float) -> Iterator[Worth]:
-    """Measure what each effect changes: those of the scene if left out, those of the files if added.
+def _worth(runner: Runner, every: Effects, limit: float) -> Iterator[Worth]:
+    """Measure what each effect changes at the end: those of the scene if left out, others if added.
 
     Args:
-        every: Effects of the scene and of the files.
-        limit: Time of a run by the general path [s]; as far as it comes, runs are compared.
+        every: The effects that act in the scene, or would by the robot's files.
+        limit: Time of a run [s].
+
+    Raises:
+        HybridynError: The scene takes longer.
     """
-    robot, on, part = runner.ready.robot, runner.ready.effects, copy(runner)
-    run = partial(part.run, setting_of("dopri5", OF_ONE, compiled=False))
-    exact, whole = run(limit)[0], operations(robot, on, "ddm")
-    if exact.status == "interrupted":
-        part.duration = float(exact.state.t)
-        exact = run(np.inf)[0]
-        study.remarks.append(
-            f"effects are those of the first {part.duration:.2g} s: --seconds gives more time"
-        )
+    robot, on = runner.ready.robot, runner.ready.effects
+    exact, whole = runner.whole(limit, on), operations(robot, on, "ddm")
     for name in (name for name in DROPPABLE if name in every.names):
         computed = name in on.names
         other = on.without(name) if computed else every.only([*on.names, name])
         share = operations(robot, other, "ddm") / whole - 1.0
         try:
-            change = errors(robot, run(2.0 * limit, effects=other)[0], exact)["error"]
+            change = errors(robot, runner.whole(2.0 * limit, other), exact)["error"]
         except HybridynError:  # a motion without mass
             change = np.inf
         yield Worth(name, change, -share if computed else share, computed)
@@ -389,47 +435,62 @@ def _checked(
         The effects that are needed: every effect, where fewer miss the target. And how far the ends are
         from that with every effect, in words.
     """
-    ready, run = runner.ready, partial(runner.run, setting_of("dopri5", OF_EFFECTS, runner.compiled), limit)
-    sets = {"these": every.only(needed), "those of the scene": ready.effects}
+    robot, run = runner.ready.robot, partial(runner.whole, limit)
+    gone = [name for name in every.names if name not in needed]
+    sets = {f"without {worded(gone)}": every.only(needed)} if gone else {}
+    sets["with those of the scene"] = runner.ready.effects
     try:
-        exact, _ = run(effects=every)
-        away = {words: errors(ready.robot, run(effects=on)[0], exact)["error"] for words, on in sets.items()}
+        exact = run(every)
+        away = {words: errors(robot, run(on), exact)["error"] for words, on in sets.items()}
         said = [
-            f"with {words}, the end is {error:.1e} from that with every effect that is stated"
+            f"{words}, the end is {error:.1e} from that with every effect that is stated"
             for words, error in away.items()
         ]
-        if away["these"] > target:
-            return [*every.names], ["every effect that is stated: fewer miss the target", *said[1:]]
+        if not gone:
+            return needed, said
+        if away[f"without {worded(gone)}"] > target:
+            return [*every.names], said
         runner.start = exact.state.q, SLOWER * exact.state.v
-        elsewhere = errors(ready.robot, run(effects=sets["these"])[0], run(effects=every)[0])["error"]
+        elsewhere = errors(robot, run(every.only(needed)), run(every))["error"]
         if elsewhere > target:
             said.append(
                 f"these do not carry over to {SECOND['per run']}: there the end is {elsewhere:.1e} away"
             )
         return needed, said
     except HybridynError as failure:
-        return needed, [f"not run with every effect that is stated: {failure}"]
+        return needed, [f"not compared with every effect that is stated: {failure}"]
 
 
 def every_effect(ready: Stage) -> Effects:
-    """Return the effects of a scene with those of `DROPPABLE` that the robot's files state besides."""
-    on, stated = ready.effects, choose(ready.robot, ["default", *stated_names(ready.robot)])
+    """Return the effects of a scene with those of `DROPPABLE` that the robot's files state besides.
+
+    Those of `DROPPABLE` that take no operations act on nothing, as rotors of a robot without: they are left
+    out.
+    """
+    robot, on = ready.robot, ready.effects
+    stated = choose(robot, ["default", *stated_names(robot)])
     more = stated.only([name for name in DROPPABLE if name not in on.names])
-    return replace(
+    every = replace(
         on, leg_inertia=on.leg_inertia or more.leg_inertia, velocity=on.velocity or more.velocity,
         joints=(*on.joints, *more.joints), rotors=(*on.rotors, *more.rotors),
         names=tuple(unit for unit in UNITS if unit in {*on.names, *more.names}),
     )  # fmt: skip
+    whole = operations(robot, every, "ddm")
+    some = [name for name in DROPPABLE if name in every.names]
+    return every.without(*(name for name in some if operations(robot, every.without(name), "ddm") == whole))
 
 
-def needed_effects(study: Study, ready: Stage, target: float) -> list[str]:
+def needed_effects(study: Study, ready: Stage, every: Effects, target: float) -> list[str]:
     """Return the effects that a scene needs for an error, or nothing if it names them.
 
     Effects are left out, the least important first, as long as their changes together stay below the target.
+
+    Args:
+        every: As `every_effect` returns them.
     """
     more = [one.effect for one in study.worth if not one.computed and one.error > target]
     worth = {one.effect: one.error for one in study.worth}
     gone = spared(study.worth, target, lambda names: sum(worth[name] for name in names))
     if not more and not gone:
         return []
-    return [name for name in UNITS if name in {*ready.effects.names, *more} - {*gone}]
+    return [name for name in every.names if name in {*ready.effects.names, *more} - {*gone}]
