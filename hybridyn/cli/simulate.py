@@ -68,7 +68,7 @@ def run(
     if chosen.model is not None:
         chosen.handed_over = chosen.model.recomputed
     _write(ready, result, target, plot, chosen)
-    if state is not None and result.status in ("finished", "event"):
+    if state is not None and result.status != "interrupted":  # after an error it would come to the same
         Path(state).unlink(missing_ok=True)
     if not quiet:
         for line in _summary(ready, result, chosen, time.perf_counter() - started):
@@ -128,24 +128,31 @@ def _state_of(ready: Stage, target: str | None, *, resume: bool, overwrite: bool
         refuse((resume, "--resume continues the run in a result file: name it with -o"))
         return None
     state = f"{target}.state"
-    there, anew = os.path.exists(state), not resume and not overwrite
-    refuse(
-        # a scene's folder may have come with it
-        (os.path.islink(state), f"'{state}' is a link, whose file would be replaced: remove the link"),
-        (
-            there and anew,
-            f"'{target}' holds a run that was stopped: --resume continues it, --overwrite begins anew",
-        ),
-    )
-    if resume and not there:
+    # a scene's folder may have come with it
+    refuse((os.path.islink(state), f"'{state}' is a link, whose file would be replaced: remove the link"))
+    if resume and not os.path.exists(state):
         raise TrajectoryError(
-            "there is no '.state' file beside it: the run is finished, or was not begun here", file=target
-        )
-    if resume and Result.load(state).origin.scene != identity(ready.source):
-        raise TrajectoryError(
-            f"was not begun with this scene as it stands in '{ready.source.file}' now", file=state
-        )
+            "there is no '.state' file beside it: the run is finished, ended with an error, or was not begun "
+            "here", file=target,
+        )  # fmt: skip
+    if os.path.exists(state) and (resume or not overwrite):
+        _check_continues(ready, state, target, resume=resume)
     return state
+
+
+def _check_continues(ready: Stage, state: str, target: str, *, resume: bool) -> None:
+    """Refuse a run into the file of one that was stopped, unless it continues that with the same scene."""
+    try:
+        same = Result.load(state).origin.scene == identity(ready.source)
+    except TrajectoryError:
+        if resume:
+            raise
+        same = False
+    changed = f"was not begun with this scene as it stands in '{ready.source.file}' now"
+    if resume and not same:
+        raise TrajectoryError(f"{changed}: --overwrite begins anew", file=state)
+    how = ": --resume continues it, " if same else f" and {changed}: "
+    refuse((not resume, f"'{target}' holds a run that was stopped{how}--overwrite begins anew"))
 
 
 @contextlib.contextmanager

@@ -198,8 +198,8 @@ simulate = Command(
 
     Ctrl-C stops after the current step. The rows so far are written to FILE, and the state to FILE.state.
     --resume continues the run; the result is the same, bit for bit, as that of a run without a stop.
-    FILE.state is also written every 1,000 steps, and removed at the end. While it exists, a new run into FILE
-    needs --overwrite.
+    FILE.state is also written every 1,000 steps, and removed at the end, also where an error ends the run.
+    While it exists, a new run into FILE needs --overwrite.
     """,
     params=[
         plot_option("the motion of the motors, efforts, power, energy and residuals", page=True),

@@ -131,17 +131,17 @@ def _begun(
     if not before.begun:
         write_text(before.folder / RECORD, json.dumps({"asked": asked, "told": told}))
         return Record(before.folder, asked, told, {})
-    if not resume:
-        raise HybridynError(
-            f"{before.folder}: has results of an earlier run: continue it with resume=True, or choose "
-            "another folder"
-        )
     if before.asked.get("command") != asked.get("command"):
         raise HybridynError(f"{before.folder}: has results of another command: choose another folder")
     if other := [one for one in {**before.asked, **asked} if before.asked.get(one) != asked.get(one)]:
         raise HybridynError(
             f"{before.folder}: its results were computed with another {listed(other)}: undo the change, or "
             "choose another folder"
+        )
+    if not resume:
+        raise HybridynError(
+            f"{before.folder}: has results of an earlier run: continue it with resume=True, or choose "
+            "another folder"
         )
     return before
 

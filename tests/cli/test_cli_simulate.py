@@ -1,11 +1,14 @@
 """`hybridyn simulate`: results, stopping and going on, what it says, and what idm makes of a run."""
 
 import subprocess
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from hybridyn.cli import simulate
 from tests import ROOT
 from tests.command_line import program, read_table, without_remarks
 from tests.extras import needs
@@ -148,8 +151,9 @@ def test_what_cannot_be_resumed(run, scene: Path, tmp_path: Path) -> None:
         "-o",
         target,
         status=2,
-        says="--resume continues it, --overwrite begins anew",
+        says=f"and was not begun with this scene as it stands in '{other}' now: --overwrite begins anew",
     )
+    run("simulate", scene, "-o", target, status=2, says="--resume continues it, --overwrite begins anew")
     assert target.read_bytes() == begun
     run("simulate", scene, "-o", target, "--until", 0.04, "-q", "--overwrite")
     assert target.read_bytes() == begun
@@ -158,6 +162,28 @@ def test_what_cannot_be_resumed(run, scene: Path, tmp_path: Path) -> None:
     run("simulate", scene, "--resume", status=2, says="name it with -o")
     (tmp_path / "run.csv.state").write_text("x")
     run("simulate", scene, "--resume", "-o", target, status=1)
+    run("simulate", scene, "-o", target, status=2, says="now: --overwrite begins anew")
+
+
+@pytest.mark.parametrize("status", simulate.FAILED)
+def test_a_run_that_an_error_ended_is_not_one_to_continue(
+    run, scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: str
+) -> None:
+    """It would come to the same error: what is corrected begins anew, without --overwrite."""
+    target, played = tmp_path / "run.csv", simulate.play
+
+    def failing(*given: Any, **options: Any) -> Any:
+        """Play the scene, which an error ends."""
+        return replace(played(*given, **options), status=status, message="at t = 0.02 s")
+
+    words = ("simulate", scene, "--until", 0.02, "-q", "-o", target)
+    with monkeypatch.context() as patch:
+        patch.setattr(simulate, "play", failing)
+        run(*words, status=1, says=f"{status} at t = 0.02 s")
+        assert target.exists()
+        run(*words, "--resume", status=1, says="finished, ended with an error, or was not begun here")
+    scene.write_text(SCENE.replace("0.5", "0.6"))
+    assert run(*words)[0] == 0
 
 
 def test_columns_and_file_of_the_scene(run, tmp_path: Path) -> None:

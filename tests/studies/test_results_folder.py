@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from functools import partial
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -67,7 +68,9 @@ def test_what_differs_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
         ({"robot": "2", "loads": "yes"}, "'effects', 'loads'"),
     ):
         said = f"{tmp_path}: its results were computed with another {other}: undo the change"
-        refused(lambda asked=asked: begin(tmp_path, resume=True, **asked), hybridyn.HybridynError, said)
+        for resume in (False, True):  # no advice to continue what cannot be continued
+            again = partial(begin, tmp_path, resume=resume, **asked)
+            refused(again, hybridyn.HybridynError, said)
     begin(tmp_path, resume=True, robot="2", effects="model")
     assert read_record(tmp_path).has("part")
 
