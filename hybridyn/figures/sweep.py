@@ -14,8 +14,8 @@ from .panels import Chart, Mark, Panel
 PALE = "#bfbfbf"
 #: Largest number of points per panel; of more designs, evenly spaced ones are drawn.
 MOST_POINTS = 20_000
-#: Largest number of rows, and of columns, of panels.
-MOST_PANELS = 8
+#: Largest number of rows, and of columns, of panels; the title says what is left out.
+MOST_PANELS = 24
 
 
 def chart_of_sweep(folder: str | PathLike[str], where: str | None = None) -> Chart:
@@ -45,4 +45,9 @@ def chart_of_sweep(folder: str | PathLike[str], where: str | None = None) -> Cha
             ]  # fmt: skip
             panels.append(Panel("", about.label(measure), marks, name))
     title = f"{about.study}: {some.sum():,} of {about.designs:,} designs"
+    for what, drawn, there in (
+        ("measures", measures, about.measures), ("parameters", parameters, about.parameters),
+    ):  # fmt: skip
+        if len(drawn) < len(there):
+            title += f", the first {len(drawn)} of {len(there)} {what}"
     return Chart(title, panels, across=len(parameters))

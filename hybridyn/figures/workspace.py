@@ -60,9 +60,7 @@ def figure_of_workspace(
     panels = figure.subplots(len(maps), len(levels), squeeze=False, sharex=True, sharey=len(axes) > 1)
     for row, (name, values) in zip(panels, maps.items(), strict=True):
         label, finite = LABELS[name].format(unit), values[np.isfinite(values)]
-        # Clip the colour scale: a few postures near a singularity would otherwise dominate it.
-        share = 100 if name == "conditioning" else 98
-        limit = float(np.percentile(finite, share)) if len(finite) else None
+        limit = _limit(finite, 100 if name == "conditioning" else 98)
         for ax, level in zip(row, levels, strict=True):
             chosen = here if level is None else here & (index[:, 2] == level)
             if len(axes) == 1:
@@ -111,7 +109,16 @@ def _levels(index: Index) -> list[Any]:
     return list(values if len(values) <= SLICES else values[places])
 
 
-def _image(ax: Axes, lattice: _Lattice, chosen: Array, values: Array, high: float | None) -> Any:
+def _limit(values: Array, share: float) -> float:
+    """Return the upper end of a colour scale from zero: of zeros alone, one, so that all slices have it.
+
+    A share [%] of the values is within: a few near a singularity would otherwise dominate it.
+    """
+    clipped = float(np.percentile(values, share)) if len(values) else 0.0
+    return clipped or float(values.max(initial=0.0)) or 1.0
+
+
+def _image(ax: Axes, lattice: _Lattice, chosen: Array, values: Array, high: float) -> Any:
     """Draw one slice as cells of the lattice; cells that were not reached stay white."""
     index = lattice.index[chosen][:, :2]
     upper = lattice.index[:, :2].max(axis=0)

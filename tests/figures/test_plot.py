@@ -122,6 +122,22 @@ def test_axes_of_a_workspace_are_equal_if_their_units_are(across: str, aspect: f
     assert figure.axes[0].get_aspect() == aspect
 
 
+@pytest.mark.parametrize("largest", [0.0, 2.0])
+@pytest.mark.parametrize("levels", [1, 3])
+def test_equal_values_have_one_colour(largest: float, levels: int) -> None:
+    """In all slices of a map, and where nearly all values are zero."""
+    x, y, z = (a.ravel() for a in np.meshgrid(np.arange(11.0), np.arange(11.0), np.arange(levels) / 10))
+    held = np.zeros(len(x))
+    held[-1] = largest
+    figure = figure_of_workspace({"x": x, "y": y, "z": z}, {"conditioning": 0.1 + y, "motor/effort": held})
+    figure.canvas.draw()
+    images = [image for ax in figure.axes for image in ax.get_images()]
+    assert len(images) == 2 * levels
+    colours = np.concatenate([image.to_rgba(image.get_array()).reshape(-1, 4) for image in images[levels:]])
+    assert len(np.unique(colours, axis=0)) == (2 if largest else 1)
+    assert {image.get_clim() for image in images[levels:]} == {(0.0, largest or 1.0)}
+
+
 def test_bars_are_the_numbers_of_the_report() -> None:
     rows = list(csv.DictReader(LOADS.splitlines()))
     newtons, _, slides, _, power = chart_of_report(rows).panels

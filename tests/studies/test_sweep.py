@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.errors import install_advice
+from hybridyn.errors import AssemblyError, SingularityError, install_advice
 from hybridyn.structure.parameters.slots import differences, values_of
 from hybridyn.studies.pools import Pool, ThisProcess
 from hybridyn.studies.results_folder import writing
@@ -24,7 +24,7 @@ from hybridyn.studies.sweep.best import find_best
 from hybridyn.studies.sweep.compiled_chunks import evaluate_chunk
 from hybridyn.studies.sweep.compiled_designs import Plan
 from hybridyn.studies.sweep.designs import designs_of
-from hybridyn.studies.sweep.evaluation import Chunk, Row
+from hybridyn.studies.sweep.evaluation import Chunk, Designer, Row, status_of
 from hybridyn.studies.sweep.reading import identity, read_study
 from hybridyn.studies.sweep.shards import About, read_shards, write_shard
 from hybridyn.studies.sweep.variants import SlotNumbers, Variants, _number
@@ -629,3 +629,49 @@ def test_figures_of_a_sweep_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
     low = int((x[1:] @ [3, 1] <= 2).sum())
     assert counts == {"does not meet the condition": low, "designs": 63 - low, "not evaluated": 1}
     call(capsys, "plot", tmp_path, "-o", tmp_path / "sweep.svg")
+
+
+@pytest.mark.parametrize("parameters", [1, 24, 30])
+@pytest.mark.parametrize("measures", [1, 8, 11, 24, 25])
+def test_what_a_figure_leaves_out_is_said(
+    parameters: int, measures: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from hybridyn.figures import sweep
+
+    across, down = ([f"{what}{i}" for i in range(n)] for what, n in (("p", parameters), ("m", measures)))
+    columns = {name: np.zeros(2) for name in ("design", *across, *down)}
+    found = About("study.toml", 2, across, down), columns, np.array(["ok", "ok"]), np.array([True, True])
+    monkeypatch.setattr(sweep, "rows_of", lambda *_: found)
+    chart = sweep.chart_of_sweep("out")
+    assert {(panel.label, panel.x_label) for panel in chart.panels} == {
+        (y, x) for y in down[:24] for x in across[:24]
+    }
+    for what, count in (("measures", measures), ("parameters", parameters)):
+        assert (f"the first 24 of {count} {what}" in chart.title) == (count > 24)
+
+
+@pytest.mark.parametrize("error", [AssemblyError("far"), SingularityError("flat"), ValueError("why")])
+@pytest.mark.parametrize("wrong", [("first",), ("second",), ("first", "second")])
+def test_an_error_in_one_task_leaves_the_measures_of_the_others(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, wrong: tuple[str, ...]
+) -> None:
+    text = written("method = 'grid'").read_text()
+    study = save(folder, text.replace("swing]", "first]") + text.partition("[tasks.swing]")[2].join(
+        ["[tasks.second]", ""]
+    ), "study.toml")  # fmt: skip
+    whole, measure = evaluated(study)[0], Designer._task
+
+    def failing(own: Designer, robot: hybridyn.HybridRobot, name: str, task: Any) -> dict[str, float]:
+        """Fail in some tasks, and measure the others."""
+        if name in wrong:
+            raise error
+        return measure(own, robot, name, task)
+
+    monkeypatch.setattr(Designer, "_task", failing)
+    row = evaluated(study)[0]
+    columns = read_study(study).columns
+    assert row.status == status_of(error)
+    assert "why" in row.message or row.message == str(error)
+    assert [np.isnan(x) for x in row.measures] == [c.partition(".")[0] in wrong for c in columns]
+    kept = [(x, y) for x, y in zip(row.measures, whole.measures, strict=True) if not np.isnan(x)]
+    assert all(x == y for x, y in kept)

@@ -9,6 +9,8 @@ from scipy.ndimage import label
 import hybridyn
 from hybridyn.spatial import Array
 from hybridyn.studies.map_table import postures_on_grid
+from hybridyn.studies.sweep.evaluation import status_of
+from hybridyn.studies.workspace.measures import Measures
 from hybridyn.studies.workspace.sweep import find_sweep
 from hybridyn.studies.workspace.workspace import OUT_OF_REACH, Closing, Workspace, workspace
 from tests.command_line import call, read_table, without_remarks
@@ -200,7 +202,20 @@ def test_no_step_changes_the_branch() -> None:
 )
 def test_wrong_arguments_are_refused(words: dict[str, object], message: str) -> None:
     robot = hybridyn.load(words.pop("robot", "five_bar"))
-    refused(lambda: workspace(robot, **words), hybridyn.HybridynError, message)
+    error = refused(lambda: workspace(robot, **words), hybridyn.HybridynError, message)
+    far = "outside its limits" in message or "does not reach" in message
+    assert status_of(error) == ("unreachable" if far else "failed")  # of a design
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_linkage_that_lies_flat_holds_no_weight(seed: int) -> None:
+    """Efforts are zero where a turned frame rounds gravity: a map would show the rounding in colours."""
+    rounded = np.array([0.0, -9.81, 0.0]) + 1e-15 * np.random.default_rng(seed).normal(size=3)
+    robot = hybridyn.load("five_bar", gravity=rounded)
+    found = Measures(robot, find_sweep(robot, None, None, None, robot.home))(robot.home[None])
+    efforts = [x for name, x in found.items() if name.endswith("/effort")]
+    assert len(efforts) == 2
+    assert not np.any(efforts)
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

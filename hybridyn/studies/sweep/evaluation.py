@@ -183,8 +183,8 @@ class Row:
     Attributes:
         design: Its number, from 0.
         values: Values of the parameters, shape (parameters,).
-        status: One of `STATUSES`.
-        measures: What was measured, in the order of the study's columns; nan where the design is not "ok".
+        status: One of `STATUSES`: that of the first task with an error.
+        measures: What was measured, in the order of the study's columns; nan for a task that met an error.
         message: The first error, or "".
     """
 
@@ -256,14 +256,16 @@ class Designer:
             robot = self.variants(self.variants.named(values))
         except Exception as error:
             return row("not loaded", nothing, said(error))
-        measures: dict[str, float] = {}
-        try:
-            for name, task in self.source.study.tasks.items():
+        measures, status, message = dict.fromkeys(self.source.columns, math.nan), "ok", ""
+        for name, task in self.source.study.tasks.items():
+            try:
                 own = self._task(robot, name, task)
+            except Exception as error:
+                if status == "ok":
+                    status, message = status_of(error), said(error)
+            else:
                 measures |= {self.source.column(name, key): value for key, value in own.items()}
-        except Exception as error:
-            return row(status_of(error), nothing, said(error))
-        return row("ok", tuple(measures[column] for column in self.source.columns), "")
+        return row(status, tuple(measures.values()), message)
 
     def _task(self, robot: HybridRobot, name: str, task: TaskTable) -> dict[str, float]:
         if task.workspace is not None:

@@ -26,7 +26,8 @@ from ...spatial import Array, Mask
 from ...structure.robot import HybridRobot
 from .sweep import Sweep
 
-#: Efforts below this part of their norm are rounding: the motors of a Delta, for example, hold no torque.
+#: Efforts below this part of their norm, or of the weight over the module's length, are rounding: the motors
+#: of a Delta, for example, hold no torque, and those of a linkage that lies flat no weight.
 NO_EFFORT = 1e-12
 #: Singular values of the twists below this part of the largest are rounding: the platform does not move.
 NO_TWIST = 1e-7
@@ -118,5 +119,9 @@ class Measures:
             tau = idm(self.robot, q, rest, rest, on_singular="least-norm")[:, module.motor_index]
         except ActuationError:
             return {}
+        mechanism = module.mechanism
+        weight = np.linalg.norm(self.robot.gravity) * sum(body.mass for body in self.robot.bodies.bodies)
+        unit = mechanism.reduction.col_scale[module.motor_columns]
+        tau[np.abs(tau) < NO_EFFORT * weight * mechanism.length / unit] = 0.0
         tau = np.where(singular[:, None], np.inf, tau)
         return {f"{name}/effort": tau[:, i] for i, name in enumerate(module.motors)}

@@ -303,8 +303,8 @@ def workspace(
 
     Raises:
         TrajectoryError: A name is unknown, or the coordinates are not independent.
-        ModelError: The origin is outside the limits, or there are too many poses.
-        AssemblyError: The origin cannot be reached.
+        ModelError: There are too many poses.
+        AssemblyError: The origin cannot be reached, or is outside the limits.
     """
     home = _closed_home(robot)
     sweep = find_sweep(robot, module, link, axes, home)
@@ -352,11 +352,10 @@ def _check_origin(close: Closing, q: Array) -> None:
     if joint == REACHED:
         return
     name = close.names[joint]
-    raise ModelError(
+    raise AssemblyError(
         f"joint '{name}' is outside its limits at the workspace's origin: correct [home] in model.toml "
         "or the limits, choose another origin (at), or ignore the limits (limits=False)",
-        file=close.robot.description.source,
-        element=name,
+        module=close.robot.modules[close.sweep.module].name,
     )
 
 
