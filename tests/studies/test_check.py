@@ -182,6 +182,14 @@ WRONG: dict[str, tuple[str, str]] = {
         four_bar("drive", tree=UPRIGHT, loop=LOOP.replace("1.5 0 0", "1.2 0 0")),
         "module ",
     ),
+    "axis-across": (
+        four_bar("drive", tree=UPRIGHT, loop=LOOP.replace('<axis xyz="0 0 1"/>', "")),
+        "closure 'pin'",
+    ),
+    "same-loop": (
+        four_bar("drive", tree=UPRIGHT, loop=LOOP + LOOP.replace('"pin"', '"twin"')),
+        "closure 'twin'",
+    ),
     "locked": (
         four_bar("drive", loop=LOOP.replace('"revolute"', '"fixed"').replace('rpy="0 0 0"', 'rpy="0 0 1"')),
         "module ",

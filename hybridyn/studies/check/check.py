@@ -3,7 +3,7 @@
     finding       one finding; every code with its severity
     subject       the file as XML, as records and as a robot
     shapes        bounding boxes of the links, from visuals, collisions and meshes
-    elements, loops      the checks of links and joints, and of modules
+    elements, axes, loops      the checks of links and joints, of hinges in loops, and of modules
 
 `hybridyn.check("robot.urdf")` returns all findings, the worst first.
 """
@@ -20,6 +20,7 @@ from ...description.reading import open_robot
 from ...errors import AssemblyError, HybridynError, ModelError
 from ...structure.building import build_robot
 from ...structure.robot import HybridRobot
+from .axes import check_axes, check_same_loops
 from .elements import check_limits, check_masses, check_mimics, check_units
 from .finding import CODES, SEVERITIES, Finding, Severity
 from .loops import check_dangling_chains, check_lost_loops, check_modules
@@ -85,7 +86,7 @@ def check(
                 found.append(_not_built(subject, error))
         checks = (
             check_masses, check_units, check_limits, check_mimics, check_notes, check_shapes,
-            check_lost_loops, check_dangling_chains, check_modules,
+            check_lost_loops, check_dangling_chains, check_axes, check_same_loops, check_modules,
         )  # fmt: skip
         found += [finding for run_check in checks for finding in run_check(subject)]
     return sorted(found, key=lambda finding: (SEVERITIES.index(finding.severity), finding.line or 0))

@@ -47,6 +47,8 @@ CODES: dict[str, tuple[Severity, str]] = {
     "rank-in-doubt": ("error", "the mobility is uncertain because the file is rounded"),
     "no-robot": ("error", "no robot can be built from the file"),
     "open-at-home": ("warning", "loops are open at the home posture"),
+    "axis-across": ("warning", "a hinge can never turn: its axis is across those of its loop"),
+    "same-loop": ("warning", "two closures state the same loop"),
     "locked": ("error", "closures leave a module no degree of freedom"),
     "rounded": ("note", "some closure rows depend on others, but only up to the file's rounding"),
     # motors
