@@ -57,8 +57,9 @@ def load(
         strict: Whether notes are errors: what the reader read past (`robot.notes`), and signs of loops that
             the files do not state.
 
-    Warnings in the log "hybridyn" name signs of loops that the files do not state, moving links without mass,
-    and modules whose motors lose a direction in every posture.
+    Warnings in the log "hybridyn" name physics of the files that is dropped (notes with "drops"), signs of
+    loops that the files do not state, moving links without mass, and modules whose motors lose a direction in
+    every posture.
 
     Raises:
         ModelError: The files are wrong or not supported, or do not determine the rank of a module; or there
@@ -147,10 +148,11 @@ def _built(description: Description, **options: Any) -> HybridRobot:
 
 
 def _warn(robot: HybridRobot) -> None:
-    """Log signs of lost loops and masses, and modules singular in every posture (equal ones once)."""
+    """Log dropped physics, signs of lost loops and masses, and modules that are singular everywhere, once."""
     from .assembly.motor_share import architecturally_singular
+    from .description.names import drops
 
-    for lost in of_files(robot.description):
+    for lost in (*drops(robot.notes), *of_files(robot.description)):
         warn("robot '%s': %s", robot.name, lost)
 
     for module in {id(module.mechanism): module for module in reversed(robot.modules)}.values():

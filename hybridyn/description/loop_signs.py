@@ -19,7 +19,7 @@ import numpy as np
 
 from ..errors import ModelError
 from .motors import EVERY_JOINT, moved_by
-from .names import closest, listed
+from .names import DROPS, NOTHING, closest, listed
 from .placement import outwards
 from .records import FREEDOMS, Array, Description, Format, Joint, RobotFile
 from .urdf.xml_node import Node
@@ -88,7 +88,7 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
             _refuse_inside(node, above[0], above[-2])
     if unknown:
         where = listed(f"<{tag}> ({place})" for tag, place in unknown.items())
-        notes.append(f"unknown elements, which were not read: {where}")
+        notes.append(f"{DROPS} unknown elements {where}; {NOTHING}")
 
 
 def refuse_unclosed_frames(robot: RobotFile) -> None:
@@ -127,19 +127,6 @@ def refuse_unread_side_cars(robot: RobotFile, folder: Path) -> None:
         robot.notes.append(f"{file.name} (scikit-robot) is beside the robot file and was not read")
 
 
-def note_mimic_plugins(root: Node, robot: RobotFile) -> None:
-    """Note the joints that mimic others by a Gazebo plugin, but not by `<mimic>` in the URDF."""
-    coupled = {coupling.name for coupling in robot.couplings}
-    movable = {joint.name for joint in robot.joints if joint.kind != "fixed"}
-    plugins = [node for block in root.children("gazebo") for node in block.descendants("mimicJoint")]
-    lost = [node.content() for node in plugins if node.content() in movable - coupled]
-    if lost:
-        robot.notes.append(
-            f"joints {listed(lost)} mimic others by a Gazebo plugin, which is not read: they move freely "
-            "here; to couple them, write <mimic> in the joint"
-        )
-
-
 def _refuse_if_suspicious(node: Node) -> None:
     """Raise for an unknown element below `<robot>` that may affect the dynamics."""
     intended = closest(node.tag, READ_TAGS)
@@ -175,6 +162,9 @@ def _refuse_inside(node: Node, above: Node, top: Node) -> None:
             raise _refusal(node, f"an SDF joint inside <{top.tag}> (Gazebo)")
         if node.tag in LOOP_TAGS:
             raise _refusal(node, f"inside <{top.tag}>")
+        free = {"plugin", "sensor"} & {str(xml.tag) for xml in node.xml.iterancestors()}  # names of their own
+        if node.tag == "link" and top.tag == "gazebo" and not free:
+            raise node.error("is not read inside <gazebo>, and would be lost; move it below <robot>")
     in_part = node.tag in ("link", "joint") and top.tag in ("link", "joint")
     stray = node.tag in MIMIC_TAGS and not (top.tag == "joint" and direct)
     if node.tag in LOOP_TAGS or in_part or stray:

@@ -78,7 +78,8 @@ def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
     if not robot.closures and all(_is_mimic(coupling) for coupling in robot.couplings):
         return tuple(joint.name for joint in free), EVERY_JOINT
     strong = [joint.name for joint in free if 0 < joint.effort < np.inf]
-    if 0 < len(strong) < sum(FREEDOMS[joint.kind] > 0 for joint in robot.joints):
+    moving = [joint for joint in robot.joints if FREEDOMS[joint.kind] and joint.name not in robot.closing]
+    if 0 < len(strong) < len(moving):
         return tuple(strong), "joints with an effort limit above zero, because no file names motors"
     robot.notes.append(
         "no file says which joints of this closed-loop robot are driven: pass motors=[...] or --motors "
@@ -89,7 +90,8 @@ def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
 
 def _free_joints(robot: RobotFile) -> list[Joint]:
     """Return the joints with one freedom that mimic no other and let no body move freely."""
-    others = {coupling.name for coupling in robot.couplings if _is_mimic(coupling)} | robot.undriven
+    others = {coupling.name for coupling in robot.couplings if _is_mimic(coupling)}
+    others |= robot.undriven | robot.closing
     return [joint for joint in robot.joints if FREEDOMS[joint.kind] == 1 and joint.name not in others]
 
 

@@ -5,6 +5,13 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Mapping
 
+#: How notes on physics begin, behind the place: the file states a force, an inertia or a constraint for some
+#: engine, and the robot has it not. `load` warns of them.
+DROPS = "drops"
+
+#: Why it is told.
+NOTHING = "no force, inertia or constraint comes of it here"
+
 #: How many names an error message lists before it writes "and n more".
 LISTED_NAMES = 8
 #: Least similarity of a name to the one that it probably means, as difflib measures it.
@@ -69,3 +76,8 @@ def noted(found: Mapping[str, Iterable[str]]) -> list[str]:
     """Return the remarks that concern something; "{}" in them stands for its names, each once."""
     named = {text: dict.fromkeys(names) for text, names in found.items()}
     return [text.replace("{}", listed(names)) for text, names in named.items() if names]
+
+
+def drops(notes: Iterable[str]) -> list[str]:
+    """Return the notes on what is dropped of the physics that a file states."""
+    return [note for note in notes if f" {DROPS} " in f" {note}"]

@@ -392,6 +392,8 @@ class RobotFile:
         crossed: As in `Description`.
         left_out: As in `Description`.
         undriven: Names of joints that no rule takes for motors, because they let a body move freely.
+        closing: Names of joints of the tree that close loops in the file; no rule takes them for motors.
+        springs: Springs of joints, which the reader makes one of `effects`.
     """
 
     name: str
@@ -411,3 +413,5 @@ class RobotFile:
     crossed: dict[str, tuple[float, float]] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
     undriven: set[str] = field(default_factory=set)
+    closing: set[str] = field(default_factory=set)
+    springs: list[StatedSpring] = field(default_factory=list)

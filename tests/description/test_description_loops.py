@@ -163,7 +163,7 @@ READ: dict[str, tuple[str, dict[str, object], tuple[Array, ...]]] = {
     ),
     "a loop joint with damping": (
         ISAAC.replace("</loop", '<dynamics damping="1"/></loop'),
-        {"notes": {"damping of the cut joint"}}, (),
+        {"notes": {"drops 'damping' of closure"}}, (),
     ),
     "a coupling counts both ways from the common ancestor": (
         GEAR,
@@ -357,8 +357,7 @@ def test_a_loop_that_would_be_lost_is_refused(texts: Texts, messages: list[str],
 @pytest.mark.parametrize(
     ("texts", "notes"),
     [
-        (robot(PLUGIN.format("elbow")), {"'elbow' mimic others by a Gazebo plugin"}),
-        (robot(PLUGIN.format("stranger")), ()),
+        (robot(PLUGIN.format("stranger")), {"drops the mimic of joint 'stranger' after 'drive'"}),
         *(({"four_bar.urdf": FOUR_BAR, name: "closures: []"}, {name}) for name in SIDE_CARS),
     ],
 )

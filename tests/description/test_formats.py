@@ -51,7 +51,7 @@ PLAIN = {"r.urdf": robot(TRANSMISSIONS), "r.xml": mjcf_robot(), "r.sdf": sdf_rob
 #: File, text, outcome and words. An outcome is a note, a refusal or nothing.
 TABLE = [
     ("r.urdf", robot(TRANSMISSIONS, "<!-- a -- b -->"), "note", "'--' in a comment"),
-    ("r.urdf", robot(TRANSMISSIONS, "<gazebo><my:thing/></gazebo>"), "note", "a prefix without xmlns"),
+    ("r.urdf", robot(TRANSMISSIONS, "<material><my:thing/></material>"), "note", "a prefix without xmlns"),
     ("r.urdf", robot(TRANSMISSIONS, "<custom_tag/>"), "note", "unknown elements"),
     ("r.urdf", robot(TRANSMISSIONS, '<loop_constraint name="x"/>'), "refused", "an early form"),
     ("r.urdf", robot(TRANSMISSIONS, '<lnik name="x"/>'), "refused", "did you mean <link>"),

@@ -124,9 +124,9 @@ READ: dict[str, tuple[str, dict[str, object]]] = {
             "of actuators only the joints that they drive are read: '/robot/turn', '/robot/grip'",
             "keyframes are not read: '/robot/home'",
             "deformable bodies and particles are not read: '/robot/cloth', '/robot/sponge'",
-            "physxRigidBody:angularDamping, which holds bodies back in PhysX alone, is not read: "
+            "drops physxRigidBody:angularDamping of "
             "'/robot/palm'",
-            "the fluid around the robot is not read: '/robot/scene'",
+            "drops the forces of the fluid around the robot, of '/robot/scene'",
             "'mjc:solreflimit'",
         },
     }),

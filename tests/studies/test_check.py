@@ -131,7 +131,8 @@ SIMILAR_HEXAGONS = (
 
 WRONG: dict[str, tuple[str, str]] = {
     # code: (robot, element that must be named)
-    "reader": (arm("<wobble/>"), ""),
+    "dropped": (arm('<gazebo reference="arm"><gravity>0</gravity></gazebo>'), ""),
+    "reader": (arm(effort=-5), ""),
     "negative-inertia": (arm(inside=inertial(2, -0.02, 0.02, 0.02)), "link 'arm'"),
     "triangle-inequality": (arm(inside=inertial(2, 0.01, 0.01, 0.05)), "link 'arm'"),
     "inertia-without-mass": (arm(inside=inertial(0, 0.01, 0.01, 0.01)), "link 'arm'"),
@@ -277,7 +278,7 @@ def test_a_sound_robot_has_no_findings(name: str, tmp_path: Path) -> None:
 
 
 def test_the_worst_comes_first(tmp_path: Path) -> None:
-    text = arm("<wobble/>", inside=inertial(2, -1, 1, 1), effort=0)
+    text = arm(inside=inertial(2, -1, 1, 1), effort=0, velocity=-5)
     severities = [finding.severity for finding in found(tmp_path, text)]
     assert severities == ["error", "warning", "note"]
 

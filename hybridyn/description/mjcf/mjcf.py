@@ -266,10 +266,12 @@ def _notes(compiled: Compiled, root: int, pairs: bool) -> dict[str, list[str]]:
     return {
         "mocap bodies are read as fixed: {}":
             [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)],
-        "forces of a fluid are not read, of <option> {}":
+        "drops the forces of a fluid, of <option> {}":
             [word for word in ("density", "viscosity") if getattr(model.opt, word)],
-        "limits of tendons are not read: {}":
-            [compiled.name("tendon", n) or str(n) for n in np.flatnonzero(model.tendon_limited).tolist()],
+        "drops the limits of tendons {}":
+            [compiled.name("tendon", n) or str(n) for n in np.flatnonzero(
+                model.tendon_limited | getattr(model, "tendon_actfrclimited", model.tendon_limited)
+            ).tolist()],
         "bodies {} do not move and have no joint; they are left out, because the base floats":
             others[1:] if root else [],
         "free joints with armature are read as three slides and a ball, which have it in MuJoCo's rates":

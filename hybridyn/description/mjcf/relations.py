@@ -14,13 +14,15 @@ import numpy as np
 from ...errors import ModelError
 from ..closure_forms import FORMS, closure_of
 from ..motors import MEND
-from ..names import noted, unique
+from ..names import DROPS, noted, unique
 from ..records import Array, Coupling, MotorStatement, RobotFile
 from .compiling import Compiled, pose
 
 #: Closures by MuJoCo's word.
 KINDS = {"connect": FORMS["point"], "weld": FORMS["fixed"]}
 WHERE = "MJCF <actuator>"
+#: MuJoCo's own solref and solimp, relative to which an equality is soft.
+STIFFNESS, IMPEDANCE = 0.02, (0.9, 0.95)
 
 
 def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
@@ -38,7 +40,7 @@ def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
             "constraint=\"disable\"), or the equalities themselves",
             file=compiled.file, element="flag",
         )  # fmt: skip
-    taken = {compiled.name("equality", number) for number in range(model.neq)}
+    taken, soft = {compiled.name("equality", number) for number in range(model.neq)}, list[str]()
     words = {compiled.code(f"mjEQ_{word.upper()}"): word for word in (*KINDS, "joint", "tendon")}
     for number in range(model.neq):
         word, name = words.get(int(model.eq_type[number])), compiled.name("equality", number)
@@ -53,11 +55,31 @@ def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
             link_a, link_b = (compiled.bodies[body] for body in compiled.tied_bodies[number])
             name = name or unique(f"{word}_{link_a}_{link_b}", taken)
             sides = zip((link_a, link_b), _frames(compiled, number, word), strict=True)
-            robot.closures.append(closure_of(name, word, sides, form=KINDS[word], line=line))
+            # Without torque a weld holds points alone.
+            form = KINDS["connect" if word == "weld" and not model.eq_data[number][10] else word]
+            robot.closures.append(closure_of(name, word, sides, form=form, line=line))
         else:
             terms, offset = _sum(compiled, number, word)
             name = name or unique(next(iter(terms)), taken)  # as a mimic joint's, that of its follower
             robot.couplings.append(Coupling(name, tuple(terms.items()), offset, line))
+        if model.eq_active0[number] and _is_soft(compiled, number):
+            soft.append(name or str(number))
+    robot.notes += noted({
+        f"{DROPS} the compliance of equalities {{}} (solref, solimp): they hold as rigid ones": soft
+    })  # fmt: skip
+
+
+def _is_soft(compiled: Compiled, number: int) -> bool:
+    """Return whether an equality is softer than MuJoCo's default.
+
+    `solref` is a time constant [s] and a damping ratio, or stiffness and damping with minus signs: the pull
+    back is 1 / (time constant x ratio x impedance)^2, or the stiffness over the impedance squared [1/s^2].
+    """
+    first, ratio = (float(x) for x in compiled.model.eq_solref[number])
+    low, high = (float(x) for x in compiled.model.eq_solimp[number][:2])
+    frequency = np.sqrt(-first) if first <= 0 else 1 / (first * max(ratio, np.finfo(float).tiny))
+    slack = 1 - 1e-9
+    return bool(frequency < slack / STIFFNESS or low < slack * IMPEDANCE[0] or high < slack * IMPEDANCE[1])
 
 
 def fixed_terms(compiled: Compiled, tendon: int) -> dict[str, float] | None:

@@ -10,8 +10,9 @@ import math
 import numpy as np
 
 from ..loop_signs import LEGACY_FORMS
-from ..names import closest, did_you_mean, listed
+from ..names import DROPS, NOTHING, closest, did_you_mean, listed
 from ..placement import placement_from, rotation_from_quaternion, rotation_from_rpy
+from ..plugins import is_harmless, weld_of
 from ..records import Array
 from ..urdf.xml_node import Node, unit
 
@@ -119,6 +120,15 @@ NOTED = {
     ),
 }
 
+#: Elements that change the motion unless they are false or empty, by the element that they are in.
+FORCES = {"model": ("enable_wind", "gripper"), "link": ("enable_wind",)}
+
+#: Settings of joints in `<physics>` that concern solvers, stops, or a choice of the reader.
+SOLVER = {
+    "ode", "simbody", "limit", "cfm", "erp", "cfm_damping", "implicit_spring_damper", "provide_feedback",
+    "fudge_factor", "bounce", "must_be_loop_joint",
+}  # fmt: skip
+
 #: What is noted of elements with a namespace.
 CUSTOM = "elements of other programs are not read: {}"
 
@@ -144,13 +154,27 @@ def check(root: Node, notes: Notes) -> None:
         for child in node.children():
             if child.tag in NOTED:
                 name = child.xml.get("name") or child.xml.get("filename") or around(child).xml.get("name")
-                notes.setdefault(NOTED[child.tag], []).append(str(name)[:80])
+                harmless = child.tag != "plugin" or is_harmless(child)
+                told = NOTED[child.tag] if harmless else f"{DROPS} the plugins {{}}; {NOTHING}"
+                if child.tag != "plugin" or weld_of(child, str(node.xml.get("name", ""))) is None:
+                    notes.setdefault(told, []).append(str(name)[:80])
+            _note_forces(child, kind, notes)
             if child.tag in left_out:
                 refuse_lost(child)
             elif child.tag not in read:
                 _refuse_unknown(child, node, (*read, *left_out), notes)
             elif child.tag != "physics":
                 waiting.append(child)
+
+
+def _note_forces(child: Node, kind: str, notes: Notes) -> None:
+    """Note elements that exert forces in Gazebo, and are left out here."""
+    on = child.tag in FORCES.get(kind, ()) and (len(child.xml) or child.content().lower() in ("true", "1"))
+    inner = child.descendants() if child.tag == "physics" and kind == "joint" else ()
+    unread = [one for one in inner if one.tag not in SOLVER and (len(one.xml) or one.content().strip("0."))]
+    for node in (*([child] if on else ()), *unread):
+        text = f"{DROPS} <{node.tag}> of {{}}; {NOTHING}"
+        notes.setdefault(text, []).append(str(around(node).xml.get("name"))[:80])
 
 
 def _check_attributes(node: Node, known: tuple[str, ...]) -> None:

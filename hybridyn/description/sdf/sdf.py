@@ -16,8 +16,9 @@ import numpy as np
 
 from ..closure_forms import FORMS, LARGEST_COSINE, closure_of
 from ..joint_graph import WORLD, Chain, JointGraph, StatedJoint, span, starts, step
-from ..names import did_you_mean, listed, noted
+from ..names import did_you_mean, listed, noted, unique
 from ..placement import inverse, placement_from, rotation_to_axis
+from ..plugins import refuse_holding, weld_of
 from ..records import Array, Closure, Coupling, Joint, JointKind, Link, RobotFile, StatedSpring, spring_effect
 from ..urdf.xml_node import Node
 from .elements import Notes, direction, flag, numbers, pose, relative_to, word
@@ -327,8 +328,38 @@ def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) ->
     joints = read_joints(models, robot.file, library.notes)
     robot.links += [read_link(item, robot.file, library.notes) for item in models.every("link")]
     _Builder(robot, models).build(joints, library.notes)
+    _read_plugins(robot, models)
     robot.notes += noted(library.notes)
     return robot
+
+
+def _read_plugins(robot: RobotFile, models: Models) -> None:
+    """Add the welds of DetachableJoints, which hold two links as the poses place them.
+
+    Raises:
+        ModelError: Another plugin joins links of the robot.
+    """
+    stated = [
+        (item, plugin)
+        for item in models.every("model")
+        for node in dict.fromkeys((item.node, item.model))
+        for plugin in node.children("plugin")
+    ]
+    links = {item.name for item in models.every("link")}
+    taken = {closure.name for closure in robot.closures}
+    for item, plugin in (*stated, *((None, plugin) for plugin in models.world.children("plugin"))):
+        ends = weld_of(plugin, item.name) if item is not None else None
+        if ends is None:
+            refuse_holding(plugin, links, 'write <joint type="fixed"> or the joint that it stands for')
+            continue
+        held = [models.link(item, end.content(), end) for end in ends]
+        first, second = (models.robot if one is None else one for one in held)
+        if None in held or first is second:
+            raise plugin.error("welds no two links of the robot; remove it, or write a fixed joint")
+        name = unique(f"weld_{first.full_name}_{second.full_name}", taken)
+        at = inverse(models.pose(first)) @ models.pose(second)
+        sides = (first.full_name, at), (second.full_name, np.eye(4))
+        robot.closures.append(closure_of(name, "fixed", sides, line=_line(plugin, robot.file)))
 
 
 def _gravity(world: Node) -> tuple[float, float, float] | None:

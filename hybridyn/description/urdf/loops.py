@@ -1,10 +1,8 @@
 """Read closures and couplings of a URDF.
 
 `<loop>` and `<coupling>` are those of URDF+ (arXiv 2411.19753), with the additional types cylindrical,
-universal, spherical, point and rows. `<loop_joint>` is the form of Isaac Sim, Dojo and old Drake. Joints in
-`<gazebo>` are SDF: `<parent>` and `<child>` name links, `<pose>` places the joint in the child's frame, and
-the loop is closed where all joints are at zero, because SDF places its links in this posture. An unknown
-attribute or child of these elements is an error.
+universal, spherical, point and rows. `<loop_joint>` is the form of Isaac Sim, Dojo and old Drake; one with
+damping or a spring stays a joint. An unknown attribute or child of these elements is an error.
 """
 
 from __future__ import annotations
@@ -15,21 +13,14 @@ import numpy as np
 
 from ..closure_forms import FORMS, Side, closure_of, form_of_rows
 from ..names import did_you_mean, listed
-from ..placement import placement_from, poses_at_zero, relative, rotation_from_rpy, rotation_to_axis
+from ..placement import poses_at_zero, rotation_to_axis
 from ..records import Array, Closure, Coupling, Joint, RobotFile
-from ..sdf.elements import flag
-from .xml_node import Node, axis_of, origin_of, unit
+from .kept_joints import keep_joint
+from .xml_node import Node, axis_of, origin_of
 
 POSE = ("xyz", "rpy", "quat_xyzw")
 #: Alternative names of the types of `<loop_joint>`, in lower case.
 LOOP_JOINT_TYPES = {"3d": "spherical", "ball": "spherical", "6d": "fixed"}
-#: Types of SDF joints by the kind of closure.
-GAZEBO_TYPES = {
-    "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic",
-    "ball": "spherical",
-}  # fmt: skip
-MODEL = "__model__"
-GAZEBO_PARTS = ("parent", "child", "pose", "axis", "physics", "sensor", "gearbox_ratio", "thread_pitch")
 
 
 def read_loop(node: Node) -> Closure:
@@ -48,6 +39,34 @@ def read_loop(node: Node) -> Closure:
     turn = _turn(node.child("axis"), kind)
     other = _turn(node.required_child("axis2"), kind) if kind == "universal" else turn
     return closure_of(node.text("name"), kind, sides, (turn, other), line=node.line)
+
+
+def add_closures(root: Node, robot: RobotFile) -> None:
+    """Add every `<loop>` and `<loop_joint>` to the robot; one with forces stays a joint."""
+    nodes = root.children(*CLOSURE_READERS)
+    poses = poses_at_zero(robot.joints) if any(node.child("dynamics") for node in nodes) else {}
+    for node in nodes:
+        closure, dynamics = CLOSURE_READERS[node.tag](node), node.child("dynamics")
+        forces = {} if dynamics is None else forces_of(dynamics)
+        keep_joint(robot, closure, forces, poses, node)
+
+
+def forces_of(dynamics: Node) -> dict[str, float]:
+    """Return damping, dry friction and spring that `<dynamics>` states [SI], by SDFormat's words.
+
+    RaiSim and Isaac Sim write a spring as `stiffness` and `spring_mount`, its position without force.
+    """
+    words = {
+        "damping": ("damping",), "friction": ("friction",),
+        "spring_stiffness": ("spring_stiffness", "stiffness"),
+        "spring_reference": ("spring_reference", "spring_mount"),
+    }  # fmt: skip
+    return {
+        word: dynamics.number(name)
+        for word, names in words.items()
+        for name in names
+        if name in dynamics.xml.attrib
+    }
 
 
 def read_loop_joint(node: Node) -> Closure:
@@ -166,70 +185,3 @@ def _path_to_root(link: str, parents: Mapping[str, Joint | None]) -> dict[str, J
         path[joint.name] = joint
         link = joint.parent
     return path
-
-
-def read_gazebo_joints(root: Node, robot: RobotFile) -> None:
-    """Add a closure for each SDF joint directly below a `<gazebo>` that concerns the whole robot.
-
-    Raises:
-        ModelError: A joint has a type that closes no loop here, or names what does not exist.
-    """
-    blocks = [block for block in root.children("gazebo") if "reference" not in block.attributes()]
-    nodes = [joint for block in blocks for joint in block.children("joint")]
-    poses = poses_at_zero(robot.joints) | {MODEL: np.eye(4)} if nodes else {}
-    for node in nodes:
-        _read_gazebo_joint(node, poses, robot)
-
-
-def _read_gazebo_joint(node: Node, poses: Mapping[str, Array], robot: RobotFile) -> None:
-    kind = GAZEBO_TYPES[
-        kind_of(node, GAZEBO_TYPES, "an SDF joint of type '{}' closes no loop here; write it as <loop>")
-    ]
-    node.only(["name", "type"], GAZEBO_PARTS)
-    links = [_link(node.required_child(end), poses) for end in ("parent", "child")]
-    at_child, at = node.child("pose"), poses[links[1]]
-    if at_child is not None:
-        at_child.only(["relative_to", "frame"], [])
-        frame = at_child.xml.get("relative_to") or at_child.xml.get("frame") or links[1]
-        numbers = at_child.numbers("", 6) if at_child.content() else np.zeros(6)
-        at = _frame(at_child, frame, poses) @ placement_from(rotation_from_rpy(*numbers[3:]), numbers[:3])
-    turn = np.eye(3)
-    if FORMS[kind].has_axis:
-        axis = node.required_child("axis")
-        turn = rotation_to_axis(_direction(axis, at, poses))
-        if unread := [tag for tag in ("dynamics", "limit") if axis.child(tag)]:
-            robot.notes.append(
-                f"closure '{node.text('name')}': {listed(unread)} of the SDF joint is not read"
-            )
-    sides = [(link, relative(poses[link], at)) for link in links]
-    robot.closures.append(closure_of(node.text("name"), kind, sides, (turn, turn), line=node.line))
-
-
-def _link(node: Node, poses: Mapping[str, Array]) -> str:
-    """Return the link that an end of the joint names."""
-    node.only([], [])
-    name = node.content()
-    if name == "world" and name not in poses:
-        raise node.error(
-            "a joint to the world closes no loop of the robot; name a link (the root link stands still on a "
-            "fixed base)"
-        )
-    if name not in poses or name == MODEL:
-        raise node.error(f"unknown link '{name}'{did_you_mean(name, poses)}")
-    return name
-
-
-def _direction(node: Node, at: Array, poses: Mapping[str, Array]) -> Array:
-    """Return the unit axis in the joint's frame, shape (3,)."""
-    xyz, value, frame = node.child("xyz"), np.array([0.0, 0.0, 1.0]), ""
-    if xyz is not None:
-        value, frame = unit(xyz, xyz.numbers("", 3), "<xyz>0 0 1</xyz>"), xyz.xml.get("expressed_in", "")
-    if flag(node, "use_parent_model_frame"):
-        frame = MODEL
-    return at[:3, :3].T @ _frame(node, frame, poses)[:3, :3] @ value if frame else value
-
-
-def _frame(node: Node, name: str, poses: Mapping[str, Array]) -> Array:
-    if name not in poses:
-        raise node.error(f"unknown frame '{name}'{did_you_mean(name, poses)}; name a link, or {MODEL}")
-    return poses[name]

@@ -11,10 +11,23 @@ from typing import Any, cast, get_args
 
 import numpy as np
 
-from ..loop_signs import note_mimic_plugins, refuse_unread_loops
-from ..names import did_you_mean, listed
-from ..records import FREEDOMS, Array, Joint, JointKind, Link, MotorStatement, RobotFile, massless
-from .loops import CLOSURE_READERS, pose_of, read_coupling, read_gazebo_joints, read_mimic
+from ..loop_signs import refuse_unread_loops
+from ..names import DROPS, did_you_mean, listed
+from ..records import (
+    FREEDOMS,
+    Array,
+    Joint,
+    JointKind,
+    Link,
+    MotorStatement,
+    RobotFile,
+    StatedSpring,
+    massless,
+    spring_effect,
+)
+from .engines import dropped
+from .gazebo import read_gazebo
+from .loops import add_closures, forces_of, pose_of, read_coupling, read_mimic
 from .xml_node import Node, axis_of
 
 URDF_KINDS = [kind for kind in get_args(JointKind) if kind != "spherical"]
@@ -25,6 +38,11 @@ UNLIMITED = 1e30
 JOINT_PARTS = (
     "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "drake:mimic", "rotor_inertia",
     "gear_ratio",
+)  # fmt: skip
+#: Attributes of `<dynamics>` that are read.
+DYNAMICS = (
+    "damping", "friction", "armature", "rotor_inertia", "stiffness", "spring_stiffness", "spring_mount",
+    "spring_reference",
 )  # fmt: skip
 INERTIA_ATTRIBUTES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 DRIVEN_TAGS = ("joint", "flexJoint", "rollJoint")
@@ -51,24 +69,47 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
     if any(joint.parent == "world" for joint in robot.joints) and all(x.name != "world" for x in robot.links):
         robot.links.insert(0, massless("world"))
         robot.notes.append("joints stand on a link 'world' that the file does not state: it is added")
-    for node in root.children(*CLOSURE_READERS):
-        robot.closures.append(CLOSURE_READERS[node.tag](node))
-        if node.child("dynamics") is not None:
-            robot.notes.append(f"closure '{robot.closures[-1].name}': damping of the cut joint is not read")
-    read_gazebo_joints(root, robot)
+    add_closures(root, robot)
     parents: dict[str, Joint | None] = {link.name: None for link in robot.links}
     parents |= {joint.child: joint for joint in robot.joints}
     robot.couplings += [read_coupling(node, parents) for node in root.children("coupling")]
-    note_mimic_plugins(root, robot)
+    read_gazebo(root, robot)
     _state_motors(robot, root, independent)
+    _add_armatures(robot, nodes)
+    if robot.springs:
+        robot.effects += (spring_effect(robot.springs),)
+    robot.notes += dropped(root)
     return robot
+
+
+def _add_armatures(robot: RobotFile, nodes: list[Node]) -> None:
+    """Add the inertias at the joint that `<dynamics>` states, unless a rotor is stated, too."""
+    stated = {
+        node.text("name"): _armature(dynamics) for node in nodes if (dynamics := node.child("dynamics"))
+    }
+    for number, joint in enumerate(robot.joints):
+        armature = stated.get(joint.name, 0.0)
+        if armature and (joint.rotor_inertia or FREEDOMS[joint.kind] != 1):
+            why = "a rotor is stated elsewhere, too" if joint.rotor_inertia else f"it is {joint.kind}"
+            line = f"line {joint.line}: " if joint.line else ""
+            robot.notes.append(f"{line}{DROPS} the armature {armature:g} of joint '{joint.name}': {why}")
+        elif armature:
+            robot.joints[number] = replace(joint, rotor_inertia=armature / joint.gear_ratio**2)
+
+
+def _armature(dynamics: Node) -> float:
+    """Return the inertia at the joint, `armature` or RaiSim's `rotor_inertia` [kg or kg m^2]."""
+    stated = [dynamics.number(word, 0.0) for word in ("armature", "rotor_inertia")]
+    if min(stated) < 0:
+        raise dynamics.error(f"negative armature {min(stated):g}")
+    return max(stated)
 
 
 def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
     """Add the motors that the file states by transmissions (with their rotors) and `independent=`."""
     if rotors := read_transmissions(root, robot):
         robot.joints = [replace(joint, **rotors.get(joint.name, {})) for joint in robot.joints]
-    if len(independent) < len(robot.joints):
+    if len(independent) < len(robot.joints) - len(robot.closing):
         driven = [j.name for j in robot.joints if j.name in independent and FREEDOMS[j.kind] == 1]
         where = 'URDF+ joints with independent="true"'
         robot.motors.append(MotorStatement("independent", where, tuple(driven), root.file))
@@ -113,7 +154,7 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
         line=node.line,
         **read_rotor(node),
         **_limits(node.child("limit"), name, kind, robot.notes),
-        **_friction(node.child("dynamics"), name),
+        **_forces(node.child("dynamics"), name, kind, robot),
     )
     if mimic := node.child("mimic", "drake:mimic"):
         coupling = read_mimic(mimic, name)
@@ -168,15 +209,22 @@ def _limits(node: Node | None, name: str, kind: str, notes: list[str]) -> dict[s
     return out if kind in ("revolute", "prismatic") else out | {"lower": -math.inf, "upper": math.inf}
 
 
-def _friction(node: Node | None, name: str) -> dict[str, float]:
-    """Return what `<dynamics>` states."""
+def _forces(node: Node | None, name: str, kind: JointKind, robot: RobotFile) -> dict[str, float]:
+    """Return the damping and dry friction that `<dynamics>` states, and add its spring to the robot."""
     if node is None:
         return {}
-    node.refuse_misspelt(["damping", "friction"], [])
-    out = {word: node.number(word, 0.0) for word in ("damping", "friction")}
-    if min(out.values()) < 0:
+    node.refuse_misspelt(DYNAMICS, [])
+    stated = forces_of(node)
+    out = {word: stated.get(word, 0.0) for word in ("damping", "friction")}
+    stiffness = stated.get("spring_stiffness", 0.0)
+    if min(*out.values(), stiffness) < 0:
         numbers = f"{out['damping']:g}, {out['friction']:g}"
         raise node.error(f"joint '{name}' has negative damping or friction ({numbers})")
+    if stiffness and FREEDOMS[kind] == 1:
+        robot.springs.append(StatedSpring(name, stiffness, stated.get("spring_reference", 0.0)))
+    elif stiffness and kind != "fixed":
+        place = "{}:{}".format(*node.place)
+        robot.notes.append(f"{place}: {DROPS} the spring of joint '{name}', which has several freedoms")
     return out
 
 
@@ -184,8 +232,8 @@ def read_transmissions(root: Node, robot: RobotFile) -> dict[str, dict[str, Any]
     """Read every `<transmission>`, and add its joints to the motors, except fixed joints.
 
     Returns:
-        The rotors by joint name. For a transmission with several joints or actuators, only the values inside
-        its `<joint>` elements count.
+        The rotors by joint name. For a transmission with several joints or actuators, the values inside its
+        `<joint>` elements count, and the rotors of a differential.
     """
     nodes = root.children("transmission")
     rotors: dict[str, dict[str, Any]] = {}
@@ -199,6 +247,8 @@ def read_transmissions(root: Node, robot: RobotFile) -> dict[str, dict[str, Any]
         if len(joints) == 1 and len(actuators) <= 1:
             for owner in (*actuators, node):
                 rotors[name] = read_rotor(owner) | rotors[name]
+        else:
+            _share_rotors(node, joints, rotors, robot)
     fixed = [joint.name for joint in robot.joints if joint.kind == "fixed" and joint.name in rotors]
     if fixed:
         robot.notes.append(f"<transmission> names fixed joints, which cannot be driven: {listed(fixed)}")
@@ -206,6 +256,35 @@ def read_transmissions(root: Node, robot: RobotFile) -> dict[str, dict[str, Any]
         driven, where = tuple(name for name in rotors if name not in fixed), "URDF <transmission>"
         robot.motors.append(MotorStatement("transmission", where, driven, root.file, nodes[0].line))
     return rotors
+
+
+def _share_rotors(
+    node: Node, joints: list[Node], rotors: dict[str, dict[str, Any]], robot: RobotFile
+) -> None:
+    """Give the joints of a differential the inertia of its rotors; note rotors that joints cannot express.
+
+    The rotors turn with a = n (n_1 q_1 + n_2 q_2) and n (n_1 q_1 - n_2 q_2), with n the reduction of each
+    actuator and n_1, n_2 those of the joints. Where J n^2 of both are equal, the inertia 2 J n^2 stands
+    behind the reduction of each joint; other rotors couple the two joints.
+    """
+    owners = [*node.children("actuator"), node]
+    stated = [(owner, rotor) for owner in owners if (rotor := read_rotor(owner)).get("rotor_inertia")]
+    if not stated:
+        return
+    at_joint = [rotor["rotor_inertia"] * rotor.get("gear_ratio", 1.0) ** 2 for _, rotor in stated]
+    kind = node.child("type")
+    differential = "Differential" in f"{node.xml.get('type', '')} {kind.content() if kind else ''}"
+    two = len(joints) == 2 == len(stated) and stated[-1][0] is not node
+    own = any(rotors[joint.text("name")].get("rotor_inertia") for joint in joints)
+    if differential and two and not own and math.isclose(*at_joint):
+        for joint in joints:
+            rotors[joint.text("name")]["rotor_inertia"] = sum(at_joint)
+        return
+    place = "{}:{}".format(*node.place)
+    robot.notes.append(
+        f"{place}: {DROPS} the rotors of {listed(owner.xml.get('name', owner.tag) for owner, _ in stated)}: "
+        "they couple joints; state their inertia in the <joint>s of the <transmission>, or in model.toml"
+    )
 
 
 def read_rotor(node: Node) -> dict[str, Any]:

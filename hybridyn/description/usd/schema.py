@@ -102,11 +102,27 @@ NEUTRAL: dict[str, tuple[tuple[float, ...], str]] = {
 }  # fmt: skip
 
 #: Attributes that are left out: the values that change nothing, and what is noted of the prims with others.
-IGNORED: dict[str, tuple[tuple[float, ...], str]] = {
+IGNORED: dict[str, tuple[tuple[float | str, ...], str]] = {
     "physxRigidBody:angularDamping":
-        ((0,), "physxRigidBody:angularDamping, which holds bodies back in PhysX alone, is not read: {}"),
+        ((0,), "drops physxRigidBody:angularDamping of {}, which holds bodies back in PhysX alone"),
+    "physxJointAxis:{}:staticFrictionEffort":
+        ((0,), "drops the static friction of {}: dry friction is that of sliding, dynamicFrictionEffort"),
     **dict.fromkeys(
-        ("mjc:option:density", "mjc:option:viscosity"), ((0,), "the fluid around the robot is not read: {}")
+        (
+            "mjc:compiler:balanceInertia", "mjc:compiler:boundMass", "mjc:compiler:boundInertia",
+            "mjc:compiler:inertiaFromGeom",
+        ),
+        ((0, "auto", "false"), "drops the changes that MuJoCo's compiler makes to masses, of {}"),
+    ),
+    "mjc:compiler:setTotalMass":
+        ((-1, 0), "drops the changes that MuJoCo's compiler makes to masses, of {}"),
+    **dict.fromkeys(
+        ("physxLimit:{}:stiffness", "physxLimit:{}:damping"),
+        ((0,), "stiffness and damping of the stops of {} are not read (the effect stop has them)"),
+    ),
+    **dict.fromkeys(
+        ("mjc:option:density", "mjc:option:viscosity"),
+        ((0,), "drops the forces of the fluid around the robot, of {}"),
     ),
     **dict.fromkeys(
         ("physics:velocity", "physics:angularVelocity"), ((0,), "velocities at the start are not read: {}")
@@ -162,7 +178,7 @@ MENDS = {
 }
 
 
-_AXIS = re.compile(r"^(drive|physxMimicJoint):[^:]*:")
+_AXIS = re.compile(r"^(drive|physxMimicJoint|physxJointAxis|physxLimit):[^:]*:")
 
 
 def screen(stage: Stage) -> dict[str, list[str]]:

@@ -16,6 +16,7 @@ from os import PathLike, fspath
 import numpy as np
 
 from ...description import read
+from ...description.names import drops
 from ...description.reading import open_robot
 from ...errors import AssemblyError, HybridynError, ModelError
 from ...structure.building import build_robot
@@ -100,8 +101,18 @@ def is_readable(findings: Sequence[Finding]) -> bool:
 def check_notes(subject: Subject) -> Iterator[Finding]:
     """Pass on the reader's remarks."""
     description = subject.description
+    dropped = drops(description.notes)
+    for note in dropped:
+        yield Finding(
+            "dropped",
+            "",
+            note,
+            "an engine that reads it computes another motion, or other efforts",
+            "state it in model.toml or in a form that is read, or nothing if you do without it",
+            description.source,
+        )
     for note in description.notes:
-        if not any(text in note for text in REPORTED_ELSEWHERE):
+        if note not in dropped and not any(text in note for text in REPORTED_ELSEWHERE):
             yield Finding(
                 "reader",
                 "",

@@ -13,6 +13,7 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 CODES: dict[str, tuple[Severity, str]] = {
     # the file
     "unreadable": ("error", "the file cannot be read as a robot"),
+    "dropped": ("warning", "a force, an inertia or a constraint that the file states is not read"),
     "reader": ("note", "the reader ignored something in the file, or interpreted it in a particular way"),
     # masses
     "negative-inertia": ("error", "a principal moment of inertia is negative"),
