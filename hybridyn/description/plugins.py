@@ -128,5 +128,5 @@ def _number(node: Node, tag: str, default: float) -> float:
 
 def _words(name: str) -> set[str]:
     """Return the words of a name such as `libgazebo_ros_control.so` or `DetachableJoint`."""
-    split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.removeprefix("lib"))
     return {word.lower() for word in re.findall(r"[A-Za-z0-9]+", split)}

@@ -21,7 +21,7 @@ _SOLVER = (
 _ROTOR = "rotor_inertia gear_ratio drake:rotor_inertia drake:gear_ratio rotorInertia mechanicalReduction"
 _HARDWARE = (
     "role offset hardwareInterface motorTorqueConstant pulsesPerRevolution joint_position_offset "
-    "drake:controller_gains"
+    "ignoreTransmissionAbsoluteEncoder drake:controller_gains"
 )
 
 #: By place, the attributes (@) and children that are read or do not touch the dynamics. A child that is a
@@ -29,7 +29,7 @@ _HARDWARE = (
 KNOWN: dict[str, str] = {
     "robot": "@name @version @xmlns @xsi:schemaLocation @xsi:noNamespaceSchemaLocation",
     "link": "@name @type @sensor visual collision sensor material audio_source collision_checking "
-            "self_collision_checking",
+            "self_collision_checking self_filter surface",
     "link/inertial": "",
     "link/inertial/origin": "@xyz @rpy @quat_xyzw",
     "link/inertial/mass": "@value",
@@ -41,21 +41,23 @@ KNOWN: dict[str, str] = {
     "joint/parent": "@link",
     "joint/child": "@link",
     "joint/limit": "@lower @upper @velocity @effort @acceleration @deceleration @jerk @drake:acceleration "
-                   "@drake:jerk",
+                   "@drake:jerk @command_effort @current @gear_velocity",
     "joint/dynamics": "@damping @friction @rotor_inertia @armature @stiffness @spring_stiffness "
                       "@spring_mount @spring_reference",
     "transmission": "@name @type type plugin hardwareInterface motorTorqueConstant "
                     f"use_simulated_gripper_joint mechanical_reduction {_ROTOR}",
     "transmission/joint": f"@name {_HARDWARE} mechanical_reduction {_ROTOR}",
-    "transmission/flexJoint": f"@name {_ROTOR}",
-    "transmission/rollJoint": f"@name {_ROTOR}",
+    "transmission/flexJoint": f"@name @mechanicalReduction {_ROTOR}",
+    "transmission/rollJoint": f"@name @mechanicalReduction {_ROTOR}",
+    "transmission/leftActuator": "@name @mechanicalReduction",
+    "transmission/rightActuator": "@name @mechanicalReduction",
     "transmission/actuator": f"@name {_HARDWARE} mechanical_reduction {_ROTOR}",
     "gazebo": "@reference joint pose frame self_collide allow_auto_disable "  # of the whole robot
               "kp kd mu mu1 mu2 fdir1 maxVel minDepth maxContacts max_contacts laserRetro selfCollide "
               "material visual collision sensor light projector audio_source audio_sink must_be_base_link "
               "stopCfm stopErp stopKp stopKd provideFeedback implicitSpringDamper cfmDamping fudgeFactor "
               "initialJointPosition disableFixedJointLumping preserveFixedJoint springStiffness "
-              "springReference canonicalBody genTexCoord",
+              "springReference canonicalBody genTexCoord initial_joint_position",
     "gazebo/joint": "@name @type parent child pose sensor gearbox_ratio thread_pitch",
     "gazebo/joint/axis": "xyz limit initial_position use_parent_model_frame",
     "gazebo/joint/axis/dynamics": "damping friction spring_stiffness spring_reference",
@@ -70,8 +72,8 @@ KNOWN: dict[str, str] = {
     "ros2_control": "@name @type @rw_rate @is_async @thread_priority hardware sensor gpio",
     "ros2_control/joint": "@name @mimic command_interface state_interface param limits properties",
     "ros2_control/transmission": "@name plugin",
-    "ros2_control/transmission/joint": "@name @role mechanical_reduction offset",
-    "ros2_control/transmission/actuator": "@name @role mechanical_reduction offset",
+    "ros2_control/transmission/joint": "@name @role role mechanicalReduction mechanical_reduction offset",
+    "ros2_control/transmission/actuator": "@name @role role mechanicalReduction mechanical_reduction offset",
     "mujoco": "size",
     "mujoco/compiler": "@meshdir @assetdir @texturedir @strippath @discardvisual @convexhull @fusestatic "
                        "@usethread @saveinertial @autolimits @angle @eulerseq @coordinate @alignfree "
@@ -81,6 +83,9 @@ KNOWN: dict[str, str] = {
                      "@ccd_tolerance @sdf_iterations @sdf_initpoints @apirate @collision @o_margin "
                      "@o_solref @o_solimp @o_friction @magnetic",
 }  # fmt: skip
+
+#: Beginnings of elements of old Gazebo that measure and control.
+OLD_GAZEBO = ("sensor:", "controller:")
 
 #: Texts of elements that change nothing, beside zero, "false" and none.
 NEUTRAL = {"gravity": ("true", "1"), "mechanical_reduction": ("1", "1.0")}
@@ -117,7 +122,7 @@ def _look(node: Node, place: str, found: Dropped) -> None:
             _look(child, f"{place}/{child.tag}", found)
         elif child.tag == "plugin" and "plugin" not in known:
             _plugin(child, found)
-        elif child.tag not in known and not _is_neutral(child):
+        elif child.tag not in known and not child.tag.startswith(OLD_GAZEBO) and not _is_neutral(child):
             _add(f"<{child.tag}> in <{node.tag}>", child, found)
 
 

@@ -87,6 +87,8 @@ def _couple(follower: Follower, robot: RobotFile) -> None:
     movable = {joint.name: FREEDOMS[joint.kind] for joint in robot.joints if FREEDOMS[joint.kind]}
     coupling = Coupling(name, ((name, 1.0), (leader, -follower.multiplier)), follower.offset, node.line)
     same = [one for one in robot.couplings if one.name == name]
+    if name not in movable:
+        return  # it was cut away or made rigid
     if same and (same[0].terms, same[0].offset) == (coupling.terms, coupling.offset):
         return
     place, reason = "{}:{}".format(*node.place), ""
