@@ -8,6 +8,7 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
+from tests.description.engine_words import DETACHABLE
 from tests.description.reading import Texts, holds, save_all
 from tests.files import save
 from tests.sdf_texts import WORLD, joint, link, sdf
@@ -304,3 +305,17 @@ def test_the_motion_does_not_depend_on_the_cut(tmp_path: Path) -> None:
         weight = hybridyn.gravity(robot, robot.home)[0]
         felt.append([hybridyn.mass_matrix(robot, robot.home)[0, 0], weight, robot.mobility])
     np.testing.assert_allclose(felt, np.broadcast_to(felt[0], (3, 3)), rtol=1e-11)
+
+
+def test_a_detachable_joint_is_a_fixed_joint(tmp_path: Path) -> None:
+    """The last hinge of the loop moves a link that is welded to the chain, by a plugin or by a joint."""
+    *parts, last = loop({})
+    parts.append(link("e", f"<pose>{CORNERS[2]}</pose>"))
+    on_e = last.replace("<child>l3</child>", "<child>e</child>")
+    fixed = joint("held", "fixed", "l3", "e", axis="")
+    felt = []
+    for ends in ((on_e, DETACHABLE.format("l3", "robot", "e")), (on_e, fixed), (last, fixed)):
+        robot = hybridyn.load(save(tmp_path, sdf(*parts, *ends), "robot.sdf"), motors=["a"])
+        weight = hybridyn.gravity(robot, robot.home)[0]
+        felt.append([hybridyn.mass_matrix(robot, robot.home)[0, 0], weight, robot.mobility])
+    np.testing.assert_allclose(felt, np.broadcast_to(felt[2], (3, 3)), rtol=1e-11)
