@@ -84,6 +84,8 @@ KNOWN: dict[str, str] = {
                      "@o_solref @o_solimp @o_friction @magnetic",
 }  # fmt: skip
 
+_WORDS = {place: frozenset(words.split()) for place, words in KNOWN.items()}
+
 #: Beginnings of elements of old Gazebo that measure and control.
 OLD_GAZEBO = ("sensor:", "controller:")
 
@@ -116,7 +118,7 @@ def dropped(root: Node) -> list[str]:
 def _look(node: Node, place: str, found: Dropped) -> None:
     """Add what is dropped of an element and of all in it."""
     _attributes(node, place, found)
-    known = KNOWN[place].split()
+    known = _WORDS[place]
     for child in node.children():
         if f"{place}/{child.tag}" in KNOWN:
             _look(child, f"{place}/{child.tag}", found)
@@ -128,7 +130,7 @@ def _look(node: Node, place: str, found: Dropped) -> None:
 
 def _attributes(node: Node, place: str, found: Dropped) -> None:
     """Add the attributes of an element that are dropped."""
-    known = KNOWN[place].split()
+    known = _WORDS[place]
     for name, value in node.xml.attrib.items():
         word = str(name).rpartition("}")[2]
         if f"@{word}" not in known and not word.startswith(("xmlns", "xml:")) and not _is_zero(str(value)):
