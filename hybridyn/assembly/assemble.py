@@ -49,6 +49,8 @@ def assemble(
             per second]; rates and accelerations are zero by default. Joints that gears
             (`<mimic>`, `<coupling>`) determine from them follow. Or positions in the order of
             `robot.motors`, shape (motors,) or (T, motors), or a tuple of positions, rates and accelerations.
+            Or a table with named columns (a DataFrame), `<motor>/position` or just the motor's name; its
+            column `time` is not read.
         platforms: "link" (relative to the root link) or "link@other" (relative to another link) to (pose,
             twist, acceleration). The pose is x, y, z, qx, qy, qz, qw, shape (7,) or (T, 7), a matrix, shape
             (4, 4) or (T, 4, 4), or a `pin.SE3`. The twist, shape (T, 6), holds the velocity of the link's

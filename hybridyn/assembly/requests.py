@@ -20,6 +20,9 @@ from .orientation import LENGTHS, PLACES, check_unit, rate_names, turn_of
 
 #: Motions that may contradict one another, see `Requests.nearest`: measured ones, or those judged elsewhere.
 MOTIONS = ("rates", "accelerations")
+#: Largest positions, rates and accelerations, and what messages say of it. A far position is out of reach.
+MOST = (float(np.finfo(float).max), LARGEST, LARGEST)
+AT_MOST = ("", *[f", at most {LARGEST:.0e}"] * 2)
 
 
 class PoseRequest(NamedTuple):
@@ -178,9 +181,10 @@ def _link_and_reference(robot: HybridRobot, key: str) -> tuple[str, str]:
 def _three(value: object, what: str, column: str) -> list[Array]:
     """Return position, rate and acceleration of a coordinate, shape () or (T,) each, zero where omitted."""
     parts = [as_numbers(0.0 if x is None else x, what) for x in triple(value)]
-    for x in parts:
-        if x.ndim > 1 or not np.isfinite(x).all():
-            raise TrajectoryError(f"{what} needs finite numbers of shape () or (T,)", column=column)
+    for level, x in enumerate(parts):
+        if x.ndim > 1 or not (np.abs(x) <= MOST[level]).all():
+            wanted = f"finite numbers of shape () or (T,){AT_MOST[level]}"
+            raise TrajectoryError(f"{what} needs {wanted}", column=column)
     return parts
 
 
@@ -228,9 +232,10 @@ def _pose_request(link: str, other: str, one: list[Array] | dict[str, list[Array
 def _array(key: str, value: object, width: int) -> Array:
     """Return one part of a pose, shape (width,) or (T, width), zero where omitted."""
     out = as_numbers(np.zeros(width) if value is None else value, f"the pose of '{key}'")
-    if out.shape[-1:] != (width,) or out.ndim > 2 or not np.isfinite(out).all():
+    level = int(width == 6)
+    if out.shape[-1:] != (width,) or out.ndim > 2 or not (np.abs(out) <= MOST[level]).all():
         raise TrajectoryError(
-            f"needs finite numbers of shape ({width},) or (T, {width})"
+            f"needs finite numbers of shape ({width},) or (T, {width}){AT_MOST[level]}"
             + (f" or a matrix or pin.SE3, such as {{{key!r}: [0, 0, 0.5, 0, 0, 0, 1]}}" if width == 7 else "")
             + f", not {out.shape}",
             column=key,

@@ -30,6 +30,7 @@ from .programs.general import (
     general_rows,
     named,
     reasons,
+    samples_of,
 )
 
 if TYPE_CHECKING:
@@ -187,7 +188,7 @@ class CompiledRobot(ControlSteps):
                 return out
         given = {"q": q, "v": v, "tau": tau}
         if self._moving or base_acceleration is not None:
-            given["base_acceleration"] = everywhere(base_acceleration, np.shape(q)[:-1], self.dtype)
+            given["base_acceleration"] = everywhere(base_acceleration, samples_of(q, "q"), self.dtype)
         return self._run("ddm", given, parameters)
 
     def accelerations(self, q: Array, v: Array, tau: Array, base: Array) -> Array | None:
@@ -251,7 +252,8 @@ class CompiledRobot(ControlSteps):
         calls = self._current.program(name)
         sizes = dict(calls.inputs)
         given = named(self.robot, given)
-        given = given | self._arguments(calls, parameters, np.shape(given["q"])[:-1])
+        samples = samples_of(given["q"], "q")
+        given = given | self._arguments(calls, parameters, samples)
         if given.keys() != sizes.keys():  # a base_acceleration for a base that does not move
             return general(self.robot, self.effects, name, given)
         batches = many = as_batches(given, sizes)
@@ -271,7 +273,7 @@ class CompiledRobot(ControlSteps):
                 result[rows] = general_rows(robot, effects, name, many, rows)
         if limits is not None and name == "idm":
             limits.check(self.robot, result)
-        return result[0] if np.ndim(given["q"]) == 1 else result
+        return result if samples else result[0]
 
 
 def _restored(

@@ -15,7 +15,7 @@ from ..effects.links import Wrench
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_efforts, as_positions
+from ..structure.samples import as_efforts, as_positions, same_samples
 from .link_motion import link_motions, observed_motions
 from .loads import all_loads
 from .state_checks import checked_state
@@ -148,6 +148,7 @@ def power(
     """
     q, v, single = checked_state(robot, q, v)
     tau = as_efforts(robot, tau)[0]
+    same_samples(q=q, v=v, tau=tau)
     on, clock = choose(robot, effects), times(time, len(q))
     if on.limits is not None:
         tau = on.limits.clip(robot, tau)

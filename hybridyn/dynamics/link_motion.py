@@ -11,7 +11,7 @@ from ..errors import TrajectoryError
 from ..linkage.tree import Motion
 from ..spatial import Array, cross, quaternion_from_rotation, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions, as_rates
+from ..structure.samples import as_positions, as_rates, same_samples
 
 
 class LinkMotion(NamedTuple):
@@ -49,9 +49,10 @@ def kinematics(
     """
     q, single = as_positions(robot, q)
     v = as_rates(robot, v)[0]
-    a = np.zeros_like(v) if a is None else as_rates(robot, a, "a", "acceleration")[0]
+    accelerations = np.zeros_like(v) if a is None else as_rates(robot, a, "a", "acceleration")[0]
+    same_samples(**{"q": q, "v": v} | ({} if a is None else {"a": accelerations}))
     wanted = named_links(robot, links)
-    return motions_of(robot, body_motions(robot, q, v, a), wanted, single)
+    return motions_of(robot, body_motions(robot, q, v, accelerations), wanted, single)
 
 
 def named_links(robot: HybridRobot, links: Sequence[str] | None) -> Iterable[str]:

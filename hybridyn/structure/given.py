@@ -1,20 +1,20 @@
 """The forms in which a caller may give motors and poses: by name, as arrays in order, as matrices."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..errors import TrajectoryError
 from ..spatial import Array, quaternion_from_rotation
-from ..tables.named_columns import is_table
+from ..tables.named_columns import is_table, named_motion
 from .robot import HybridRobot
 from .samples import UNIT, as_numbers
 
 
 def by_name(wanted: Any) -> Mapping[str, object]:
     """Return a mapping from name to value of a mapping or a table with named columns (a DataFrame)."""
-    return {str(name): wanted[name] for name in wanted.columns} if is_table(wanted) else wanted or {}
+    return named_motion(wanted) if is_table(wanted) else wanted or {}
 
 
 def motors_by_name(robot: HybridRobot, motors: Any) -> Mapping[str, object]:
@@ -23,10 +23,13 @@ def motors_by_name(robot: HybridRobot, motors: Any) -> Mapping[str, object]:
     Raises:
         TrajectoryError: An array has another number of columns than the robot has motors.
     """
-    if motors is None or is_table(motors) or isinstance(motors, Mapping):
+    if is_table(motors):
+        return named_motion(motors, robot.motors)
+    if motors is None or isinstance(motors, Mapping):
         return by_name(motors)
     n, parts = len(robot.motors), []
-    for level in triple(motors if isinstance(motors, tuple) and any(map(np.ndim, motors)) else (motors,)):
+    levels = isinstance(motors, tuple) and any(isinstance(x, Sequence) or np.ndim(x) for x in motors)
+    for level in triple(motors if levels else (motors,)):
         part = as_numbers(np.zeros(n) if level is None else level, "motors")
         if part.ndim not in (1, 2) or part.shape[-1] != n:
             raise TrajectoryError(

@@ -14,17 +14,22 @@ from .robot import HybridRobot
 #: Largest deviation of the length of a quaternion, or of a cosine and sine, from one. It accepts files with
 #: seven digits.
 UNIT = 1e-6
-#: Where arrays of all joints come from.
-OF_JOINTS = ", all joints: take q, v, a = hybridyn.assemble(robot, motors=...)"
+#: Where arrays come from, by their names: what messages advise about a wrong shape.
+ADVICE = dict.fromkeys("qva", ", all joints: take q, v, a = hybridyn.assemble(robot, motors=...)")
+ADVICE |= dict.fromkeys(("tau", "position", "rate", "acceleration"), ", as robot.motors")
 
 
 def as_numbers(given: object, name: str) -> Array:
     """Return an argument as an array.
 
     Raises:
-        TrajectoryError: It is not an array of numbers.
+        TrajectoryError: It is missing, or not an array of real numbers.
     """
+    if given is None:
+        raise TrajectoryError(f"{name} is missing: it is None")
     try:
+        if np.asarray(given).dtype.kind == "c":
+            raise TrajectoryError(f"{name} is not an array of real numbers: its numbers are complex")
         return np.asarray(given, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
         raise TrajectoryError(f"{name} is not an array of numbers: {error}") from None
@@ -46,11 +51,11 @@ def as_number(given: object, name: str, least: float, most: float = LARGEST, adv
     return float(out)
 
 
-def as_batch(array: ArrayLike, width: int, name: str, advice: str = "") -> tuple[Array, bool]:
+def as_batch(array: ArrayLike, width: int, name: str) -> tuple[Array, bool]:
     """Return samples as an array of shape (T, width), and whether the input was a single sample.
 
     Args:
-        advice: What to do about a wrong shape, for the message.
+        name: Name of the argument, for messages; those of `ADVICE` say where such an array comes from.
 
     Raises:
         TrajectoryError: Wrong shape, a table with named columns, or a number that is not finite or
@@ -67,18 +72,28 @@ def as_batch(array: ArrayLike, width: int, name: str, advice: str = "") -> tuple
         out = out[None]
     if out.ndim != 2 or out.shape[1] != width:
         raise TrajectoryError(
-            f"{name} has shape {np.shape(array)}; wanted ({width},) or (T, {width}){advice}"
+            f"{name} has shape {np.shape(array)}; wanted ({width},) or (T, {width}){ADVICE.get(name, '')}"
         )
-    bad = np.flatnonzero(~np.isfinite(out).all(axis=1))
+    check_numbers(out, name)
+    return out, single
+
+
+def check_numbers(array: Array, name: str) -> None:
+    """Check that the numbers of samples, shape (T, n), are finite and at most `LARGEST`.
+
+    Raises:
+        TrajectoryError: A number is not; the message names the first such sample.
+    """
+    size = np.abs(array).max(axis=1, initial=0.0)
+    wrong = np.flatnonzero(~(size <= LARGEST))
+    if not len(wrong):
+        return
+    t = int(wrong[0])
+    bad = np.flatnonzero(~np.isfinite(size))
     if len(bad):
         raise TrajectoryError(f"{name} is not finite{AT_SAMPLE}", sample=int(bad[0]))
-    large = np.argwhere(np.abs(out) > LARGEST)
-    if len(large):
-        t, i = large[0]
-        raise TrajectoryError(
-            f"{name} has the number {out[t, i]:g}{AT_SAMPLE} (at most {LARGEST:.0e})", sample=int(t)
-        )
-    return out, single
+    first = array[t][np.abs(array[t]) > LARGEST][0]
+    raise TrajectoryError(f"{name} has the number {first:g}{AT_SAMPLE} (at most {LARGEST:.0e})", sample=t)
 
 
 def from_table(robot: HybridRobot, table: Any, quantity: str) -> Any:
@@ -118,7 +133,7 @@ def as_positions(
         TrajectoryError: Wrong shape, a number that is not finite, or a quaternion or a cosine and sine
             whose length is not one.
     """
-    out, single = as_batch(from_table(robot, array, "position"), robot.nq, name, OF_JOINTS)
+    out, single = as_batch(from_table(robot, array, "position"), robot.nq, name)
     for columns in robot.unit_coordinates:
         if not base_given:
             columns = columns[columns[:, 0] >= NQ["floating"]]
@@ -149,7 +164,7 @@ def as_rates(
     Raises:
         TrajectoryError: As for `as_batch`, or columns of a table are missing or unknown.
     """
-    return as_batch(from_table(robot, array, quantity), robot.nv, name, OF_JOINTS)
+    return as_batch(from_table(robot, array, quantity), robot.nv, name)
 
 
 def as_efforts(robot: HybridRobot, array: ArrayLike) -> tuple[Array, bool]:
@@ -158,7 +173,7 @@ def as_efforts(robot: HybridRobot, array: ArrayLike) -> tuple[Array, bool]:
     Raises:
         TrajectoryError: As for `as_rates`.
     """
-    return as_batch(from_table(robot, array, "effort"), len(robot.motors), "tau", ", as robot.motors")
+    return as_batch(from_table(robot, array, "effort"), len(robot.motors), "tau")
 
 
 def same_samples(**arrays: Array) -> None:

@@ -68,6 +68,27 @@ def of_motors(table: Any, motors: Sequence[str]) -> Array:
     return values[0] if is_row(table) else values
 
 
+def named_motion(table: Any, motors: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the columns of a table, or the entries of a row, by name; the column "time" is left out.
+
+    In a table with columns `<joint>/position`, those of motors are read, with rates and accelerations where
+    it has them: (position, rate, acceleration).
+
+    Args:
+        motors: Names of the robot's motors.
+    """
+    labels = [x for x in (table.index if is_row(table) else table.columns) if x != "time"]
+    if not any(str(x).endswith("/position") for x in labels):
+        return {str(x): table[x] for x in labels}
+    kinds = ("position", "velocity", "acceleration")
+    names = [[f"{motor}/{kind}" for kind in kinds] for motor in motors]
+    return {
+        motor: tuple(table[x] if x in labels else None for x in own)
+        for motor, own in zip(motors, names, strict=True)
+        if own[0] in labels
+    }
+
+
 def _chosen(table: Any, names: Sequence[str], quantity: str) -> Array:
     """Return the named columns of a table, shape (T, names)."""
     there = Counter(map(str, table.index if is_row(table) else table.columns))
@@ -79,6 +100,9 @@ def _chosen(table: Any, names: Sequence[str], quantity: str) -> Array:
             hint = "" if there[name] else did_you_mean(name, there)
             raise TrajectoryError(f"{quantity}: the table {says} '{name}'{hint}")
     try:
-        return np.array([np.asarray(table[name], dtype=float) for name in names]).T.reshape(-1, len(names))
+        columns = [np.asarray(table[name]) for name in names]
+        if any(x.dtype.kind == "c" for x in columns):
+            raise TypeError("they are complex")
+        return np.array([x.astype(float) for x in columns]).T.reshape(-1, len(names))
     except (TypeError, ValueError, OverflowError) as error:
         raise TrajectoryError(f"{quantity}: a column does not hold numbers: {error}") from None

@@ -10,7 +10,7 @@ from hybridyn import HybridRobot, TrajectoryError
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.structure.building import build_robot
 from hybridyn.tables.signals import JOINT_COMPONENTS
-from tests.comparing import ROUNDING, close_to, refused, same_bits
+from tests.comparing import ROUNDING, SOLVED, close_to, refused, same_bits
 from tests.engines import engine_of
 from tests.extras import needs
 from tests.mechanisms import random_mechanism
@@ -79,6 +79,23 @@ def test_a_row_of_a_table_is_one_sample(robot: HybridRobot, state: State) -> Non
     row = Row(table_of(robot, state), 2)
     tau = hybridyn.idm(robot, *(x[2] for x in state))
     same_bits(hybridyn.idm(robot, row, row, row), tau)  # type: ignore[arg-type]
+
+
+def test_motors_of_a_table_are_those_that_it_names(robot: HybridRobot, state: State) -> None:
+    """Of a table of every joint, those of the motors; of one of motors alone, all but the time."""
+    table, at = table_of(robot, state), [robot.v_slices[robot.joint_index[m]].start for m in robot.motors]
+    short = Table(time=table["time"]) | {m: state[0][:, i] for m, i in zip(robot.motors, at, strict=True)}
+    for on in (engine_of("general", robot), engine_of("compiled", robot)):
+        for one, other in zip(on.assemble(motors=table), state, strict=True):
+            close_to(one, other, SOLVED)
+        wanted = on.assemble(motors={m: short[m] for m in robot.motors})
+        same_bits(on.assemble(motors=Table(short)), wanted)
+        same_bits(on.assemble(motors=Row(Table(short), 2))[0], on.assemble(motors=state[0][2, at])[0])
+    refused(
+        lambda: hybridyn.assemble(robot, motors=Table(elbow=np.zeros(2))),
+        TrajectoryError,
+        "unknown joint 'elbow'",
+    )
 
 
 def test_columns_that_are_there_twice_are_refused(robot: HybridRobot, state: State) -> None:

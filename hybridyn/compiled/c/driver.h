@@ -14,6 +14,13 @@ typedef long long Long;
             __builtin_prefetch((const char *)(from) + k * LINE, write);            \
     } while (0)
 
+/* Times this, what is above 1e50 is infinite: it is not for the models, and the general path refuses it. */
+#ifdef SINGLE
+#define OVER 1
+#else
+#define OVER 1.7976931348623155e258
+#endif
+
 /* Zero where all numbers are finite, else a NaN; four sums, so that they need not wait for each other. */
 INLINE V none(const V *x, int n) {
     V sum[4] = {C(0), C(0), C(0), C(0)};

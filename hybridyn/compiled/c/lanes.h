@@ -27,7 +27,7 @@ typedef V Row __attribute__((aligned(sizeof(S)), may_alias)); /* anywhere in mem
 #endif
 #endif
 
-/* Read rows; zero where all numbers are finite, else a NaN. The last block of columns overlaps the one before. */
+/* Read rows; zero where all numbers are at most 1e50, else a NaN. The last block of columns overlaps the one before. */
 INLINE V from_rows(V *to, const B *from, Long width, int valid) {
     const B *row[W];
     Long k = 0;
@@ -40,12 +40,13 @@ INLINE V from_rows(V *to, const B *from, Long width, int valid) {
         for (int l = 0; l < W; l++) r[l] = *(const Row *)(row[l] + at);
         transpose(r, c);
         copy(to + at, c, W);
+        for (int l = 0; l < W; l++) c[l] *= C(OVER);
         sum += none(c, W);
     }
 #endif
     for (; k < width; k++) {
         to[k] = (V){ROWS(row, k)};
-        sum = FMA(to[k], C(0), sum);
+        sum = FMA(to[k] * C(OVER), C(0), sum);
     }
     return sum;
 }

@@ -276,7 +276,7 @@ def _single(program: Program) -> str:
             "    S worst_yet = 0;",
             f"    __typeof__({name}_memory) *m = &{name}_memory;",
             *fetch,
-            f"    for (int k = 0; k < {given}; k++) worst_yet += m->given[k] * 0; /* not finite: NaN */",
+            f"    for (int k = 0; k < {given}; k++) worst_yet += m->given[k] * OVER * 0; /* large: NaN */",
             f"    {name}_copies(m->given, out, m->shared, m->own, &worst_yet);",
             f"    worst_yet += none_of(out, {count}); /* not finite: NaN */",
             "    if (guard) *guard = worst_yet;",

@@ -18,7 +18,7 @@ from ...errors import HybridynError
 from ...linkage.tree import Motion
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot
-from ...structure.samples import as_batch, as_positions, from_table, same_samples
+from ...structure.samples import as_batch, as_numbers, as_positions, from_table, same_samples
 from ...tables.named_columns import is_table
 
 #: Numbers per body: axes row by row, origin, velocity, angular velocity, accelerations (classical).
@@ -63,11 +63,7 @@ def as_batches(given: Mapping[str, ArrayLike], sizes: dict[str, int]) -> dict[st
     Raises:
         TrajectoryError: An array has a wrong shape, or is no array of numbers.
     """
-    try:
-        arrays = {key: np.asarray(value, dtype=float) for key, value in given.items()}
-    except (TypeError, ValueError, OverflowError):
-        check_batches(given, sizes)
-        raise
+    arrays = {key: as_numbers(value, key) for key, value in given.items()}
     if {array.ndim for array in arrays.values()} - {1, 2}:
         check_batches(arrays, sizes)
     many = {key: array if array.ndim == 2 else array[None] for key, array in arrays.items()}
@@ -101,13 +97,22 @@ def check_batches(arrays: Mapping[str, ArrayLike], sizes: dict[str, int]) -> Non
         as_batch(array, sizes[key], key)
 
 
+def samples_of(given: ArrayLike, name: str) -> tuple[int, ...]:
+    """Return the shape of an argument without its last axis: () for a single sample, (T,) for many.
+
+    Raises:
+        TrajectoryError: It is no array of numbers.
+    """
+    shape = np.shape(given) if isinstance(given, np.ndarray) else as_numbers(given, name).shape
+    return tuple(shape[:-1])
+
+
 def everywhere(acceleration: ArrayLike | None, samples: tuple[int, ...], dtype: np.dtype[Any]) -> ArrayLike:
     """Return the acceleration of a moving base at every sample, shape (*samples, 6); zero where left out."""
     if acceleration is None:
         return np.zeros((*samples, 6), dtype)
-    if np.shape(acceleration) == (6,) and samples:
-        return np.tile(np.asarray(acceleration), (*samples, 1))
-    return acceleration
+    given = as_numbers(acceleration, "base_acceleration")
+    return np.tile(given, (*samples, 1)) if given.shape == (6,) and samples else given
 
 
 def general_rows(

@@ -14,6 +14,7 @@ from ...effects.choice import Effects
 from ...spatial import Array
 from ...structure.given import by_name, motors_by_name
 from ...structure.robot import HybridRobot
+from ...structure.samples import as_positions
 from ..library.closed_rows import ClosedRows
 from ..library.current import Current
 from ..library.direct_calls import again, refuse
@@ -137,6 +138,8 @@ class Postures:
             return out[:nq], out[nq : nq + nv], out[nq + nv :]
         requests = requests_of_motors(self.robot, position, (rate, acceleration))
         q, v, a = self.assemble_requests(requests, self.robot.home if last is None else last)
+        if not requests.samples:
+            return q, v, a
         follower = self._follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
         self._close_at_once = follower.from_motors if follower else refuse
         return q, v, a
@@ -145,18 +148,23 @@ class Postures:
         """Compute the largest closure residual of each posture, like `hybridyn.closure_residual`.
 
         Args:
-            q: Positions of nearly assembled postures, shape (T, nq).
+            q: Positions of nearly assembled postures, shape (nq,) or (T, nq).
 
         Returns:
-            Residuals relative to the module's length, shape (T,), or None if the library has no program
-            "lift".
+            Residuals relative to the module's length, shape () or (T,), or None if the library has no
+            program "lift".
+
+        Raises:
+            TrajectoryError: As `hybridyn.closure_residual`.
         """
+        q, single = as_positions(self.robot, q)
         lift = self._current.whole().programs.get("lift")
         if lift is None:
             return None
         still = np.zeros((len(q), self.robot.nv))
         residuals = lift.batch([q, still, still], self.threads)[0][-1]
-        return np.asarray(residuals.max(axis=1), dtype=float)
+        out: Array = np.asarray(residuals.max(axis=1, initial=0.0), dtype=float)
+        return out[0] if single else out
 
     @cached_property
     def _evaluator(self) -> DesignEvaluator:

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.posture import check_joints, holding, modules_of, positions_of, posture_at
-from ...errors import SingularityError
+from ...errors import SingularityError, TrajectoryError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
-from ...structure.samples import as_positions
+from ...structure.samples import as_batch, as_positions, same_samples
 from .engine import closed_states, polar_form
 from .independent import Coordinates, independent_motions, located
 
@@ -60,34 +60,37 @@ class JointMap:
 
     def motor_rates(self, joint_rates: ArrayLike) -> Array:
         """Compute rates of the motors from those of the joints, shape (m,) or (T, m)."""
-        return _times(self.motors_per_joints, joint_rates)
+        return _times(self.motors_per_joints, self._of_joints(joint_rates, "joint_rates"))
 
     def joint_rates(self, motor_rates: ArrayLike) -> Array:
         """Compute rates of the joints from those of the motors, shape (k,) or (T, k)."""
-        return _times(self.joints_per_motors, motor_rates)
+        return _times(self.joints_per_motors, self._of_motors(motor_rates, "motor_rates"))
 
     def motor_accelerations(self, joint_rates: ArrayLike, joint_accelerations: ArrayLike) -> Array:
         """Compute accelerations of the motors from the motion of the joints, shape (m,) or (T, m)."""
-        return _times(self.motors_per_joints, joint_accelerations) + self._bend(joint_rates)
+        along = self._of_joints(joint_accelerations, "joint_accelerations")
+        return _times(self.motors_per_joints, along) + self._bend(joint_rates)
 
     def joint_accelerations(self, motor_rates: ArrayLike, motor_accelerations: ArrayLike) -> Array:
         """Compute accelerations of the joints from the motion of the motors, shape (k,) or (T, k)."""
-        left = np.asarray(motor_accelerations, dtype=float) - self._bend(self.joint_rates(motor_rates))
-        return _times(self.joints_per_motors, left)
+        along = self._of_motors(motor_accelerations, "motor_accelerations")
+        return _times(self.joints_per_motors, along - self._bend(self.joint_rates(motor_rates)))
 
     def _bend(self, joint_rates: ArrayLike) -> Array:
         """Compute the accelerations of the motors while the joints' rates stay."""
-        rates = np.asarray(joint_rates, dtype=float)
+        rates = self._of_joints(joint_rates, "joint_rates")
         out: Array = np.einsum("...ijk,...j,...k->...i", self.curvature, rates, rates)
         return out
 
     def joint_efforts(self, motor_efforts: ArrayLike) -> Array:
         """Compute efforts at the joints that do the work of motor efforts, H^T tau, shape (k,) or (T, k)."""
-        return _times(np.swapaxes(self.motors_per_joints, -1, -2), motor_efforts)
+        efforts = self._of_motors(motor_efforts, "motor_efforts")
+        return _times(np.swapaxes(self.motors_per_joints, -1, -2), efforts)
 
     def motor_efforts(self, joint_efforts: ArrayLike) -> Array:
         """Compute efforts of the motors that do the work of joint efforts, G^T tau, shape (m,) or (T, m)."""
-        return _times(np.swapaxes(self.joints_per_motors, -1, -2), joint_efforts)
+        efforts = self._of_joints(joint_efforts, "joint_efforts")
+        return _times(np.swapaxes(self.joints_per_motors, -1, -2), efforts)
 
     def at_joints(self, motors: ArrayLike) -> Array:
         """Compute the inertia, damping or stiffness of the motors as felt at the joints, H^T diag(motors) H.
@@ -98,7 +101,7 @@ class JointMap:
         Returns:
             Symmetric, shape (k, k) or (T, k, k).
         """
-        return _congruence(self.motors_per_joints, motors)
+        return _congruence(self.motors_per_joints, self._of_motors(motors, "motors", once=True))
 
     def at_motors(self, joints: ArrayLike) -> Array:
         """Compute the inertia, damping or stiffness of the joints as felt at the motors, G^T diag(joints) G.
@@ -109,7 +112,7 @@ class JointMap:
         Returns:
             Symmetric, shape (m, m) or (T, m, m).
         """
-        return _congruence(self.joints_per_motors, joints)
+        return _congruence(self.joints_per_motors, self._of_joints(joints, "joints", once=True))
 
     def joint_stiffness(self, motor_stiffness: ArrayLike, motor_efforts: ArrayLike) -> Array:
         """Compute the stiffness at the joints, d(joint efforts)/d(joints), of motors that exert efforts.
@@ -124,8 +127,35 @@ class JointMap:
         Returns:
             Symmetric, shape (k, k) or (T, k, k).
         """
-        turned = np.einsum("...i,...ijk->...jk", np.asarray(motor_efforts, dtype=float), self.curvature)
-        out: Array = self.at_joints(motor_stiffness) + turned
+        efforts = self._of_motors(motor_efforts, "motor_efforts")
+        turned = np.einsum("...i,...ijk->...jk", efforts, self.curvature)
+        stiffness = self._of_motors(motor_stiffness, "motor_stiffness", once=True)
+        out: Array = _congruence(self.motors_per_joints, stiffness) + turned
+        return out
+
+    def _of_joints(self, given: ArrayLike, name: str, *, once: bool = False) -> Array:
+        """Return and check numbers of the joints, shape (k,) or (T, k); one for each joint if `once`."""
+        return self._checked(given, name, len(self.joints), once)
+
+    def _of_motors(self, given: ArrayLike, name: str, *, once: bool = False) -> Array:
+        """Return and check numbers of the motors, shape (m,) or (T, m); one for each motor if `once`."""
+        return self._checked(given, name, len(self.motors), once)
+
+    def _checked(self, given: ArrayLike, name: str, width: int, once: bool) -> Array:
+        """Return and check an argument.
+
+        Raises:
+            TrajectoryError: Its shape is wrong, it has another number of samples than the map, or a number is
+                not finite or too large.
+        """
+        out, single = as_batch(given, width, name)
+        if single:
+            one: Array = out[0]
+            return one
+        if once:
+            raise TrajectoryError(f"{name} has shape {out.shape}; wanted ({width},), the same at all samples")
+        if self.q.ndim == 2:
+            same_samples(**{"the map's q": self.q, name: out})
         return out
 
     @cached_property
@@ -250,13 +280,13 @@ def side_motions(robot: HybridRobot, q: Array, v: Array | None, side: Coordinate
     return found.E, found.drift
 
 
-def _times(matrix: Array, vector: ArrayLike) -> Array:
+def _times(matrix: Array, vector: Array) -> Array:
     """Return matrix times vector for one sample or many."""
-    out: Array = np.einsum("...ij,...j->...i", matrix, np.asarray(vector, dtype=float))
+    out: Array = np.einsum("...ij,...j->...i", matrix, vector)
     return out
 
 
-def _congruence(matrix: Array, diagonal: ArrayLike) -> Array:
+def _congruence(matrix: Array, diagonal: Array) -> Array:
     """Return matrix^T diag(diagonal) matrix for one sample or many."""
-    out: Array = np.einsum("...ij,i,...ik->...jk", matrix, np.asarray(diagonal, dtype=float), matrix)
+    out: Array = np.einsum("...ij,i,...ik->...jk", matrix, diagonal, matrix)
     return out

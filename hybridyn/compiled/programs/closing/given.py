@@ -143,12 +143,11 @@ def requests_of_motors(
         TrajectoryError: An array has a wrong shape, or is not finite.
     """
     count = len(robot.motors)
-    first, single = as_batch(position, count, "position of the motors")
-    levels = [first]
-    for x in rates:
-        levels.append(np.zeros_like(first) if x is None else as_batch(x, count, "rate of the motors")[0])
-    same_samples(**dict(zip(("position", "rate", "acceleration"), levels, strict=True)))
-    each = [x[0] if single else x for x in levels]
+    first, single = as_batch(position, count, "position")
+    given = {"rate": rates[0], "acceleration": rates[1]}
+    found = {name: as_batch(x, count, name)[0] for name, x in given.items() if x is not None}
+    same_samples(position=first, **found)
+    each = [x[0] if single else x for x in (first, *(found.get(name, 0.0 * first) for name in given))]
     motors = {name: tuple(x[..., i] for x in each) for i, name in enumerate(robot.motors)}
     return gather_requests(robot, motors, {})
 

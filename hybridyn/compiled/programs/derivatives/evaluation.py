@@ -34,7 +34,7 @@ from ...library.calls import Library
 from ...library.current import build_beside
 from ...library.direct_calls import refuse
 from ...program import Program
-from ..general import GENERAL, as_batches, general, named
+from ..general import GENERAL, as_batches, general, named, samples_of
 from ..sources import robot_key
 from ..whole_robot import Interpreted
 from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
@@ -306,7 +306,7 @@ class Derivatives:
         arrays = as_batches(arguments, self._inputs)
         (values, *found), guard = (self.library or self._interpreted).batch(self._name, *arrays.values())
         self._check_doubtful(arrays, values, guard)
-        samples = () if np.ndim(arguments["q"]) == 1 else (len(values),)
+        samples = samples_of(arguments["q"], "q")
         pairs = zip(self._blocks, found, strict=True)
         return {name: block.reshape(*samples, *shape) for (name, _, shape), block in pairs}
 

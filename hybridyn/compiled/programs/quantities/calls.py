@@ -22,13 +22,15 @@ from ....errors import HybridynError
 from ....spatial import Array, Mask
 from ....structure.samples import one_of
 from ...library.calls import Calls, Library, Numbers
-from ..general import body_motion, named
+from ..general import body_motion, named, samples_of
 from ..postures import Postures
 from ..sources import kept
 from .engine import BY_GENERAL, CompiledEngine, Following, artifact_of, pushed_models
 
 #: Rows of models for each sample, for matrices also for each coordinate.
 ROWS = {"mass_matrix": 1, "bias": 1, "coriolis": 3, "coriolis_matrix": 6, "gravity": 1}
+#: Those that do not depend on rates.
+AT_REST = ("mass_matrix", "gravity")
 #: Rows of lanes that are computed at once: their arrays stay in the processor's cache.
 ROWS_AT_ONCE = 4096
 
@@ -54,7 +56,12 @@ class Quantities(Postures):
         return self._of_forces(mass_matrix, joints, q)
 
     def bias(
-        self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None, base_acceleration: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        v: ArrayLike | None,
+        *,
+        joints: Joints = None,
+        base_acceleration: ArrayLike | None = None,
     ) -> Numbers:
         """Compute c(q, v) + g(q), shape (N,) or (T, N), like `hybridyn.bias`."""
         return self._of_forces(bias, joints, q, v, base=base_acceleration)
@@ -89,7 +96,7 @@ class Quantities(Postures):
         """
         positions, rates, single = checked_state(self.robot, q, v)
         name, moves = function.__name__, self._driven_by(joints, *laws)
-        given = {"q": positions} if v is None else {"q": positions, "v": rates}
+        given = {"q": positions} if name in AT_REST else {"q": positions, "v": rates}
         if base is not None:
             given["base_acceleration"] = acceleration_of_base(self.robot, base, len(positions))
         general = partial(function, self.robot, joints=joints, effects=self.effects)
@@ -243,7 +250,9 @@ class Quantities(Postures):
     ) -> dict[str, LinkMotion]:
         """Compute poses, twists and accelerations of links, like `hybridyn.kinematics`."""
         given = named(self.robot, {"q": q, "v": v} | ({} if a is None else {"a": a}))
-        rows = self._run("kinematics", given | {"a": given.get("a", np.zeros(np.shape(given["v"])))})
+        if a is None:
+            given["a"] = np.zeros((*samples_of(given["v"], "v"), self.robot.nv))
+        rows = self._run("kinematics", given)
         places = self.robot.bodies.place
         wanted = list(named_links(self.robot, links))
         bodies = {body: body_motion(np.atleast_2d(rows), body) for body in {places[x][0] for x in wanted}}
