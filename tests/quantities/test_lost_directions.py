@@ -154,7 +154,7 @@ def test_the_event_sees_a_dead_centre(tmp_path: Path) -> None:
 def test_the_threshold_of_the_event_is_a_number(tmp_path: Path, threshold: Any) -> None:
     """A posture in its place is no threshold."""
     robot = piston(tmp_path, ("slide",))
-    refused(lambda: near_singularity(robot, threshold), TrajectoryError, "^threshold (must be one|is not an|is missing)")
+    refused(lambda: near_singularity(robot, threshold), TrajectoryError, "^threshold (must|is)")
 
 
 def pendulum(folder: Path) -> HybridRobot:
