@@ -22,11 +22,11 @@ def run(load: RobotChoice, output: str, tightness: float, as_c: bool, **of_c: An
     read = RobotChoice(
         load.robot, base, xacro_args=load.xacro_args, package_dirs=load.package_dirs, strict=load.strict
     )
-    given = any(of_c[name] for name in ("name", "float32", "map_joints", "parameters"))
+    given = any(of_c[name] for name in ("name", "float32", "map_joints", "parameters", "wrenches"))
     refuse(
         (
             given or of_c["effects"] != ("default",),
-            "--name, --float32, --map, --parameters and --effects belong to --c",
+            "--name, --float32, --map, --parameters, --wrenches and --effects belong to --c",
         ),
         (
             load != read,
@@ -54,6 +54,7 @@ def _export(
     float32: bool,
     map_joints: Sequence[str] | None,
     parameters: Sequence[str] | None,
+    wrenches: Sequence[str] | None,
     effects: tuple[str, ...],
 ) -> None:
     """Write the robot's models as C."""
@@ -61,6 +62,10 @@ def _export(
     from ..compiled.export import export
 
     dtype = "float32" if float32 else "float64"
-    given = {"map_joints": map_joints or (), "parameters": parameters or ()}
+    given = {
+        "map_joints": map_joints or (),
+        "parameters": parameters or (),
+        "wrenches": wrenches or (),
+    }
     for path in export(load(), output, effects, name=name, dtype=dtype, **given):
         click.echo(str(path), err=True)

@@ -304,6 +304,10 @@ convert = RobotCommand(
             help="With --c: numbers that are arguments of the functions: mass:LINK, position:JOINT, "
             "arguments of a xacro file.",
         ),
+        option(
+            "--wrenches", metavar="A,B,...", callback=split_names,
+            help="With --c: links on which wrenches are arguments, such as the feet of a robot that stands.",
+        ),
         _effects_option("default"),
     ],
 )  # fmt: skip

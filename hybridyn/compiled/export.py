@@ -11,6 +11,7 @@ import numpy as np
 from ..description.writing import write_text
 from ..effects.choice import Choice
 from ..errors import CompileError, ModelError
+from ..spatial import Array
 from ..structure.parameters.slots import values_of
 from ..structure.robot import HybridRobot
 from .failures import WITHOUT_CASADI, as_compile_error
@@ -43,6 +44,7 @@ def export(
     dtype: str = "float64",
     map_joints: Sequence[str] = (),
     parameters: Sequence[str] = (),
+    wrenches: Sequence[str] = (),
 ) -> list[Path]:
     """Write a robot's models as C source for other programs.
 
@@ -54,14 +56,15 @@ def export(
         map_joints: Output joints whose map to their motors is written, too, as for `hybridyn.joint_map`.
         parameters: Numbers of the robot that are arguments of the functions, as for `hybridyn.compile`; the
             header lists them. The function `close_platforms` is then left out.
+        wrenches: Links on which wrenches are arguments of the models of forces, as of feet that stand.
 
     Returns:
         Paths of the written files.
 
     Raises:
-        ModelError: A parameter is unknown, or together with `map_joints`; an effect is not available in
-            compiled models, `dtype` is invalid, `name` is not a C identifier, no joint moves, or a file of
-            the same name exists that hybridyn did not write.
+        ModelError: A parameter is unknown, or together with `map_joints`; no wrench can act on a link; an
+            effect is not available in compiled models, `dtype` is invalid, `name` is not a C identifier, no
+            joint moves, or a file of the same name exists that hybridyn did not write.
         CompileError: casadi is not installed, the models cannot be generated, they differ from the general
             path, or their guards are above 1 at every random state.
         SingularityError, TrajectoryError: The output joints do not fit their modules, or are unknown.
@@ -73,22 +76,33 @@ def export(
         raise ModelError("the map of output joints has no parameters: export it by itself")
     values = np.array(values_of(robot.description, slots))
     with as_compile_error(robot):
-        built = programs(robot, on, models=ALWAYS, dtype=dtype, parameters=slots)
-        models, asked = list(built.values()), request(robot, on, parameters=slots, dtype=dtype)
+        built = programs(robot, on, models=ALWAYS, dtype=dtype, parameters=slots, wrenches=wrenches)
+        asked = request(robot, on, parameters=slots, dtype=dtype, wrenches=wrenches, contacts=True)
+        models = list(built.values())
         posed = None if slots else close_platforms_program(asked)
         models += [] if posed is None else [posed]
-        verify(Interpreted(models, dtype), robot, on, design=values if slots else None)
+        verify(_WithoutWrenches(models, dtype), robot, on, design=values if slots else None)
         models += map_programs(asked, map_joints) if map_joints else []
         step, turning, more = control_step(asked, built["close"], built["idm"], name)
         public = [*models, step]
         contents = {
-            f"{name}.h": header_text(robot, public, name, dtype, map_joints, slots),
+            f"{name}.h": header_text(robot, public, name, dtype, map_joints, slots, wrenches),
             f"{name}.c": plain_source(models, name, dtype, more, [turning]),
-            f"test_{name}.c": test_text(robot, on, public, name, dtype, map_joints, values),
+            f"test_{name}.c": test_text(robot, on, public, name, dtype, map_joints, values, wrenches),
             "Makefile": _makefile(name),
             "README.md": _readme(robot, on.names, public, name, dtype, arguments=bool(slots)),
         }
     return written(Path(directory), contents)
+
+
+class _WithoutWrenches(Interpreted):
+    """Programs for states of a robot without wrenches on its links."""
+
+    def batch(self, name: str, *inputs: Array) -> tuple[tuple[Array, ...], Array]:
+        """Run a program as `Interpreted` does, with wrenches of zero."""
+        size = dict(self.programs[name].inputs).get("wrenches")
+        more = [] if size is None else [np.zeros((len(inputs[0]), size))]
+        return super().batch(name, *inputs, *more)
 
 
 def checked_name(robot: HybridRobot, name: str | None) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import reduce
+from typing import Any
 
 import numpy as np
 
@@ -72,6 +73,7 @@ def test_text(
     dtype: str,
     map_joints: Sequence[str],
     parameters: Array,
+    wrenches: Sequence[str],
 ) -> str:
     """Generate the test in C.
 
@@ -81,15 +83,15 @@ def test_text(
         dtype: "float64" or "float32".
         map_joints: Output joints of the programs of the map.
         parameters: Values of the input "parameters", shape (slots,).
+        wrenches: Links on which wrenches are arguments.
     """
     lines = [
         f'/* {WRITTEN}. */\n#include <math.h>\n#include <stdio.h>\n\n#include "{name}.h"',
         DIFFERENCE.format(real=REAL[dtype]),
     ]
     checks: list[str] = []
-    for program, values in zip(
-        programs, _references(robot, effects, programs, map_joints, parameters), strict=True
-    ):
+    references = _references(robot, effects, programs, map_joints, parameters, wrenches)
+    for program, values in zip(programs, references, strict=True):
         if values:
             arrays = (*program.inputs, *program.outputs)
             lines += [_array(f"{program.name}_{n}", values[n], dtype) for n, _ in arrays]
@@ -109,6 +111,7 @@ def _references(
     programs: list[Program],
     map_joints: Sequence[str],
     parameters: Array,
+    wrenches: Sequence[str],
 ) -> list[dict[str, Array]]:
     """Compute each program's inputs and outputs, shapes (SAMPLES, n), among other numbers.
 
@@ -117,17 +120,21 @@ def _references(
     from .equations.states import random_states
 
     q, v, _, tau = random_states(robot, SAMPLES, seed=1)
-    a = ddm(robot, q, v, tau, effects=effects)
+    pushed = np.random.default_rng(1).normal(size=(SAMPLES, len(wrenches), 6)) * _weight(robot)
+    on_links = {link: pushed[:, i] for i, link in enumerate(wrenches)}
+    acting: dict[str, Any] = {"wrenches": on_links or None, "effects": effects}
+    a = ddm(robot, q, v, tau, **acting)
     read = next(rates_read(program) for program in programs if program.name == "close")
     v_closed, a_closed = _following(robot, q, v, a)
     driven = {"v": v * read, "a": a * read, "near": q, "last": q, "v_closed": v_closed, "a_closed": a_closed}
     positions = [joint_position(robot, q, motor) for motor in robot.motors]
     driven["position"] = np.array(positions).reshape(-1, SAMPLES).T
     known = {"q": q, "tau": tau, "base_acceleration": a[:, :6]}
+    known["wrenches"] = pushed.reshape(SAMPLES, -1)
     known["parameters"] = np.tile(parameters, (SAMPLES, 1))
     efforts = {
-        "idm": _efforts(robot, effects, q, v, a),
-        "idm_from_motors": _efforts(robot, effects, q, v_closed, a_closed),
+        "idm": _efforts(robot, acting, q, v, a),
+        "idm_from_motors": _efforts(robot, acting, q, v_closed, a_closed),
     }
     out: list[dict[str, Array]] = []
     for program in programs:
@@ -141,15 +148,25 @@ def _references(
         elif program.name.startswith("map_to_"):
             values |= map_values(robot, q, map_joints, v)
         elif robot.base == "moving" and program.name == "ddm":
-            values["a"] = ddm(robot, q, v, tau, effects=effects, base_acceleration=a[:, :6])
+            values["a"] = ddm(robot, q, v, tau, **acting, base_acceleration=a[:, :6])
         out.append(values)
     return out
 
 
-def _efforts(robot: HybridRobot, effects: Effects, *motion: Array) -> dict[str, Array]:
-    """Compute the output "tau" of an inverse model; nothing if the motors cannot produce the motion."""
+def _weight(robot: HybridRobot) -> Array:
+    """Return a tenth of the robot's weight [N], and its moment at the robot's size [N m], shape (6,)."""
+    weight = 0.1 * 9.81 * sum(link.mass for link in robot.description.links)
+    return np.array([weight] * 3 + [weight * robot.bodies.size] * 3)
+
+
+def _efforts(robot: HybridRobot, acting: dict[str, Any], *motion: Array) -> dict[str, Array]:
+    """Compute the output "tau" of an inverse model; nothing if the motors cannot produce the motion.
+
+    Args:
+        acting: Effects and wrenches.
+    """
     try:
-        return {"tau": idm(robot, *motion, effects=effects)}
+        return {"tau": idm(robot, *motion, **acting)}
     except HybridynError:
         return {}
 

@@ -127,6 +127,11 @@ class Effects:
         return out
 
     @property
+    def contacts(self) -> tuple[GroundContact, ...]:
+        """Laws of contact with the ground."""
+        return tuple(law for law in self.links if isinstance(law, GroundContact))
+
+    @property
     def observed_links(self) -> tuple[str, ...]:
         """Links whose motion a law needs."""
         return tuple(link for law in self.links if law.needs_motion for link in law.links)

@@ -106,6 +106,10 @@ class Wrench:
         return np.zeros(())
 
 
+#: Least speed of a sliding point by which is divided [m/s]; slower ones have no direction.
+AT_REST = 1e-150
+
+
 @dataclass(frozen=True)
 class GroundContact:
     """Points of links on compliant, unilateral ground, the plane z = height of the world.
@@ -157,19 +161,21 @@ class GroundContact:
             for point in points:
                 arm = rotate(m.R, np.tile(point, (len(m.p), 1)))
                 velocity = m.p_dot + cross(m.w, arm)
-                depth = np.maximum(self.height - m.p[:, 2] - arm[:, 2], 0.0)
-                normal = self.stiffness * depth * np.maximum(1.0 - self.damping * velocity[:, 2], 0.0)
-                slide = velocity[:, :2]
-                speed = np.linalg.norm(slide, axis=1)
-                moving = np.where(speed > 0, speed, 1.0)
-                grip = self.friction * normal * np.where(speed > 0, np.tanh(speed / self.width) / moving, 0.0)
-                yield (
-                    link,
-                    arm,
-                    velocity,
-                    depth,
-                    np.concatenate([-grip[:, None] * slide, normal[:, None]], axis=1),
-                )
+                depth, *force = self.on_point(m.p[:, 2] + arm[:, 2], *velocity.T)
+                yield link, arm, velocity, depth, np.stack(force, axis=1)
+
+    def on_point(self, z: Any, x_dot: Any, y_dot: Any, z_dot: Any) -> tuple[Any, Any, Any, Any]:
+        """Compute a point's penetration [m] and the ground's force on it [N] in world axes: x, y, z.
+
+        Args:
+            z: Its height [m]; numbers, arrays or expressions, as the others.
+            x_dot, y_dot, z_dot: Its velocity [m/s].
+        """
+        depth = np.maximum(self.height - z, 0.0)
+        normal = self.stiffness * depth * np.maximum(1.0 - self.damping * z_dot, 0.0)
+        speed = np.sqrt(x_dot * x_dot + y_dot * y_dot)
+        grip = self.friction * normal * np.tanh(speed / self.width) / np.maximum(speed, AT_REST)
+        return depth, -grip * x_dot, -grip * y_dot, normal
 
     def wrenches(self, time: Array | None, motions: Mapping[str, Motion], samples: int) -> dict[str, Array]:
         """Compute the ground's wrench on each link."""

@@ -12,11 +12,13 @@ import pinocchio as pin
 from ...assembly.free_motions import MASSLESS_MOTION, own_inertia
 from ...dynamics.actuation import load_share
 from ...effects.choice import Choice, Effects, choose
+from ...effects.links import GroundContact
 from ...errors import ActuationError, ModelError
 from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
+from .acting import Acting, acting_on
 from .arguments import ChosenNumbers, Inertias, ModuleArguments
 from .core import Plan, path_of, plan_module
 from .expressions import Expression, settled
@@ -33,6 +35,7 @@ class Request:
         arguments: Numbers that are inputs of the model ("parameters"), or None.
         dtype: Type of the arithmetic, "float64" or "float32"; it decides how far loops may be open.
         compared: Whether guards compare both ends of each loop (`guarded_elimination.Scale`).
+        links: Links on which the caller gives wrenches, the input "wrenches" of the models of forces.
     """
 
     robot: HybridRobot
@@ -40,6 +43,42 @@ class Request:
     arguments: ChosenNumbers | Inertias | None = None
     dtype: str = "float64"
     compared: bool = True
+    links: tuple[str, ...] = ()
+
+    @cached_property
+    def given_wrenches(self) -> list[Acting]:
+        """Where the wrenches of the caller enter."""
+        return [self._placed(link) for link in self.links]
+
+    @cached_property
+    def contacts(self) -> list[tuple[Acting, GroundContact]]:
+        """Where the ground's wrenches enter, and their laws."""
+        return [(self._placed(link), law) for law in self.on.contacts for link in law.links]
+
+    def _placed(self, link: str) -> Acting:
+        """Return where a wrench on a link enters.
+
+        Raises:
+            ModelError: It is no part of an output, or arguments move it in its body.
+        """
+        found = acting_on(self.robot, link)
+        if isinstance(self.arguments, ChosenNumbers):
+            _, R, p = self.arguments.places[link]
+            if any(np.asarray(x).dtype == object for x in (R, p)):
+                raise ModelError(f"wrenches on '{link}': a parameter moves it in its body", element=link)
+        return found
+
+    @property
+    def wrench_inputs(self) -> list[tuple[str, int]]:
+        """The last input "wrenches" of models of forces and its size, or nothing."""
+        return [("wrenches", 6 * len(self.links))] if self.links else []
+
+    def carries(self, k: int) -> tuple[bool, ...]:
+        """Return for each output of module k whether a module stands on it or a wrench acts on it."""
+        acting = [*self.given_wrenches, *(at for at, _ in self.contacts)]
+        pushed = {at.output for at in acting if at.module == k}
+        outputs = range(len(self.robot.modules[k].mechanism.spec.outputs))
+        return tuple(bool(self.children(k, o)) or o in pushed for o in outputs)
 
     @cached_property
     def plans(self) -> list[Plan]:
@@ -120,6 +159,9 @@ class Request:
             own = m.cut.to_tree(on[None, module.v_index])
             for k in np.flatnonzero(own[0]):
                 out[k] += f"law {n} "
+        for n, at in enumerate([*self.given_wrenches, *(at for at, _ in self.contacts)]):
+            for column in at.path if self.robot.modules[at.module] is module else ():
+                out[column] += f"law of wrench {n} "
         return tuple(out)
 
     def rotor(self, module: Module) -> tuple[float, ...]:
@@ -165,22 +207,31 @@ def request(
     *,
     parameters: Sequence[Slot] = (),
     dtype: str = "float64",
+    wrenches: Sequence[str] = (),
+    contacts: bool = False,
 ) -> Request:
     """Check that a model with these effects can be compiled, and return the request for it.
 
+    Args:
+        wrenches: Links on which the caller gives wrenches.
+        contacts: Whether the models may have ground contact.
+
     Raises:
-        ModelError: An effect is not available in compiled models.
+        ModelError: An effect is not available in compiled models, or no wrench can act on a link.
     """
     on = choose(robot, effects)
     for unit in (*on.links, *((on.base,) if on.base else ())):
+        if contacts and isinstance(unit, GroundContact):
+            continue
+        why = "these models have no contact" if isinstance(unit, GroundContact) else "it depends on time"
         raise ModelError(
-            f"the effect '{unit.name}' cannot be compiled: it depends on time or on contact. Use the general "
-            "path for it",
+            f"the effect '{unit.name}' cannot be compiled: {why}. Use the general path for it",
             element=unit.name,
         )
     if on.inertia is None:
         raise ModelError("models without the effect 'inertia' cannot be compiled", element="inertia")
-    return Request(robot, on, ChosenNumbers(robot, tuple(parameters)) if parameters else None, dtype)
+    chosen = ChosenNumbers(robot, tuple(parameters)) if parameters else None
+    return Request(robot, on, chosen, dtype, links=tuple(wrenches))
 
 
 @dataclass(frozen=True)
@@ -189,7 +240,7 @@ class Options:
 
     Attributes:
         base: The constant acceleration (less gravity) of a base at rest, else None.
-        carries: Whether another module stands on each output.
+        carries: Whether another module stands on each output, or a wrench acts on it.
         inertias: Ten numbers of each output, including those that regrouping moves to it.
         velocity: Whether velocity terms are on.
         rotor: Rotor inertias over the freedoms.
@@ -312,7 +363,7 @@ def _of_all(request: Request, k: int) -> Options:
     module = request.robot.modules[k]
     return Options(
         base=request.root(module),
-        carries=tuple(bool(request.children(k, o)) for o in range(len(module.mechanism.spec.outputs))),
+        carries=request.carries(k),
         inertias=request.output_inertias(k),
         velocity=request.on.velocity is not None,
         rotor=request.rotor(module),

@@ -41,6 +41,16 @@ WHAT = {
 }
 
 
+#: What the header says of robots that no motor holds.
+FREE_BASE = [
+    "",
+    "   The base is free: the first six numbers of v are its twist in its own axes, velocity first, and",
+    "   those of a their derivatives. No motor acts on them. In `idm`, a must be a motion that weight,",
+    "   wrenches and motors can cause, as `ddm` computes it, else the guard is above 1. A robot that stands",
+    "   needs the ground's wrenches on its feet: export them as arguments (`wrenches`).",
+]
+
+
 def _body_names(robot: HybridRobot) -> list[str]:
     """Return a name for each body: its first link, whose frame is the body's."""
     first = {body: link for link, (body, _, _) in reversed(robot.bodies.place.items())}
@@ -70,6 +80,7 @@ def header_text(
     dtype: str,
     joints: Sequence[str] = (),
     parameters: Sequence[Slot] = (),
+    wrenches: Sequence[str] = (),
 ) -> str:
     """Return the header.
 
@@ -78,6 +89,7 @@ def header_text(
         dtype: "float64" or "float32".
         joints: Output joints of the programs of the map.
         parameters: Numbers of the description that are arguments.
+        wrenches: Links on which wrenches are arguments.
     """
     values = zip(parameters, values_of(robot.description, parameters), strict=True)
     arguments = _numbered([f"{slot} ({value!r})" for slot, value in values])
@@ -90,8 +102,11 @@ def header_text(
         "   tau", *_numbered(robot.motors),
         "   bodies", *bodies,
         *(["   parameters (the robot's own numbers)", *arguments] if arguments else []),
+        *(["   wrenches on links: force, moment about the link's origin, its axes"] if wrenches else []),
+        *(f"     {6 * i}..{6 * i + 5}  {link}" for i, link in enumerate(wrenches)),
         *(["   pose, twist, twist_dot", *_posed(robot)] if posed_modules(robot) else []),
         *(_sides(robot, joints) if joints else []),
+        *(FREE_BASE if robot.base == "floating" else []),
         "",
         "   Each function gives a guard: use the results where `guard <= 1`, and nowhere else. Above 1,",
         "   positions, rates or accelerations do not close the loops (to "

@@ -12,7 +12,8 @@ from ..equations.parts import Leg
 from ..equations.request import Request, direct_options
 from ..equations.rigid import inertia_matrix
 from ..program import Program, Source
-from .module_calls import ModuleCalls, Ports, Stages, Sweeps, same_structure, unit_base
+from .kinematics import unit_base
+from .module_calls import ModuleCalls, Ports, Stages, Sweeps, same_structure
 from .writer import Writer
 
 PARTS = ["kinematics", "inertia", "accelerations", "wrists"]
@@ -37,7 +38,7 @@ def direct_inputs(request: Request, *, pushed: bool = False) -> list[tuple[str, 
     inputs = [("q", robot.nq), ("v", robot.nv), ("tau", 6 * pushed + len(robot.motors))]
     if robot.base == "moving":
         inputs.append(("base_acceleration", 6))
-    return inputs + request.parameter_inputs
+    return inputs + request.parameter_inputs + request.wrench_inputs
 
 
 def write_direct_sweeps(request: Request, w: Writer, *, pushed: bool = False) -> None:
@@ -49,6 +50,7 @@ def write_direct_sweeps(request: Request, w: Writer, *, pushed: bool = False) ->
     modules: list[ModuleCalls] = []
     for k in range(len(robot.modules)):
         modules.append(sweeps.outwards(k, modules))
+    sweeps.push(modules, "beta")
     for calls in reversed(modules):
         sweeps.inwards(calls)
     for calls in modules:

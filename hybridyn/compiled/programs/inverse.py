@@ -8,7 +8,8 @@ from ..equations.guarded_elimination import Pivots
 from ..equations.inverse import LEG_WRENCHES, motor_pivots, write_inverse, write_inverse_legs
 from ..equations.request import Options, Request, balance_options, inverse_options
 from ..program import Program, Shared
-from .module_calls import ModuleCalls, Ports, Stages, Sweeps, same_structure, unit_base
+from .kinematics import unit_base
+from .module_calls import ModuleCalls, Ports, Stages, Sweeps, same_structure
 from .writer import Writer
 
 PARTS = ["kinematics", "efforts"]
@@ -29,7 +30,13 @@ def inverse_program(request: Request, *, pushed: bool = False) -> Program:
 def inverse_inputs(request: Request) -> list[tuple[str, int]]:
     """Return name and length of each input of the inverse model."""
     robot = request.robot
-    return [("q", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
+    return [
+        ("q", robot.nq),
+        ("v", robot.nv),
+        ("a", robot.nv),
+        *request.parameter_inputs,
+        *request.wrench_inputs,
+    ]
 
 
 def write_inverse_sweeps(request: Request, w: Writer, *, pushed: bool = False) -> None:
@@ -58,6 +65,7 @@ def _write_sweeps(
         start = len(w.steps)
         modules.append(sweeps.outwards(k, modules))
         modules[k].calls += w.calls_from(start)
+    sweeps.push(modules, "F")
     for calls in reversed(modules):
         start = len(w.steps)
         sweeps.inwards(calls)

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Container, Sequence
 from functools import partial
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ...spatial import Index
 from ...structure.module import Module
+from ...structure.samples import UNIT
 from ..equations.arguments import ModuleArguments
 from ..equations.chains import sweep
 from ..equations.expressions import Expression, cross, dot, eye, pack, symbols, unpack, zeros
 from ..equations.request import Request
 from ..equations.rigid import links_of, quaternion_matrix
-from ..program import Program, Result, Source, Target
+from ..program import Constants, Program, Result, Shared, Source, Target, Worst
 from .general import WIDTH
-from .module_calls import unit_base
 from .writer import Writer
 
 
@@ -26,40 +28,75 @@ def kinematics_program(request: Request) -> Program:
     inputs = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv), *request.parameter_inputs]
     w = Writer("kinematics", inputs, [("bodies", WIDTH * len(robot.bodies.bodies))])
 
-    def body_of(body: int) -> Result:
-        """Return the place of a body's numbers."""
-        return w.result("bodies", WIDTH * body + np.arange(WIDTH))
+    places = [w.result("bodies", WIDTH * body + np.arange(WIDTH)) for body in range(len(robot.bodies.bodies))]
+    unit_base(request, w)
+    write_motions(request, w, places)
+    return w.program()
 
-    _root(request, w, body_of(0))
+
+def unit_base(request: Request, w: Writer) -> None:
+    """Add a guard that rejects a non-unit quaternion of a moving or floating base."""
+    if request.robot.base == "fixed":
+        return
+    column, q = symbols("q", 4)
+    guard = ca.fabs(sum(x * x for x in q) - 1.0) / UNIT
+    kernel = w.kernel("unit", ca.Function("unit", [column], [guard]), "kinematics")
+    w.call(kernel, 1, [w.from_given("q", np.arange(3, 7))], [Worst()])
+
+
+def write_motions(
+    request: Request,
+    w: Writer,
+    places: Sequence[Result | Shared],
+    among: Container[int] | None = None,
+    *,
+    moved: bool = True,
+) -> None:
+    """Add the sweep that computes the motion of bodies.
+
+    Args:
+        places: Place of each body's `WIDTH` numbers.
+        among: Numbers of the modules whose bodies are computed, and those that carry them; by default all.
+        moved: Whether accelerations are read; else they count as zero.
+    """
+    robot = request.robot
+
+    def body_of(body: int) -> Any:
+        """Return the place of a body's numbers."""
+        return places[body]
+
+    def accelerations(index: Index) -> Source:
+        """Return the source of accelerations."""
+        return w.from_given("a", index) if moved else Constants(np.zeros((1, len(index))))
+
+    _root(w, robot.base, body_of(0), accelerations)
     for k, module in list(enumerate(robot.modules))[robot.base == "floating" :]:
+        if among is not None and k not in among:
+            continue
         own = None if request.arguments is None else request.arguments.of_modules[k]
-        key = id(module.mechanism), -1 if own is None else k
+        key = "bodies", id(module.mechanism), -1 if own is None else k
         targets: list[Target] = [body_of(robot.body_of_joint[joint]) for joint in module.joints]
         sources: list[Source] = [
             w.from_given("q", module.q_index),
             w.from_given("v", module.v_index),
-            w.from_given("a", module.v_index),
+            accelerations(module.v_index),
             body_of(robot.bodies.place[module.base][0]),
         ]
         if own is not None:
             sources.append(w.from_given("parameters", own.index))
         w.call(w.kernel(key, partial(_module, module, own), "kinematics"), 1, sources, targets)
-    return w.program()
 
 
-def _root(request: Request, w: Writer, root: Result) -> None:
+def _root(w: Writer, base: str, root: Any, accelerations: Callable[[Index], Source]) -> None:
     """Add the motion of the root body."""
-    unit_base(request, w)
-    if request.robot.base == "fixed":
+    if base == "fixed":
         still = ca.Function("root", [], [pack(eye(3), zeros(15))])
-        w.call(w.kernel("root", still, "kinematics"), 1, [], [root])
+        w.call(w.kernel("root body", still, "kinematics"), 1, [], [root])
         return
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", 7), symbols("v", 6), symbols("a", 6)
     function = ca.Function("root", [q_col, v_col, a_col], [_in_world(quaternion_matrix(q[3:]), q[:3], v, a)])
-    sources: list[Source] = [
-        w.from_given(name, np.arange(size)) for name, size in (("q", 7), ("v", 6), ("a", 6))
-    ]
-    w.call(w.kernel("root", function, "kinematics"), 1, sources, [root])
+    sources = [w.from_given("q", np.arange(7)), w.from_given("v", np.arange(6)), accelerations(np.arange(6))]
+    w.call(w.kernel("root body", function, "kinematics"), 1, sources, [root])
 
 
 def _in_world(R: Expression, p: Expression, V: Expression, A: Expression) -> ca.SX:

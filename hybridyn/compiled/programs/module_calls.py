@@ -15,7 +15,6 @@ from ...effects.joints import OnJoints
 from ...errors import ModelError
 from ...spatial import Index
 from ...structure.module import Module
-from ...structure.samples import UNIT
 from ..equations.arguments import ChosenNumbers, decided_alike
 from ..equations.coefficients import slots_of
 from ..equations.expressions import dot, pack, plain, symbols
@@ -24,6 +23,7 @@ from ..equations.request import Request
 from ..equations.rigid import classical, quaternion_matrix
 from ..equations.stages import Stage, WrittenModule
 from ..program import Add, Call, Constants, Each, Own, Shared, Source, Target, Worst
+from .acting import ActingWrenches
 from .writer import Writer
 
 
@@ -174,16 +174,6 @@ def read(place: Any) -> Any:
     return Shared(place.start, place.size) if isinstance(place, Add) else place
 
 
-def unit_base(request: Request, w: Writer) -> None:
-    """Add a guard that rejects a non-unit quaternion of a moving or floating base."""
-    if request.robot.base == "fixed":
-        return
-    column, q = symbols("q", 4)
-    guard = ca.fabs(sum(x * x for x in q) - 1.0) / UNIT
-    kernel = w.kernel("unit", ca.Function("unit", [column], [guard]), "kinematics")
-    w.call(kernel, 1, [w.from_given("q", np.arange(3, 7))], [Worst()])
-
-
 def same_structure(request: Request, w: Writer) -> None:
     """Add a guard that rejects arguments with which the robot has another structure."""
     chosen = request.arguments
@@ -247,6 +237,14 @@ class Sweeps:
         """
         self.request, self.w, self.motors, self.pushed = request, writer, motors, pushed
         self.root = moving_base(request, writer, acceleration)
+        self.acting = ActingWrenches(request, writer)
+
+    def push(self, modules: Sequence[ModuleCalls], port: str) -> None:
+        """Take the wrenches on outputs from what these require: "F" of the inverse model, else "beta"."""
+        copy = ca.SX.sym("wrench", 6)
+        for k, output, place in self.acting.required:
+            kernel = self.w.kernel("push", ca.Function("push", [copy], [copy]), "effects")
+            self.w.call(kernel, 1, [place], [modules[k].ports[f"{port} {output}"]])
 
     def begun(
         self, k: int, modules: list[ModuleCalls], options: Any, written: Any, key: Any, parts: list[str]
@@ -266,7 +264,7 @@ class Sweeps:
             return self._motors_of(module, columns)
         place = self.w.each(*columns.shape)
         for at, column in enumerate(columns.ravel().tolist(), place.start):
-            self._sum(module, column, marks[column], Shared(at, 1))
+            self._sum(module, column, marks[column], Shared(at, 1), self.acting.along.get((k, column), []))
         return place
 
     def _motors_of(self, module: Module, columns: Index) -> Source:
@@ -275,8 +273,8 @@ class Sweeps:
         index = np.array([6 * self.pushed + numbers[c] for c in columns.ravel()], dtype=int)
         return self.w.from_given("tau", index.reshape(columns.shape))
 
-    def _sum(self, module: Module, column: int, mark: str, place: Shared) -> None:
-        """Add the call that computes the sum of motor effort and laws on one freedom."""
+    def _sum(self, module: Module, column: int, mark: str, place: Shared, more: list[Shared]) -> None:
+        """Add the call that computes the sum of motor effort, laws, and `more` efforts on one freedom."""
         request, w = self.request, self.w
         numbers = np.arange(1, request.robot.nv + 1, dtype=float)
         own = module.mechanism.cut.to_tree(numbers[None, module.v_index])
@@ -287,7 +285,10 @@ class Sweeps:
         if self.motors and "motor" in mark:
             total = ca.SX.sym("tau")
             inputs, sources = [total], [self._motors_of(module, np.array([column]))]
-        key: tuple[Any, ...] = ("effort", self.motors, mark)
+        for other in more:
+            inputs, sources = [*inputs, ca.SX.sym("more")], [*sources, other]
+            total = total + inputs[-1]
+        key: tuple[Any, ...] = ("effort", self.motors, mark, len(more))
         for law in request.on.joints:
             for i in np.flatnonzero(law.columns == at).tolist():
                 coefficients = self._coefficients(law, i)

@@ -58,6 +58,7 @@ def walk_text(
         "NUMBERS": sum(size for _, size in request.parameter_inputs), "CLOSED": GUARD_CLOSED[request.dtype],
         "LONGEST": LONGEST_STEP, "CONTRACTION": CONTRACTION, "NEWTON_STEPS": WALK_STEPS, "SETTLED": settled,
         "SHORTEST_PART": SHORTEST, "OTHER_BRANCH": OTHER_BRANCH,
+        "WRENCHES": sum(size for _, size in request.wrench_inputs),
     }  # fmt: skip
     lines, units = [f"#define {name} {value!r}" for name, value in names.items()], ["0"] * robot.nq
     for columns in robot.unit_coordinates:
@@ -94,7 +95,8 @@ def control_step(
     Inputs are "last", a posture that closes the loops, the motors' "position", and "v" and "a" as of "close".
     Outputs are those of "close" and of "idm".
     """
-    motors, read = request.robot.motors, [("last", close.inputs[0][1]), *close.inputs[1:]]
+    motors = request.robot.motors
+    read = [("last", close.inputs[0][1]), *close.inputs[1:], *request.wrench_inputs]
     inputs = read[0], ("position", len(motors)), *read[1:]
     outputs = *close.outputs, *inverse.outputs
     called = close, turning_program(request, motors), inverse
@@ -105,7 +107,7 @@ def control_step(
         *(_run(program, name) for program in called),
         walk_text(request, close, motors, settled=GUARD_LIMIT) + text_of("control.h"),
         f"{prototype(step, name, request.dtype)} {{",
-        f"    S guard, *start = work->numbers, *result = start + {close.sizes[0]};",
+        f"    S guard, *start = work->numbers, *result = start + {sum(size for _, size in read)};",
         "    int k;",
         *(each.format(n, f"start[{at} + k] = {word}[k]") for word, n, at in stored(read)),
         f"    guard = control(start, position, result, result + {step.sizes[1]});",

@@ -28,6 +28,7 @@ def programs(
     models: tuple[str, ...] = ("idm", "ddm", "kinematics", "lift"),
     parameters: Sequence[Slot] = (),
     dtype: str = "float64",
+    wrenches: Sequence[str] = (),
 ) -> dict[str, Program]:
     """Build a robot's models as programs.
 
@@ -39,11 +40,12 @@ def programs(
         parameters: Numbers of the description that are an input ("parameters"). "lift" is then left out.
         dtype: Type of the arithmetic, "float64" or "float32". The general path computes samples whose loops
             are open by more than its rounding.
+        wrenches: Links on which the models of forces take wrenches ("wrenches", six numbers of each).
 
     Raises:
-        ModelError: An effect is not available in compiled models.
+        ModelError: An effect is not available in compiled models, or no wrench can act on a link.
     """
-    asked = request(robot, effects, parameters=parameters, dtype=dtype)
+    asked = request(robot, effects, parameters=parameters, dtype=dtype, wrenches=wrenches, contacts=True)
     write: dict[str, Callable[[Request], Program | None]] = {
         "idm": inverse_program,
         "ddm": direct_program,

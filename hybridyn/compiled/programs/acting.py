@@ -1,0 +1,107 @@
+"""Wrenches on links in the sweeps of the models of forces: those that the caller gives, and the ground's."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from ...effects.links import GroundContact
+from ...structure.robot import HybridRobot
+from ..equations.acting import Acting, along_path
+from ..equations.expressions import cross, dot, numbers, pack, symbols, zeros
+from ..equations.request import Request
+from ..equations.rigid import to_parent
+from ..program import Shared, Source
+from .general import WIDTH
+from .kinematics import write_motions
+from .writer import Writer
+
+
+class ActingWrenches:
+    """Wrenches on links, which begin a program.
+
+    Attributes:
+        required: What each adds to what an output requires: numbers of the module and of its output, and the
+            place of minus the wrench.
+        along: Places of efforts along freedoms of modules' trees after the cuts, by module and freedom.
+    """
+
+    def __init__(self, request: Request, w: Writer) -> None:
+        """Add the calls that compute them."""
+        self._request, self._w = request, w
+        self.required: list[tuple[int, int, Shared]] = []
+        self.along: dict[tuple[int, int], list[Shared]] = {}
+        for i, at in enumerate(request.given_wrenches):
+            self._add(at, "wrench", _in_body(at), w.from_given("wrenches", 6 * i + np.arange(6)))
+        if not request.contacts:
+            return
+        bodies = [w.shared(WIDTH) for _ in request.robot.bodies.bodies]
+        write_motions(request, w, bodies, _carrying(request.robot, request.contacts), moved=False)
+        for at, law in request.contacts:
+            self._add(at, "contact", _contact(at, law), bodies[at.body])
+
+    def _add(self, at: Acting, name: str, function: ca.Function, source: Source) -> None:
+        """Add a wrench on a body, in the body's frame, and what follows from it."""
+        w, robot = self._w, self._request.robot
+        wrench, key = w.shared(6), (name, at.link, len(self.required), len(self.along))
+        w.call(w.kernel(key, function, "effects"), 1, [source], [wrench])
+        if at.output is not None:
+            self.required.append((at.module, at.output, self._less(wrench)))
+            return
+        module = robot.modules[at.module]
+        given = self._request.arguments
+        own = None if given is None else given.of_modules[at.module]
+        efforts, base = w.shared(len(at.path)), w.shared(6)
+        sources: list[Source] = [w.from_given("q", module.q_index), wrench]
+        if own is not None:
+            sources.append(w.from_given("parameters", own.index))
+        kernel = w.kernel((*key, "along"), along_path(module, at, own), "effects")
+        w.call(kernel, 1, sources, [efforts, base])
+        for i, column in enumerate(at.path):
+            self.along.setdefault((at.module, column), []).append(Shared(efforts.start + i, 1))
+        if module.parent >= 0:
+            self.required.append((module.parent, module.parent_output, self._less(base)))
+
+    def _less(self, wrench: Shared) -> Shared:
+        """Return the place of minus a wrench."""
+        column = ca.SX.sym("wrench", 6)
+        place = self._w.shared(6)
+        kernel = self._w.kernel("less", ca.Function("less", [column], [-column]), "effects")
+        self._w.call(kernel, 1, [wrench], [place])
+        return place
+
+
+def _in_body(at: Acting) -> ca.Function:
+    """Return the kernel of a wrench in the frame of its link's body, from that in the link's."""
+    column, wrench = symbols("wrench", 6)
+    return ca.Function("wrench", [column], [pack(to_parent(numbers(at.R), numbers(at.p), wrench))])
+
+
+def _carrying(robot: HybridRobot, contacts: Sequence[tuple[Acting, GroundContact]]) -> set[int]:
+    """Return the numbers of the modules that carry links in contact."""
+    out = set[int]()
+    for at, _ in contacts:
+        k = at.module
+        while k >= 0 and k not in out:
+            out.add(k)
+            k = robot.modules[k].parent
+    return out
+
+
+def _contact(at: Acting, law: GroundContact) -> ca.Function:
+    """Return the kernel of the ground's wrench on a link, in its body's frame, from the body's motion."""
+    column, motion = symbols("motion", WIDTH)
+    R, p, v, w = motion[:9].reshape(3, 3), motion[9:12], motion[12:15], motion[15:18]
+    total = zeros(6)
+    for point in law.points[at.link]:
+        own = numbers(at.p + at.R @ np.asarray(point, dtype=float))
+        arm = dot(R, own)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+            force = law.on_point(p[2] + arm[2], *(v + cross(w, arm)))[1:]
+        in_body = dot(R.T, np.array(force, dtype=object))
+        total = total + np.concatenate([in_body, cross(own, in_body)])
+    return ca.Function("contact", [column], [pack(total)])
