@@ -268,9 +268,14 @@ def _stated(robot: HybridRobot, name: str) -> list[Any]:
     tables = [values for stated, values in robot.description.effects if stated == name]
     if tables:
         return [UNITS[name](**values) for values in tables]
+    if name == Payload.name and robot.payloads:
+        return list(robot.payloads)
     if name in DEFAULT or name in FROM_FILES or name == "limits":
         return [UNITS[name]()]
+    from ..description.side_cars.tables import EFFECTS  # it takes pydantic
+
+    table = f", or a table [effects.{name}] in {listed(['model.toml'])}" if name in EFFECTS else ""
     raise ModelError(
         f"the robot's files state no numbers for the effect '{name}': give an object, hybridyn.effects."
-        f"{UNITS[name].__name__}(...), or a table [effects.{name}] in {listed(['model.toml'])}", element=name,
+        f"{UNITS[name].__name__}(...){table}", element=name,
     )  # fmt: skip

@@ -107,7 +107,7 @@ class Wrench:
 
 
 #: Least speed of a sliding point by which is divided [m/s]; slower ones have no direction.
-AT_REST = 1e-150
+AT_REST = 1e-30
 
 
 @dataclass(frozen=True)

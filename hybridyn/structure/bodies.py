@@ -204,6 +204,22 @@ class Payload:
         return replace(description, links=every, loads=(*description.loads, load))
 
 
+def carrying(description: Description) -> Description:
+    """Return the description with the payload that its files state as an effect added to its link.
+
+    Raises:
+        ModelError: Its link is unknown, or no body has its numbers.
+    """
+    stated = [values for name, values in description.effects if name == Payload.name]
+    if not stated:
+        return description
+    others = tuple(effect for effect in description.effects if effect[0] != Payload.name)
+    description = replace(description, effects=others)
+    for values in stated:
+        description = Payload(**values).onto(description)
+    return description
+
+
 def loaded(link: Link, load: Load) -> Link:
     """Return a link with the numbers of its own in a load and of the body that was added."""
     body, origin = Body("", -1), (np.eye(3), np.zeros(3))

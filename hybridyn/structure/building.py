@@ -13,7 +13,7 @@ from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED_ROWS
 from ..spatial import LARGEST, Array, indices, slices
 from ..threads import one_thread
-from .bodies import Bodies, home_of
+from .bodies import Bodies, carrying, home_of
 from .graph import ModuleGraph, find_modules, joints_to_keep
 from .mechanism import Mechanism, Tolerances
 from .module import Module, check_mechanism
@@ -214,6 +214,7 @@ def build_robot(
         ModelError: The description does not define a robot, or the rank of a module's closures is in doubt.
         AssemblyError: No posture closes the loops of a module.
     """
+    description = carrying(description)
     base = description.base if base is None else base
     if base not in ("fixed", "moving", "floating"):
         raise ModelError(f"base must be 'fixed', 'moving' or 'floating', not {base!r}")

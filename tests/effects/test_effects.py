@@ -11,9 +11,10 @@ import pytest
 import hybridyn
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn import effects as fx
+from hybridyn.description.side_cars.tables import EFFECTS
 from hybridyn.dynamics.energy import leg_bodies
 from hybridyn.dynamics.link_motion import observed_motions
-from hybridyn.effects.choice import DEFAULT, STANDARD, UNITS, choose
+from hybridyn.effects.choice import DEFAULT, FROM_FILES, STANDARD, UNITS, choose
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
 from hybridyn.streams.departures import departures
 from hybridyn.structure.building import build_robot
@@ -452,6 +453,34 @@ def test_ground_and_stops_of_the_description() -> None:
     ]
     np.testing.assert_array_equal(idm(robot, q, v, a, effects="model"), idm(robot, q, v, a, effects=objects))
     assert choose(robot, ["stop"]).names == ("stop",)
+
+
+def test_a_payload_of_the_description_is_part_of_the_robot() -> None:
+    """Under any effects, once, however often the robot is rebuilt."""
+    description = shipped("five_bar")
+    load = {"link": "m1_tool", "mass": 0.4, "com": [0.0, 0.01, 0.02]}
+    robot = build_robot(replace(description, effects=(("payload", load),)))
+    carrying = hybridyn.with_effects(build_robot(description), [fx.Payload(**load)])
+    q, v, a = states_near_home(description, "fixed", 0, 2)
+    right = idm(carrying, q, v, a)
+    for effects in (None, "model", ["default", "payload"]):
+        again = hybridyn.with_effects(robot, effects)
+        names = [name for name in choose(again, effects).names if "friction" not in name]
+        np.testing.assert_array_equal(idm(again, q, v, a, effects=[*DEFAULT]), right)
+        assert ("payload" in names) == (effects == ["default", "payload"])
+    lighter = robot.with_parameters({"payload_mass:m1_tool": 0.0})
+    close_to(idm(lighter, q, v, a), idm(build_robot(description), q, v, a), EXACT)
+
+
+@pytest.mark.parametrize("name", [name for name in UNITS if name not in DEFAULT])
+def test_what_a_message_advises_is_accepted(name: str) -> None:
+    """A table that an error asks for is one that model.toml knows, by its name."""
+    robot, unstated = hybridyn.load("five_bar"), "state no numbers"
+    if name in (*FROM_FILES, "limits"):
+        assert choose(robot, ["default", name]).names[-1] == name
+    else:
+        words = refused(lambda: choose(robot, [name]), ModelError, unstated)
+        assert (f"[effects.{name}]" in str(words)) == (name in EFFECTS)
 
 
 # -------------------------------------------------------------------- mistakes

@@ -19,11 +19,11 @@ from .expressions import Expression, along, minus, times
 from .guarded_elimination import Pivots
 from .states import generic_positions
 
-#: Postures count where the dependent freedoms have a reciprocal condition above this: what is idle to `IDLE`
-#: is there far above rounding.
+#: Postures tell what is idle where the dependent freedoms have a reciprocal condition above this: rounding is
+#: then far below `IDLE`.
 TOLD = 1e-6
 #: An idle motion moves no freedom by less than this part of its size: such numbers are rounding.
-STILL = 1e-12
+UNMOVED = 1e-12
 
 
 def idle_freedoms(
@@ -52,7 +52,7 @@ def idle_freedoms(
         motions[:, left, np.arange(len(left))] = 1.0
         motions[:, cols] = -np.linalg.solve(own[at][:, :, cols], own[at][:, :, left])
         motions /= np.linalg.norm(motions, axis=1, keepdims=True)
-        moving |= (np.abs(motions) > STILL).any(axis=0)
+        moving |= (np.abs(motions) > UNMOVED).any(axis=0)
         moved = _moved(module, generic_positions(module)[at], motions)
         idle &= {c for c, size in zip(left, moved, strict=True) if size <= 1.0}
     return {c: moving[:, i] for i, c in enumerate(left) if c in idle}

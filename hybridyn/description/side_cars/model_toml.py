@@ -106,11 +106,12 @@ def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tupl
             elif names is kinds and kinds[name] == "fixed":
                 yield (table, name), "the joint is fixed"
     movable = [name for name, kind in kinds.items() if kind != "fixed"]
+    link, links = model["effects"].get("payload", {}).get("link"), [link.name for link in robot.links]
+    if link is not None and link not in links:
+        yield ("effects", "payload", "link"), f"no such link '{link}'{did_you_mean(link, links)}"
     for effect, table in model["effects"].items():
         on_links = effect == "ground_contact"
-        what, names = (
-            ("link", [link.name for link in robot.links]) if on_links else ("movable joint", movable)
-        )
+        what, names = ("link", links) if on_links else ("movable joint", movable)
         for key, name in ((key, name) for key, x in table.items() if isinstance(x, dict) for name in x):
             if name not in names:
                 hint = did_you_mean(name, names)

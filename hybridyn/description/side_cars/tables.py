@@ -83,8 +83,9 @@ def table(name: str, base: type[Schema] = Schema, /, **keys: Any) -> Any:
     return create_model(name, __base__=base, **given)
 
 
-#: Keys of the effects that model.toml may state; payloads, wrenches and base motions belong to scenes. A
-#: missing level of dry friction is taken from `[joints]` or URDF, and missing limits of stops from URDF.
+#: Keys of the effects that model.toml may state; wrenches and base motions belong to scenes. A payload is
+#: part of the robot under any effects. A missing level of dry friction is taken from `[joints]` or URDF, and
+#: missing limits of stops from URDF.
 EFFECTS: dict[str, dict[str, Any]] = {
     "coulomb_friction": {"level": ByJoint | None, "width": Positive | None},
     "stribeck_friction": {"level": ByJoint, "static": ByJoint, "speed": ByJoint, "width": Positive | None},
@@ -97,6 +98,10 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "ground_contact": {
         "points": dict[str, list[Point]], "stiffness": Positive, "damping": NotNegative | None,
         "friction": NotNegative | None, "width": Positive | None, "height": FiniteFloat | None,
+    },
+    "payload": {
+        "link": str, "mass": NotNegative, "com": Point | None,
+        "inertia": Annotated[list[Point], Field(min_length=3, max_length=3)] | None,
     },
 }  # fmt: skip
 
