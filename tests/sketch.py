@@ -1,7 +1,7 @@
 """Lay out a mechanism in the world, posture first: joints and closures are then defined to hold there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -231,3 +231,20 @@ class Sketch:
             name, tuple(links), tuple(joints), tuple(self.closures), tuple(self.couplings),
             tuple(self.motors), "drawn", dict(self.home),
         )  # fmt: skip
+
+
+def rounded(description: Description, digits: int) -> Description:
+    """Return the description as a CAD export would write it."""
+
+    def short(M: np.ndarray) -> np.ndarray:
+        return np.round(M, digits)
+
+    joints = tuple(
+        replace(j, placement=short(j.placement), axis=short(j.axis) / np.linalg.norm(short(j.axis)))
+        for j in description.joints
+    )
+    closures = tuple(
+        replace(c, frame_a=short(c.frame_a), frame_b=short(c.frame_b)) for c in description.closures
+    )
+    home = {name: tuple(np.round(x, digits)) for name, x in description.home.items()}
+    return replace(description, joints=joints, closures=closures, home=home)

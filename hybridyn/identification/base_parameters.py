@@ -22,8 +22,8 @@ from ..compiled.equations.states import any_accelerations, moving_states
 from ..compiled.failures import needs_casadi
 from ..effects.choice import Choice
 from ..errors import TrajectoryError
-from ..linkage.generic_postures import CLOSED
 from ..linkage.newton import LoopProblem, close
+from ..linkage.walking import CLOSED
 from ..spatial import Array, Index
 from ..structure.module import Module
 from ..structure.robot import HybridRobot

@@ -1,8 +1,8 @@
 """Trees of bodies and their loop closures, by index: joints, closures, elimination, Newton's method.
 
 Read `joints`, `tree` (its motion), `closures` (rows K and drift), `reduction` (x_dot = Psi u), `newton`
-(loop closing), `generic_postures` (where ranks are determined). `elimination` factors matrices by pivoted QR;
-`retraction` applies joint displacements; `targets` are poses that are given.
+(loop closing), `walking` and `generic_postures` (where ranks are determined). `elimination` factors matrices
+by pivoted QR; `retraction` applies joint displacements; `targets` are poses that are given.
 
 May import: `description` and below.
 """

@@ -1,5 +1,9 @@
 """Draw assembled postures of one module at random; rank and mobility are determined from them.
 
+Where their ranks differ, or home has more, or rows nearly depend on others, these postures lie near singular
+ones or in several modes of the linkage. Then the postures of walks from home replace them, if the gap in the
+singular values opens there (`walking`): the rank is the largest that is seen in home's mode.
+
 The postures of larger modules are kept in the cache folder, for robots that are loaded again. An entry is
 named by a hash of all that the postures depend on, also of this package's files. Its numbers are those that
 the search found, bit by bit.
@@ -15,10 +19,9 @@ from ..description.cache_folder import hashed, keep, kept, state_of
 from ..spatial import Array
 from .closures import Closures
 from .newton import STALLED, Closed, LoopProblem, close
-from .reduction import RANK_TOLERANCE
+from .reduction import RANK_TOLERANCE, report_on
+from .walking import CLOSED, Level, ranks, relative_values, walk, widest
 
-#: Postures with a residual below this are closed to the last digit.
-CLOSED = 1e-11
 #: Scatter of starts about the home posture, increasing [rad, module lengths], and starts per posture wanted.
 SPREADS = ((0.15, 2), (0.5, 4), (1.5, 8), (3.0, 16))
 
@@ -38,7 +41,77 @@ def generic_postures(
     count: int = 24,
     rank_tolerance: float = RANK_TOLERANCE,
 ) -> tuple[Array, float]:
-    """Draw assembled postures about a home posture, from which rank and mobility are determined.
+    """Find assembled postures, away from singular ones, from which rank and mobility are determined.
+
+    Args:
+        closures: The module's closures.
+        home: Centre of the starts, shape (nq,).
+        row_scale: Factor of each row.
+        col_scale: Unit of each freedom.
+        tolerance: Largest scaled residual of a closed posture (rounding of the file).
+        count: Number of postures wanted.
+
+    Returns:
+        Postures, shape (at most count, nq), empty if none closed, and the smallest residual reached.
+    """
+    postures, best = scattered_postures(closures, home, row_scale, col_scale, tolerance, count=count)
+    if not len(postures):
+        return postures, best
+    problem = LoopProblem(closures, row_scale, col_scale, np.ones(closures.tree.nv, dtype=bool))
+    return _away_from_singular(problem, home, postures, tolerance, count), best
+
+
+def _away_from_singular(
+    problem: LoopProblem, home: Array, scattered: Array, tolerance: float, count: int
+) -> Array:
+    """Replace postures that leave the rank in doubt by those of walks, if the gap opens there.
+
+    The walks start at home or, if it is open or singular, at the scattered posture of the largest rank.
+
+    Args:
+        problem: The rows, and all freedoms of their tree.
+        home: Posture from which to walk, closed or not, shape (nq,).
+        scattered: Closed postures, shape (postures, nq).
+        tolerance: Largest scaled residual of a closed posture.
+        count: Number of postures wanted.
+    """
+    home, level, at_home = _closed(problem, home, tolerance)
+    values = relative_values(problem, scattered)
+    seen, report = ranks(values, RANK_TOLERANCE), report_on(values, problem.closures.rows, RANK_TOLERANCE)
+    clear = report.clear and report.doubted is None and report.dropped <= level.rounding
+    if clear and len(scattered) == count and seen.min() == seen.max() >= at_home:
+        return scattered
+    walked = walk(problem, home, level) if at_home else None
+    if walked is None or (ranks(walked.values, level.rounding) > at_home).any() or not len(walked.q):
+        best = max(range(len(seen)), key=lambda i: (seen[i], values[i, : seen[i]].min(initial=1.0)))
+        home, level, _ = _closed(problem, scattered[best], tolerance)
+        walked = walk(problem, home, level)
+    found = widest(walked, level, count)
+    return found if 2 * len(found) >= count else scattered
+
+
+def _closed(problem: LoopProblem, q: Array, tolerance: float) -> tuple[Array, Level, int]:
+    """Return the nearest closed posture, how precisely it is closed, and its rank: zero if it is open."""
+    residual = np.abs(problem.residual(q[None], np.zeros(1, dtype=int))).max()
+    if residual > CLOSED:
+        closed = close(problem, q[None], least=True)
+        q, residual = closed.q[0], closed.residual[0]
+    level = Level.of(float(residual), tolerance)
+    values = relative_values(problem, q[None])
+    return q, level, int(ranks(values, level.rounding)[0]) if residual <= tolerance else 0
+
+
+def scattered_postures(
+    closures: Closures,
+    home: Array,
+    row_scale: Array,
+    col_scale: Array,
+    tolerance: float,
+    *,
+    count: int = 24,
+    rank_tolerance: float = RANK_TOLERANCE,
+) -> tuple[Array, float]:
+    """Draw assembled postures about a home posture.
 
     The scatter of the starts (seeded, so that results are reproducible) increases until some of them close.
     The remaining postures are then drawn near those found.

@@ -85,8 +85,13 @@ def decide_rank(K: Array, tolerance: float) -> RankReport:
     rows = K.shape[1]
     if 0 in K.shape:
         return RankReport(0, rows, 1.0, 0.0)
-    s = np.linalg.svd(K, compute_uv=False)
-    typical = _medians(s / size_of_rows(np.asarray(s, dtype=float), tolerance))
+    s = np.linalg.svd(K, compute_uv=False).astype(float)
+    return report_on(s / size_of_rows(s, tolerance), rows, tolerance)
+
+
+def report_on(values: Array, rows: int, tolerance: float) -> RankReport:
+    """Determine the generic rank of so many rows from relative singular values, shape (samples, values)."""
+    typical = _medians(values)
     rank = int(np.sum(typical > tolerance))
     kept = float(typical[rank - 1]) if rank else 1.0
     dropped = float(typical[rank]) if rank < len(typical) else 0.0

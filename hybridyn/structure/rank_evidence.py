@@ -7,12 +7,11 @@ A file whose loops close at home to the last digit is not rounded to four digits
 from typing import NamedTuple
 
 from ..linkage.closures import Closures
-from ..linkage.generic_postures import CLOSED, generic_postures
+from ..linkage.generic_postures import scattered_postures
 from ..linkage.reduction import ROUNDED_ROWS, RankReport, Reduction, decide_rank
+from ..linkage.walking import CLOSED, EVIDENT
 from ..spatial import Array
 
-#: A singular value this many times as large as the residual at home does not come from the same rounding.
-EVIDENT = 1e3
 #: Rounding to five digits. Home may not show it, since closure frames may be computed from the rounded tree.
 FINEST = 1e-5
 #: Rounding to three digits. Doubtful rows that leave a module no freedom count as independent only above
@@ -57,7 +56,7 @@ def rank_by_home(
     if (report.doubted[1] if report.doubted else report.dropped) <= tolerance:
         return None
     scales = reduction.row_scale, reduction.col_scale
-    postures, _ = generic_postures(closures, home, *scales, max(open_by, CLOSED), rank_tolerance=tolerance)
+    postures, _ = scattered_postures(closures, home, *scales, max(open_by, CLOSED), rank_tolerance=tolerance)
     if len(postures) < ENOUGH:
         return None
     K = reduction.scaled(closures.matrix(closures.tree.sweep(postures)))

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.description.records import Description
 from hybridyn.dynamics.forward import forward
 from hybridyn.errors import ModelError
 from hybridyn.linkage.elimination import null_basis
@@ -25,6 +23,7 @@ from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.posing import position
 from tests.samples import slow, some
 from tests.shipped import shipped, states_near_home
+from tests.sketch import rounded
 
 SAME_SPACE = 1e-10  # of two bases of one null space, each of condition up to some hundreds
 CLOSED_BY = 1e-13  # rows times Psi, relative to Psi's largest entry
@@ -116,23 +115,6 @@ def test_singular_samples_do_not_change_their_neighbours() -> None:
 
 
 # -------------------------------------------------------------------- rounded geometry
-
-
-def rounded(description: Description, digits: int) -> Description:
-    """Return the description as a CAD export would write it."""
-
-    def short(M: Array) -> Array:
-        return np.round(M, digits)
-
-    joints = tuple(
-        replace(j, placement=short(j.placement), axis=short(j.axis) / np.linalg.norm(short(j.axis)))
-        for j in description.joints
-    )
-    closures = tuple(
-        replace(c, frame_a=short(c.frame_a), frame_b=short(c.frame_b)) for c in description.closures
-    )
-    home = {name: tuple(np.round(x, digits)) for name, x in description.home.items()}
-    return replace(description, joints=joints, closures=closures, home=home)
 
 
 @pytest.mark.parametrize("digits", [5, slow(6), 9])
