@@ -587,7 +587,8 @@ identify = RobotCommand(
     Identify dynamic parameters of ROBOT (URDF, MJCF, SDF, USD) from the log MEASURED (CSV or Parquet).
 
     The log has the columns 'time', and '<motor>/position' and '<motor>/effort' (or '<motor>/current') of
-    every motor, in SI units, at a constant rate. Passive joints are not measured: the loops are closed.
+    every motor, in SI units. Tables that PlotJuggler exports are read, too, and uneven times are resampled.
+    Passive joints are not measured: the loops are closed.
     """,
     params=[
         plot_option("efforts and spectra of the motors that fit worst"),

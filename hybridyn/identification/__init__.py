@@ -3,10 +3,11 @@
 Read `inertial` (the ten numbers of a body) and `parameters` (the standard parameters: names, numbers, order;
 those that equal legs share), `regressor` (the rows of tau = Y values), `whitening` (rows of like noise, also
 of redundant motors), `base_parameters` (what the efforts depend on; long measurements), `grouping` (the same
-count by Khalil's rules), `compiled_rows` (the rows in C). Then `signals` (a log, filtered and
-differentiated), `sought` (what is sought, and what is held), `rows` (the log's rows of the linear model),
-`estimators`, `possible` (numbers of a robot that can exist), `identify` (all of this), `result` (tests of
-residuals, the report); and `excitation`, which computes the motion to be recorded.
+count by Khalil's rules), `compiled_rows` (the rows in C). Then `series` and `logs` (what was recorded, and
+when), `signals` (filtered and differentiated), `sought` (what is sought, and what is held), `rows` (the log's
+rows of the linear model), `units` (of the log), `estimators`, `possible` (numbers of a robot that can exist),
+`identify` (all of this), `result` (tests of residuals, the report); and `excitation`, which computes the
+motion to be recorded.
 
 May import: `dynamics`, `compiled`, `streams` and below.
 """

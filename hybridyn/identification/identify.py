@@ -15,12 +15,13 @@ from ..structure.robot import HybridRobot
 from ..threads import one_thread
 from .base_parameters import base_parameters
 from .estimators import TINY, Fit, estimate
+from .logs import read_log
 from .parameters import with_parameters
 from .possible import DEFINITE, Possible, consistent, exists
 from .result import Identification, Residuals, residuals
-from .rows import Rows, Source, check_robot, check_scales
-from .signals import read_log
+from .rows import Rows, Source, check_robot
 from .sought import Sought, linear_model
+from .units import check_log, check_scales
 from .whitening import Whitening
 
 #: Least radius of gyration of a body about its frame that is thought of, of the robot's size.
@@ -82,7 +83,7 @@ def identify(
     base = base_parameters(robot, effects=effects, symmetric=symmetric)
     sought = linear_model(base, known, only)
     source, model = Source(robot, sought, compiled, band, period, every), sought.model
-    data = source.rows(read_log(robot, table))
+    data = _rows(source, table)
     check_scales(source, data)
     command = None if reference is None else read_log(robot, reference, efforts=False)
     instruments = None if command is None else source.instruments(command, data)
@@ -90,7 +91,7 @@ def identify(
     found = _possible(robot.bodies.size, sought, fit, prior)
     built = _built(robot, found.values, effects, symmetric)
     why = f"there is no robot with these numbers: {built}" if isinstance(built, ModelError) else ""
-    second = None if validate is None else source.rows(read_log(robot, validate))
+    second = None if validate is None else _rows(source, validate)
     return Identification(
         robot=robot,
         built=built,
@@ -112,6 +113,13 @@ def identify(
         never=base.never,
         remarks=(*data.log.remarks, *(text for text in (found.remark, why) if text)),
     )
+
+
+def _rows(source: Source, table: Any) -> Rows:
+    """Return the rows of a log, in the units that it says it has."""
+    log = read_log(source.robot, table)
+    check_log(source, log)
+    return source.rows(log)
 
 
 def _built(robot: HybridRobot, values: Array, effects: Choice, symmetric: bool) -> HybridRobot | ModelError:

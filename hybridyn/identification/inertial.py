@@ -12,7 +12,7 @@ ROW, COLUMN = np.array([0, 0, 1, 0, 1, 2]), np.array([0, 1, 1, 2, 2, 2])
 PLACE = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])
 
 #: Part of the inertia about the origin that is rounding in that about the centre of mass: some ten roundings.
-ROUNDED = 2e-15
+VANISHES = 2e-15
 
 
 def ten_numbers(mass: float, com: Array, inertia: Array) -> Array:
@@ -36,7 +36,7 @@ def mass_centre_inertia(ten: Array) -> tuple[float, Array, Array]:
     mass = float(ten[0])
     c = ten[1:4] / mass if mass else np.zeros(3)
     inertia = ten[4:][PLACE] - mass * (c @ c * np.eye(3) - np.outer(c, c))
-    inertia[np.abs(inertia) <= ROUNDED * np.trace(ten[4:][PLACE])] = 0.0
+    inertia[np.abs(inertia) <= VANISHES * np.trace(ten[4:][PLACE])] = 0.0
     return mass, c, inertia
 
 

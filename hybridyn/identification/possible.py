@@ -192,10 +192,9 @@ def _conic(x: Array, along: Array, bounds: Bounds) -> tuple[Array | None, str]:
         sparse.csc_matrix(-np.vstack([matrix for _, matrix, _ in parts])),
         np.concatenate([constant for constant, _, _ in parts]), [cone for *_, cone in parts], settings,
     ).solve()  # fmt: skip
-    w, solved = np.asarray(found.x)[1:], str(found.status) == "Solved"
-    return w if np.isfinite(
-        w
-    ).all() else None, "" if solved else f"the conic program ended with {found.status}"
+    w = np.asarray(found.x)[1:]
+    why = "" if "Solved" in str(found.status) else f"the conic program ended with {found.status}"
+    return (w if np.isfinite(w).all() else None), why
 
 
 def _triangle(J: Array) -> Array:

@@ -1,4 +1,4 @@
-"""From a log to the rows of tau = Y base + known: loops closed, rows thinned, units tested."""
+"""From a log to the rows of tau = Y base + known: loops closed, rows thinned."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -8,12 +8,12 @@ from scipy import interpolate
 
 from ..assembly.assemble import assemble
 from ..compiled.model import CompiledRobot
-from ..errors import HybridynError, ModelError, TrajectoryError
+from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
-from ..streams.departures import other_unit
 from ..structure.robot import HybridRobot
+from .logs import Log
 from .regressor import done_together, effort_rows
-from .signals import Log, Triple, means, processed
+from .signals import Triple, means, processed
 from .sought import Sought
 
 #: Entries of the whole regressor that are held at once.
@@ -24,10 +24,6 @@ PER_HERTZ = 4.0
 LEAST_EACH = 20
 #: Samples that thinning leaves, so that a spectrum shows what is no noise.
 LEAST = 500
-#: Samples on which units are tested, and correlation of measured and predicted efforts that tells a unit.
-TESTED, TELLING = 60, 0.95
-#: Units of efforts by their decades, and the largest deviation from these.
-UNITS, NEAR = {3: "N mm or mN", -3: "kN"}, 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +92,6 @@ class Source:
 
     def rows(self, log: Log) -> Rows:
         """Filter, differentiate, close the loops, and compute the rows of a log."""
-        _ask_units(self.robot, log)
         done = processed(log, band=self.band, period=self.period)
         every = self.every_of(done)
         found = self.regress(done.motion, every)
@@ -187,77 +182,3 @@ def check_robot(robot: HybridRobot) -> None:
     for name in robot.motors:
         if robot.records[name].kind not in ("revolute", "continuous", "prismatic"):
             raise ModelError(f"motor '{name}' has several freedoms: no log has columns for it", element=name)
-
-
-def _ask_units(robot: HybridRobot, log: Log) -> None:
-    """Check that positions are in metres and radians, as far as limits tell.
-
-    Raises:
-        TrajectoryError: A position is far beyond the motor's limits.
-    """
-    for name, column in zip(robot.motors, log.position.T, strict=True):
-        joint, worst = robot.records[name], float(column[np.argmax(np.abs(column))])
-        if asked := other_unit(joint, worst, robot.bodies.size):
-            raise TrajectoryError(
-                f"goes to {worst:g}, limits {joint.lower:g} and {joint.upper:g}: {asked} "
-                "Positions are in m and rad",
-                file=log.file, column=f"{name}/position",
-            )  # fmt: skip
-
-
-def check_scales(source: Source, data: Rows) -> None:
-    """Check each motor's efforts, and time, for factors of a thousand and wrong signs, by the file's numbers.
-
-    A factor counts only where measured and predicted efforts are alike otherwise.
-
-    Raises:
-        TrajectoryError: A column is in another unit.
-    """
-    file, motors = data.log.file, source.robot.motors
-    for name, raw, *pair in zip(motors, data.log.effort.T, data.measured.T, data.of_file.T, strict=True):
-        if not np.ptp(raw):
-            raise TrajectoryError(
-                f"is {raw[0]:g} in every row: it was not measured", file=file, column=f"{name}/effort"
-            )
-        like, factor = _alike(*pair)
-        decades = float(np.log10(abs(factor)))
-        unit = None if data.log.currents else UNITS.get(round(decades))
-        if like > TELLING and unit and abs(decades - round(decades)) < NEAR:
-            raise TrajectoryError(
-                f"efforts are {abs(factor):.4g} times those that the robot's file predicts: {unit}? "
-                "Efforts are in N and N m", file=file, column=f"{name}/effort",
-            )  # fmt: skip
-        if like > TELLING and factor < 0:
-            raise TrajectoryError(
-                "efforts have the opposite sign of what the robot's file predicts: positive is along the "
-                "joint's axis", file=file, column=f"{name}/effort",
-            )  # fmt: skip
-    like = _alike(data.measured, data.of_file)[0]
-    faster = _faster(source, data)
-    if faster > TELLING and faster > like + (1 - like) / 2:
-        raise TrajectoryError(
-            f"with times a thousand times shorter the efforts are those of the robot's file (correlation "
-            f"{faster:.3f} instead of {like:.3f}): milliseconds? Times are in s", file=file, column="time",
-        )  # fmt: skip
-
-
-def _faster(source: Source, data: Rows) -> float:
-    """Return how far measured efforts are those of the same path a thousand times faster; 0 if unknown."""
-    log, every = data.log, source.every_of(data.log)
-    pick = np.linspace(0, len(data.time) - 1, min(TESTED, len(data.time))).astype(int)
-    at = pick * every + every // 2
-    motion = log.motion[0][at], 1e3 * log.motion[1][at], 1e6 * log.motion[2][at]
-    try:
-        predicted = source.regress(motion, 1).of_file
-    except HybridynError:
-        return 0.0
-    return _alike(data.measured[pick], predicted)[0]
-
-
-def _alike(measured: Array, predicted: Array) -> tuple[float, float]:
-    """Return the correlation of efforts (their cosine), and the factor between them."""
-    sizes = float(np.linalg.norm(measured)), float(np.linalg.norm(predicted))
-    if not min(sizes):
-        return 0.0, 1.0
-    dot = float(np.vdot(measured, predicted))
-    return abs(dot) / sizes[0] / sizes[1], dot / sizes[1] ** 2

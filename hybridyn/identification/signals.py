@@ -6,18 +6,15 @@ are thinned in parallel, by means of blocks: the mean of white noise stays white
 both sides of tau = Y x changes no x.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-from scipy import signal
+from scipy import interpolate, signal
 
-from ..description.names import did_you_mean, listed
 from ..errors import TrajectoryError
 from ..spatial import Array
-from ..structure.robot import HybridRobot
-from ..tables.opening import open_table
+from .logs import Log
+from .series import DEGREE, FEWEST, GAP
 
 #: Order of the Butterworth filter, which runs twice: a quarter of its band passes to 2e-5, half to 4e-3.
 ORDER = 4
@@ -30,147 +27,13 @@ WIDEST = 0.4
 #: Central differences of order eight: error (2 pi f / rate)^8 / 630 and / 3150.
 FIRST = np.array([-1 / 280, 4 / 105, -1 / 5, 4 / 5, 0, -4 / 5, 1 / 5, -4 / 105, 1 / 280])
 SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
+#: Samples that lie farther apart [s] are rather told in milliseconds.
+SLOW = 0.5
 #: A position is an outlier above this multiple of the median and above this part of the travel.
 SPIKE, SPIKE_PART = 20.0, 1e-3
-#: Largest variation of the time step.
-UNEVEN = 0.01
-#: A motor moves if its travel is above this part of that of the motor of its kind that moves most.
-MOVES = 1e-4
-#: Fewest samples: the filter swings in and out, and a spectrum needs some.
-FEWEST = 50
 
 #: Positions, velocities and accelerations, shape (T, n) each.
 Triple = tuple[Array, Array, Array]
-
-
-@dataclass(frozen=True, eq=False)
-class Log:
-    """What was recorded of a motion: positions and efforts of the motors, evenly in time.
-
-    Attributes:
-        file: Name of the table, or None.
-        time: Times, shape (T,), [s].
-        position: Positions, shape (T, motors), [m or rad].
-        rates: Velocities and accelerations, shape (T, motors) each; None where they are to be computed.
-        effort: Efforts [N or N m], or currents, shape (T, motors); zero for a commanded motion.
-        currents: Whether the efforts are currents.
-        band: Band of the positions [Hz], once they are filtered.
-        remarks: What was done to the signals.
-    """
-
-    file: str | None
-    time: Array
-    position: Array
-    rates: tuple[Array, Array] | None
-    effort: Array
-    currents: bool = False
-    band: float | None = None
-    remarks: tuple[str, ...] = ()
-
-    @property
-    def step(self) -> float:
-        """Time between two samples [s]."""
-        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
-
-    @property
-    def motion(self) -> Triple:
-        """Positions, velocities and accelerations of a processed log, shape (T, motors) each."""
-        assert self.rates is not None
-        return self.position, *self.rates
-
-
-def read_log(robot: HybridRobot, table: Any, *, efforts: bool = True) -> Log:
-    """Read the motors' columns of a table; all other columns are left alone.
-
-    Args:
-        table: A file (CSV or Parquet), a mapping of columns, or a table with named columns: 'time',
-            '<motor>/position', and '<motor>/effort' or '<motor>/current'; with '<motor>/velocity' and
-            '<motor>/acceleration' nothing is differentiated.
-        efforts: Whether efforts are needed.
-
-    Raises:
-        TrajectoryError: A column is missing, times are uneven, samples are too few or a motor never moves.
-    """
-    file, columns = _columns(table)
-
-    def of(quantity: str) -> Array | None:
-        """Return the columns of all motors, or None if no motor has one."""
-        names = [f"{motor}/{quantity}" for motor in robot.motors]
-        absent = [name for name in names if name not in columns]
-        if len(absent) == len(names):
-            return None
-        if absent:
-            raise TrajectoryError(
-                f"is missing{did_you_mean(absent[0], columns)}: every motor needs one",
-                file=file, column=absent[0],
-            )  # fmt: skip
-        rows = {len(columns[name]) for name in ("time", *names) if name in columns}
-        if len(rows) > 1:
-            raise TrajectoryError(
-                f"and others have {min(rows)} to {max(rows)} rows: give columns of one length",
-                file=file, column=names[0],
-            )  # fmt: skip
-        return np.column_stack([np.asarray(columns[name], dtype=float) for name in names])
-
-    position, effort, current = of("position"), of("effort"), of("current")
-    rates = of("velocity"), of("acceleration")
-    measured = current if effort is None else effort
-    wanted = {"time": columns.get("time"), f"{robot.motors[0]}/position": position}
-    if efforts:
-        wanted[f"{robot.motors[0]}/effort"] = measured
-    for name, values in wanted.items():
-        if values is None:
-            raise TrajectoryError(
-                f"is missing{did_you_mean(name, columns)}: identification needs time, position and effort "
-                "(or current) of the motors",
-                file=file, column=name,
-            )  # fmt: skip
-    assert position is not None
-    log = Log(
-        file, np.asarray(columns["time"], dtype=float), position,
-        None if rates[0] is None or rates[1] is None else (rates[0], rates[1]),
-        np.zeros_like(position) if measured is None else measured, effort is None and current is not None,
-    )  # fmt: skip
-    _check(robot, log)
-    return log
-
-
-def _columns(table: Any) -> tuple[str | None, Mapping[str, Any]]:
-    """Return the name of a table, and its columns by name."""
-    if isinstance(table, Mapping) or hasattr(table, "columns"):
-        names = table if isinstance(table, Mapping) else table.columns
-        return None, {str(name): table[name] for name in names}
-    with open_table(table) as opened:
-        rows = np.concatenate([np.zeros((0, len(opened.columns))), *(b.values for b in opened.blocks)])
-        return opened.file, dict(zip(opened.columns, rows.T, strict=True))
-
-
-def _check(robot: HybridRobot, log: Log) -> None:
-    """Check numbers, times, and that every motor moves."""
-    if len(log.time) < FEWEST:
-        raise TrajectoryError(
-            f"{len(log.time)} samples are too few ({FEWEST} needed): record a longer motion", file=log.file
-        )
-    arrays = [log.time[:, None], log.position, log.effort, *(log.rates or ())]
-    wrong = [np.flatnonzero(~np.isfinite(x).all(axis=1)) for x in arrays]
-    if rows := [int(w[0]) + 1 for w in wrong if len(w)]:
-        raise TrajectoryError("a number is not finite: leave the row out", file=log.file, row=min(rows))
-    steps = np.diff(log.time)
-    if not (steps > 0).all() or np.ptp(steps) > 2 * UNEVEN * log.step:
-        raise TrajectoryError(
-            f"times are uneven: steps of {steps.min():.6g} to {steps.max():.6g} s, which may vary by "
-            f"{UNEVEN:.0%}; resample the log at a constant rate",
-            file=log.file, column="time",
-        )  # fmt: skip
-    travel = np.ptp(log.position, axis=0)
-    linear = np.array([robot.records[name].kind == "prismatic" for name in robot.motors])
-    most = np.array([travel[linear == kind].max() for kind in linear])
-    still = [name for name, x, y in zip(robot.motors, travel, most, strict=True) if x <= MOVES * y]
-    if still:
-        raise TrajectoryError(
-            f"{listed(still)} never moves: move every motor (hybridyn.excitation computes such a motion)",
-            file=log.file, column=f"{still[0]}/position",
-        )  # fmt: skip
 
 
 def processed(log: Log, *, band: float | None = None, period: float | None = None) -> Log:
@@ -186,23 +49,27 @@ def processed(log: Log, *, band: float | None = None, period: float | None = Non
         TrajectoryError: The band is too wide for the samples' rate, or the log is shorter than a period.
     """
     if log.rates is not None:
-        return replace(log, remarks=("rates and accelerations as recorded",))
+        return _at_efforts(replace(log, remarks=(*log.remarks, "rates and accelerations as recorded")))
     position, spikes = without_spikes(log.position)
     rate = 1.0 / log.step
     band = band or _band(position, rate)
     if not 0 < band <= WIDEST * rate:
         raise TrajectoryError(
-            f"the band of {band:g} Hz must lie between 0 and {WIDEST:g} of the rate, {WIDEST * rate:g} Hz",
+            f"the band of {band:g} Hz must lie between 0 and {WIDEST:g} of the rate, {WIDEST * rate:g} Hz"
+            f"{_other_times(log.step)}",
             file=log.file,
         )
-    remarks = [f"{spikes} outliers of positions replaced"] if spikes else []
+    remarks = [*log.remarks, *([f"{spikes} outliers of positions replaced"] if spikes else [])]
     if period is not None:
-        x, x_dot, x_ddot = _series(log, position, band, period)
+        time = log.time if log.at is None else log.at
+        x, x_dot, x_ddot = _series(log, position, band, period, time)
         count = int(band * period + 1e-9)
         remarks.append(
             f"Fourier series of {count} harmonics of {1 / period:.4g} Hz fitted and differentiated"
         )
-        return replace(log, position=x, rates=(x_dot, x_ddot), band=band, remarks=tuple(remarks))
+        return replace(
+            log, time=time, at=None, position=x, rates=(x_dot, x_ddot), band=band, remarks=tuple(remarks)
+        )
     sections = signal.butter(ORDER, band, fs=rate, output="sos")
     edge = int(np.ceil(ENDS * rate / band)) + len(FIRST)
     if len(log.time) < 2 * edge + FEWEST:
@@ -221,10 +88,27 @@ def processed(log: Log, *, band: float | None = None, period: float | None = Non
         f"{band:.4g} Hz, and differentiated centrally; {edge} samples left out at each end"
     )
     kept = slice(edge, len(log.time) - edge)
-    return replace(
-        log, time=log.time[kept], position=smooth[kept], rates=(rates[0][kept], rates[1][kept]),
-        effort=log.effort[kept], band=band, remarks=tuple(remarks),
+    done = replace(
+        log, time=log.time[kept], position=smooth[kept], rates=(rates[0][kept], rates[1][kept]), band=band,
+        remarks=tuple(remarks),
     )  # fmt: skip
+    return replace(done, effort=log.effort[kept]) if log.at is None else _at_efforts(done)
+
+
+def _at_efforts(log: Log) -> Log:
+    """Return a processed log with the motion at the times of the efforts."""
+    if log.at is None:
+        return log
+    kept = (log.at >= log.time[0]) & (log.at <= log.time[-1])
+    at, motion = log.at[kept], np.hstack(log.motion)
+    values = interpolate.make_interp_spline(log.time - log.time[0], motion, k=DEGREE)(at - log.time[0])
+    x, x_dot, x_ddot = np.split(values, 3, axis=1)
+    return replace(log, time=at, at=None, position=x, rates=(x_dot, x_ddot), effort=log.effort[kept])
+
+
+def _other_times(step: float) -> str:
+    """Return a question for times so far apart that no robot's motion is told by them."""
+    return f"; samples lie {step:g} s apart: milliseconds? Times are in s" if step >= SLOW else ""
 
 
 def _band(position: Array, rate: float) -> float:
@@ -234,15 +118,20 @@ def _band(position: Array, rate: float) -> float:
     return float(min(BANDS * frequency[np.searchsorted(of_all, POWER)], WIDEST * rate))
 
 
-def _series(log: Log, position: Array, band: float, period: float) -> Triple:
-    """Fit a Fourier series to positions, shape (T, motors), and return it with two derivatives."""
-    if log.time[-1] - log.time[0] + log.step < period * (1 - 1e-9):
+def _series(log: Log, position: Array, band: float, period: float, at: Array) -> Triple:
+    """Fit a Fourier series to positions, shape (T, motors), and return it at times with two derivatives."""
+    if log.time[-1] - log.time[0] + GAP * log.step < period:
         raise TrajectoryError(f"the log is shorter than its period, {period:g} s", file=log.file)
     time, count = log.time - log.time[0], int(band * period + 1e-9)
+    if not count:
+        raise TrajectoryError(
+            f"the band of {band:g} Hz holds no harmonic of a period of {period:g} s{_other_times(log.step)}",
+            file=log.file,
+        )
     phase = 2 * np.pi / period * np.outer(time, np.arange(1, count + 1))
     of_all = np.column_stack([np.ones(len(time)), np.cos(phase), np.sin(phase)])
     x = np.linalg.lstsq(of_all, position, rcond=None)[0]
-    return fourier(x[0], x[1 : 1 + count], x[1 + count :], period, time)
+    return fourier(x[0], x[1 : 1 + count], x[1 + count :], period, at - log.time[0])
 
 
 def fourier(mean: Array, cosine: Array, sine: Array, period: float, time: Array) -> Triple:

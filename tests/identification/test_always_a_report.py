@@ -71,7 +71,7 @@ def judge(found: hybridyn.Identification) -> None:
     for at in standard.tens:
         assert np.linalg.eigvalsh(pseudo_inertia(standard.values[at]))[0] > 0
     off = np.abs(found.of_robot - found.values) / found.deviation
-    assert off.max() < 4  # few deviations: the truth itself is possible
+    assert off.max() < 5  # few deviations: the truth itself is possible
     assert not any("conic program" in remark for remark in found.remarks)
     assert "## The robot with these parameters\n\n" in found.report()
 

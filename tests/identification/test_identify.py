@@ -12,9 +12,9 @@ from hybridyn.effects import Payload
 from hybridyn.errors import HybridynError, ModelError, TrajectoryError
 from hybridyn.identification.base_parameters import base_parameters
 from hybridyn.identification.estimators import estimate
+from hybridyn.identification.logs import read_log
 from hybridyn.identification.possible import Possible, consistent, pseudo_inertia
 from hybridyn.identification.rows import Source
-from hybridyn.identification.signals import read_log
 from hybridyn.identification.sought import linear_model
 from tests.extras import needs
 from tests.identification.logs import PERIOD, Case, Table, case
@@ -208,12 +208,30 @@ def one_row_less(log: Table, motors: tuple[str, ...]) -> None:
     log["time"] = log["time"][:-1]
 
 
-def uneven(log: Table, motors: tuple[str, ...]) -> None:
-    log["time"] = log["time"] ** 1.1
+def backwards(log: Table, motors: tuple[str, ...]) -> None:
+    log["time"] = np.where(np.arange(800) == 300, log["time"][298], log["time"])
+
+
+def twice(log: Table, motors: tuple[str, ...]) -> None:
+    log["time"] = log["time"][np.r_[:300, 299, 301:800]]
 
 
 def not_finite(log: Table, motors: tuple[str, ...]) -> None:
+    log[f"{motors[0]}/effort"] = np.where(log["time"] > 1, np.inf, 1.0)
+
+
+def ends_early(log: Table, motors: tuple[str, ...]) -> None:
     log[f"{motors[0]}/effort"] = np.where(log["time"] > 1, np.nan, 1.0)
+
+
+def interrupted(log: Table, motors: tuple[str, ...]) -> None:
+    for name in log:
+        log[name] = np.delete(log[name], slice(300, 330))
+
+
+def ambiguous(log: Table, motors: tuple[str, ...]) -> None:
+    log[f"/joint_states/{motors[0]}/position"] = log.pop(f"{motors[0]}/position")
+    log[f"/reference/{motors[0]}/position"] = log[f"/joint_states/{motors[0]}/position"]
 
 
 REFUSED = {
@@ -228,8 +246,12 @@ REFUSED = {
     "column 'm1_right_drive/effort': is -?0 in every row": scaled("m1_right_drive/effort", 0.0),
     "have 799 to 800 rows: give columns of one length": one_row_less,
     "column 'm1_left_drive/effort': is missing": left_out,
-    "times are uneven": uneven,
+    "row 301, column 'time': 1.49 s does not come after 1.495 s: sort the rows": backwards,
+    "row 301, column 'time': 1.495 s does not come after 1.495 s": twice,
     "row 202: a number is not finite": not_finite,
+    "row 202, column 'm1_left_drive/effort': has no number for 2.995 s: at most 10 of its steps": ends_early,
+    "row 301, column .*: has no number for 0.155 s: .* cut the log there": interrupted,
+    "one of 2 columns that could be 'm1_left_drive/position'": ambiguous,
 }
 
 
