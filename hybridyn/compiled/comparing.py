@@ -48,8 +48,9 @@ def compare_at_states(
     limit: float,
     *,
     states: Callable[[int], States] | None = None,
-    excused: Callable[[States, Sequence[Array]], Array] | None = None,
+    excused: Callable[[States, Array, Array], Array] | None = None,
     told: bool = True,
+    why: Callable[[], str] | None = None,
 ) -> int:
     """Compare new code with the general path at random states that the code computes itself.
 
@@ -61,9 +62,10 @@ def compare_at_states(
         general: Computes the results by the general path.
         limit: Largest difference, relative to the largest entry of each state's result.
         states: Draws states of a seed; None for `random_states`.
-        excused: Computes the differences that rounding explains, shape (T,), from states and the general
-            path's results; asked where one exceeds `limit`.
+        excused: Computes the differences that rounding explains, shape (T,), from states, the code's first
+            result and the general path's; asked where one exceeds `limit`.
         told: Whether to log a warning if the general path has to compute most states.
+        why: Says why in this warning; asked where the general path refuses none of them.
 
     Returns:
         Number of states that the code has computed itself.
@@ -87,11 +89,11 @@ def compare_at_states(
                 ) from error
             offs = [difference(x[good], y) for x, y in zip(found, wanted, strict=True)]
             off = np.where(np.isnan(guard[good]), np.nan, np.max(offs, axis=0))
-            rounding = excused(given, wanted) if excused and not (off <= limit).all() else 0.0
+            rounding = excused(given, found[0][good], wanted[0]) if excused and not (off <= limit).all() else 0.0
             check_agreement(robot, what, off, np.maximum(limit, rounding))
         computed, handed = computed + int(good.sum()), handed + int((~good).sum())
         if told and seed == 0 and handed > computed:
-            refused = _refused(general, [x[~good] for x in drawn])
+            refused = refused_states(general, [x[~good] for x in drawn])
             told = not computed or 2 * (handed - len(refused)) > SAMPLES
         if computed >= len(good):
             break
@@ -99,12 +101,12 @@ def compare_at_states(
         log.warning(
             "robot '%s': the compiled %s hands %d of %d random states to the general path%s",
             robot.description.name, what, handed, handed + computed,
-            _reason(robot, [] if computed else refused),
+            ("" if computed else of_refused(refused)) or (why() if why else ""),
         )  # fmt: skip
     return computed
 
 
-def _refused(general: Callable[..., Any], states: States) -> list[HybridynError]:
+def refused_states(general: Callable[..., Any], states: States) -> list[HybridynError]:
     """Return the errors of states that the general path refuses, each on its own."""
     errors = []
     for t in range(len(states[0])):
@@ -115,25 +117,14 @@ def _refused(general: Callable[..., Any], states: States) -> list[HybridynError]
     return errors
 
 
-def trusted_nowhere(robot: HybridRobot, what: str) -> CompileError:
-    """Return the error of code that has computed none of the random states itself."""
+def trusted_nowhere(robot: HybridRobot, what: str, why: str = "") -> CompileError:
+    """Return the error of code that has computed none of the random states itself; `why` begins with a space."""
     return CompileError(
         f"the compiled {what} of the robot '{robot.description.name}' would hand every one of "
-        f"{ROUNDS * SAMPLES} random states to the general path{_reason(robot)}: this is of no use"
+        f"{ROUNDS * SAMPLES} random states to the general path{why}: this is of no use"
     )
 
 
-def _reason(robot: HybridRobot, refused: Sequence[HybridynError] = ()) -> str:
-    """Return why samples cannot be trusted, if the general path or the robot itself says it, else ""."""
-    from .equations.core import is_coarse
-
-    if refused:
-        return f", which refuses {len(refused)} of the first {SAMPLES} ({refused[0]})"
-    for module in robot.modules:
-        if is_coarse(module.mechanism):
-            dropped = module.mechanism.reduction.report.dropped
-            return (
-                f" (the redundant loops of module '{module.name}' agree with each other to {dropped:.1g} "
-                "only, because its file is rounded: the solution depends on the order of elimination)"
-            )
-    return ""
+def of_refused(refused: Sequence[HybridynError]) -> str:
+    """Return what the general path says of the first states, or ""."""
+    return f", which refuses {len(refused)} of the first {SAMPLES} ({refused[0]})" if refused else ""

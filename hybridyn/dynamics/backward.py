@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..effects.choice import Effects
 from ..linkage.reduction import Basis
 from ..spatial import Array, spatial_inertia
 from ..structure.module import ModuleState
@@ -19,10 +20,10 @@ from .guards import (
     check_digits,
 )
 from .inverse_recursion import ModuleForces, needed_forces
-from .loads import Loads
+from .loads import Loads, all_loads
 from .possible_motions import along_motion, possible_motions
 from .reactions import Reactions, module_reactions
-from .state_checks import natural_force, robot_mass
+from .state_checks import check_closed, natural_force, robot_mass
 
 
 def backward(
@@ -95,6 +96,44 @@ def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, l
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
     backward(robot, states, loads, None, tau, result, q, v, a)
     return result
+
+
+def unbalanced(
+    robot: HybridRobot, on: Effects, q: Array, v: Array, a: Array, tau: Array
+) -> Array:  # fmt: skip
+    """Compute the largest force that efforts leave along a motion of a module, as a part of its largest term.
+
+    Of accelerations that solve the equations of motion it is rounding, however little inertia a motion has.
+
+    Args:
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
+        tau: Efforts of the motors, shape (T, motors).
+
+    Returns:
+        Shape (T,), without unit.
+
+    Raises:
+        AssemblyError: The motion does not close the loops.
+        SingularityError: Closures lose rank.
+    """
+    loads = all_loads(robot, on, q, v, None, None)
+    states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
+    check_closed(robot, states, q, v, a)
+    sizes = [np.zeros((len(q), len(s.module.outputs))) for s in states]
+    worst = np.zeros(len(q))
+    for k, needed in needed_forces(states, loads, lambda k: module_motions(states[k], True)):
+        module, unit = states[k].module, states[k].mechanism.reduction.col_scale
+        columns, efforts = module.motor_columns, tau[:, module.motor_index]
+        size = _largest_term(states[k], needed, sizes[k])
+        if module.parent >= 0:
+            sizes[module.parent][:, module.parent_output] += size
+        size = size + np.abs(efforts * unit[columns]).max(axis=1, initial=0.0)
+        left = needed.Q - np.einsum("tij,ti->tj", needed.basis.Psi[:, columns], efforts)
+        left = np.abs(left).max(axis=1, initial=0.0)
+        worst = np.maximum(worst, left / np.where(size > 0, size, 1.0))
+    return worst
 
 
 def module_motions(s: ModuleState, strict: bool) -> Basis:

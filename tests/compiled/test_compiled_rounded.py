@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import hybridyn
@@ -10,6 +11,7 @@ from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.verifying import difference, verify
 from hybridyn.effects.choice import choose
+from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.mechanisms import random_mechanism
 from tests.samples import slow
@@ -22,10 +24,15 @@ FILES = 20.0
 def rounded(kind: str, seed: int, digits: int) -> hybridyn.HybridRobot:
     """Draw a mechanism with redundant loops whose file has so many digits."""
     exact = random_mechanism(seed, kind=kind)
-    joints = tuple(replace(j, placement=np.round(j.placement, digits)) for j in exact.joints)
+
+    def written(T: Array) -> Array:
+        """Round a frame as files do: its origin and its rotation vector."""
+        turn = pin.exp3(np.round(pin.log3(T[:3, :3]), digits))
+        return pin.SE3(turn, np.round(T[:3, 3], digits)).homogeneous
+
+    joints = tuple(replace(j, placement=written(j.placement)) for j in exact.joints)
     closures = tuple(
-        replace(c, frame_a=np.round(c.frame_a, digits), frame_b=np.round(c.frame_b, digits))
-        for c in exact.closures
+        replace(c, frame_a=written(c.frame_a), frame_b=written(c.frame_b)) for c in exact.closures
     )
     return build_robot(replace(exact, joints=joints, closures=closures))
 

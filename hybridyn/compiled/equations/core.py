@@ -17,12 +17,12 @@ from ...structure.wrists import Wrist
 from .chains import Chain, Placed, own_columns, split_positions, sweep
 from .expressions import Expression, dot, plain, sampled, symbols, zeros
 from .guarded_elimination import (
-    COARSE_FILE,
     GUARD_CLOSED,
     OF_ROUNDED,
     TINY_RATE,
     Pivots,
     Scale,
+    balanced,
     choose_pivots,
     largest,
     size_of,
@@ -126,6 +126,13 @@ class Plan:
         spins = [spin.col for spin in self.parts.spins]
         return spins + [k for k in self.free if k not in spins]
 
+    def solved(self, K: Expression, right: Expression) -> tuple[Expression, Expression]:
+        """Solve the core's closures K y = right; redundant rows of a rounded file count like the others."""
+        r = self.mechanism.reduction
+        if not r.rounded:
+            return solve(K, right, self.loop_pivots)
+        return balanced(K, right, self.loop_pivots, r.row_scale[list(self.parts.closure_rows)])
+
     def thin(self, freedoms: Container[int]) -> list[int]:
         """Return the numbers of the core's spins for which freedoms of the tree after the cuts stand."""
         return [i for i, spin in enumerate(self.parts.spins) if self.parts.tree_v[spin.col] in freedoms]
@@ -209,11 +216,6 @@ class Core:
         return {f"platform {i}": motion.column() for i, motion in sorted(self.platforms.items())}
 
 
-def is_coarse(m: Mechanism) -> bool:
-    """Return whether redundant loops contradict each other by more than `COARSE_FILE`."""
-    return m.reduction.rounded and m.rounding > COARSE_FILE
-
-
 def write_core(
     plan: Plan,
     q: Expression,
@@ -261,8 +263,6 @@ def write_core(
             felt = felt * plan.mechanism.reduction.row_scale[list(parts.closure_rows)]
             rows.guard = rows.guard + spin_guard(plan, felt, first_moment(spin, parts.links), IDLE)
         rows.K[:, 6 + spin.col] = 0.0  # the rows do not feel the freedoms that stand for spins
-    if is_coarse(plan.mechanism):
-        rows.guard = ca.SX(np.inf)
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
     return Core(chain, platforms, rows, outputs)
 
@@ -287,7 +287,7 @@ def motions_of(plan: Plan, K: Expression, right: Expression) -> tuple[Expression
             orthogonal to these.
         doubts: As of `solve`.
     """
-    X, doubts = solve(K, right, plan.loop_pivots)
+    X, doubts = plan.solved(K, right)
     k = right.shape[1]
     free = plan.free
     X = X[:, [*range(k), *(k + free.index(col) for col in plan.motions)]]

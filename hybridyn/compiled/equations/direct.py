@@ -167,7 +167,7 @@ def _along(core: Core, plan: Plan, A: Expression, u_dot: Expression) -> Expressi
     y = zeros(K.shape[1] - 6, 1)
     y[plan.motions[len(spins) :], 0] = u_dot[len(spins) :]
     right = -dot(K[:, :6], A) - core.rows.gamma - dot(K[:, 6:], y[:, 0])
-    y = y + solve(K[:, 6:], right[:, None], plan.loop_pivots)[0][:, :1]
+    y = y + plan.solved(K[:, 6:], right[:, None])[0][:, :1]
     for spin, x in zip(spins, u_dot, strict=False):
         spin.taken_out(y)
         for col, share in zip(spin.cols, spin.axis, strict=True):

@@ -123,6 +123,42 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
     return X, np.array(doubts, dtype=object)
 
 
+def balanced(K: Expression, right: Expression, pivots: Pivots, weight: Array) -> tuple[Expression, Expression]:
+    """Solve as `solve`, but let rows without a pivot count like the others, in the least-squares sense.
+
+    Such rows C K_p + d depend on those with pivots up to the rounding d of a file. The solution of the rows
+    with pivots leaves them open by r, and changing it by x with K_p x = z balances all rows:
+
+        z = -C^T (1 + C C^T)^-1 r
+
+    The neglected terms are of second order in d, as are those of the general path, which takes the same rows
+    by orthogonal steps. The condition of the small matrix matters only for a change of the size of d.
+
+    Args:
+        K, right, pivots: As for `solve`; every row counts.
+        weight: Factor that makes each row dimensionless, shape (m,).
+    """
+    X, doubts = solve(K, right, pivots)
+    rows, cols = list(pivots.rows), list(pivots.cols)
+    left = [i for i in range(len(K)) if i not in rows]
+    if not left:
+        return X, doubts
+    scaled = K * weight[:, None]
+    C = _solved(scaled[rows][:, cols].T, scaled[left][:, cols].T).T
+    r = dot(scaled[left], X)
+    r[:, : right.shape[1]] = r[:, : right.shape[1]] - right[left] * weight[left, None]
+    y, _ = solve_definite(eye(len(left)) + dot(C, C.T), r, 1.0)
+    X[cols] = X[cols] - _solved(scaled[rows][:, cols], dot(C.T, y))
+    return X, doubts
+
+
+def _solved(A: Expression, right: Expression) -> Expression:
+    """Solve A X = right for a square A in the order of its pivots, shape (n, k)."""
+    W = np.concatenate([A, right], axis=1)
+    inverses, _ = _eliminate(W)
+    return _substitute(W, inverses)
+
+
 def _eliminate(W: Expression) -> tuple[list[Any], Expression]:
     """Make W upper triangular in place; return the inverses of its pivots, and the factors of its rows.
 
@@ -232,9 +268,6 @@ def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expr
 GUARD_CLOSED = {"float64": 1e-11, "float32": 3e-3}
 #: Largest closure residual, as part of what rounding in the file leaves in redundant loops.
 OF_ROUNDED = 10.0
-#: Largest such rounding. The models meet some rows and leave the others open by it, the general path balances
-#: all of them: where loops contradict each other by more, the difference is no longer rounding of the file.
-COARSE_FILE = 1e-6
 #: Added to rates to avoid 0 / 0; smaller than any rate that matters, and squares of limits stay numbers.
 TINY_RATE = {"float64": 1e-140, "float32": 1e-16}
 

@@ -64,11 +64,13 @@ def write_inverse(
         Psi = X[:, 1 + len(parts.spins) :]
         B = _motor_map(core, plan, options, Psi, received)
         units = plan.mechanism.reduction.col_scale[parts.tree_v[plan.motions[len(parts.spins) :]]]
-        summed = (sum(map(ca.fabs, terms), ca.SX(0.0)), units, plan.scale)
+        size = sum(map(ca.fabs, terms), ca.SX(0.0))
+        summed = (size, units, plan.scale)
         moving, tau = list(options.moving), zeros(len(options.motors))
         Q, share = dot(Psi.T, b[6:]), np.array(options.share)
         tau[moving], measure = motor_efforts(B[:, moving], Q, summed, share, pivots)
         efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
+        efforts |= {"size_base": pack([size])} if options.measured else {}
     if options.base is None:
         platforms = (b[core.chain.columns_of(i + 1)] for i in sorted(core.chain.platforms))
         efforts["F_base"] = pack(sum(platforms, b[:6]))
@@ -119,7 +121,7 @@ def _required_forces(
 
     Returns:
         b: The forces over s = [base; y], shape (6 + n,).
-        terms: The terms of their sum that one module can distinguish, as work per scaled coordinate.
+        terms: The terms of their sum, as work per scaled coordinate; of a module on an output one sum of all.
     """
     parts, b = plan.parts, forces(moving)
     terms = [x * u for x, u in zip(b[6:], plan.mechanism.reduction.col_scale[parts.tree_v], strict=True)]
@@ -155,7 +157,7 @@ def _add_output(
     if options.carries[o]:
         F = received.take(f"F {o}", 6)
         W = W + F
-        terms += _works(F, plan)
+        terms += received.take(f"size {o}", 1).tolist() if options.measures else _works(F, plan)
     b[:] = b + dot(motion_map(chain, body).T, to_parent(chain.R0[body], chain.p0[body], W))
 
 

@@ -230,7 +230,9 @@ def write_rows(
         if rod := parts.rods.get(k):
             near, far = ((c.body_a, c.p_a, -1.0), b) if rod.on_a else ((c.body_b, c.p_b, 1.0), a)
             turned = _rod_rows(chain, rod, near, far)
-        rows, drift, open_by, slip = _closure(c, a, b, accelerations is not None, turned)
+        rows, drift, open_by, slip = _closure(
+            c, a, b, accelerations is not None, turned, exact=parts.mechanism.reduction.rounded
+        )
         K, gamma = [*K, rows], [*gamma, drift]
         if k >= parts.checked:
             continue
@@ -274,30 +276,37 @@ def _rod_rows(
 
 
 def _closure(
-    c: TreeClosure, a: _Side, b: _Side, given: bool, turned: tuple[list[Expression], Expression] | None
-) -> tuple[Expression, Expression, tuple[Expression, Expression], Expression]:
+    c: TreeClosure, a: _Side, b: _Side, given: bool, turned: tuple[list[Expression], Expression] | None,
+    *, exact: bool,
+) -> tuple[Expression, Expression, tuple[Expression, Expression], Expression]:  # fmt: skip
     """Compute rows and drift of one closure, the residuals of its translations and rotations, and of rates.
 
     `given` tells that accelerations are given: the drift is then a residual, too. `turned` are other axes of
-    three translations, and their rows.
+    three translations, and their rows. `exact` rows are derivatives of the residuals also where rounding of
+    the file leaves the loop open; others hold for closed loops only, and take fewer operations.
     """
     r, relative = b.p - a.p, b.J - a.J
     w = b.w - a.w
     axes = [a.A[:, i] for i in c.translations]
     if len(axes) == 3:  # all three rows together may use any axes, and the loop is closed
         still = [numbers(np.eye(3)[i]) for i in range(3)]  # a drift that is a residual has any axes, too
-        axes, opened, r = turned[0] if turned and not given else still, r, zeros(3)
+        axes, opened = turned[0] if turned and not given else still, r
+        r = r if exact else zeros(3)
     else:
         opened = np.array([along(n, r) for n in axes], dtype=object)
     apart = b.a - a.a
-    if not given or len(axes) < 3:  # else `b.v - a.v` is a residual, and zero
+    if exact or not given or len(axes) < 3:  # else `b.v - a.v` is a residual, and zero
         apart = apart - cross(a.alpha, r) - 2 * cross(a.w, b.v - a.v) + cross(a.w, cross(a.w, r))
     normals = [to_parent(numbers(np.eye(3)), b.p, np.concatenate([n, zeros(3)])) for n in axes]
     gamma = [along(n, apart) for n in axes]
     z = b.A[:, 2]
     turning: list[tuple[Expression, Expression]] = []
     if c.rotation == "fixed":
-        turning = [(numbers(np.eye(3)[i]), zeros(3)) for i in range(3)]
+        still = [numbers(np.eye(3)[i]) for i in range(3)]
+        turning = [(n, cross(a.w, n) if exact else zeros(3)) for n in still]
+    elif c.rotation == "parallel" and exact:
+        across = [(a.A[:, i], cross(a.w, a.A[:, i])) for i in (0, 1)]
+        turning = [(cross(z, n), cross(cross(b.w, z), n) + cross(z, n_dot)) for n, n_dot in across]
     elif c.rotation == "parallel":
         turning = [(a.A[:, i], cross(a.w, a.A[:, i])) for i in (0, 1)]
     elif c.rotation == "perpendicular":
@@ -307,7 +316,8 @@ def _closure(
     for n, n_dot in turning:
         normals.append(np.concatenate([zeros(3), n]))
         gamma.append(along(n, b.alpha - a.alpha) + along(n_dot, w))
-    rows = [dot(n[None], relative)[0] for n in normals] if turned is None else list(turned[1])
+    sparse = turned is not None and not exact
+    rows = list(turned[1]) if sparse else [dot(n[None], relative)[0] for n in normals]
     return (
         np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
         np.array(gamma, dtype=object),

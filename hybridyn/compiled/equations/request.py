@@ -119,6 +119,16 @@ class Request:
         )
 
     @cached_property
+    def undriven(self) -> list[bool]:
+        """Whether each module, or one below it, has fewer motors that move than motions."""
+        out: list[bool] = []
+        for module, plan in zip(self.robot.modules, self.plans, strict=True):
+            motions = module.mobility - len(plan.parts.idle)
+            below = module.parent >= 0 and out[module.parent]
+            out.append(below or len(module.moving_motors) < motions)
+        return out
+
+    @cached_property
     def constant_plans(self) -> list[Plan]:
         """A plan for each module, which chooses its pivots; equal modules with equal marks share it."""
         known: dict[tuple[int, tuple[str, ...]], Plan] = {}
@@ -249,6 +259,9 @@ class Options:
         moving: Indices of the motors that the closures let move.
         share: Share of the load of each moving motor if they are redundant, else empty.
         laws: Freedoms with joint laws, of the inverse model.
+        measures: Whether the forces along motions without a motor, of this module or of one below it, are
+            compared with the size of all their terms, also of those of the modules above.
+        measured: Whether a module below it does.
         thin: Freedoms that stand for spins without inertia, which get no acceleration: they are excepted
             where forces are balanced.
         massless: Whether some motion of the module has no inertia; the general path then computes it.
@@ -265,6 +278,8 @@ class Options:
     moving: tuple[int, ...] = ()
     share: tuple[float, ...] = ()
     laws: tuple[int, ...] = ()
+    measures: bool = False
+    measured: bool = False
     thin: tuple[int, ...] = ()
     massless: bool = False
     usual: tuple[float, ...] = ()
@@ -345,6 +360,8 @@ def inverse_options(request: Request, k: int) -> Options:
         moving=tuple(moving.tolist()),
         share=tuple(share.tolist()),
         laws=tuple(i for i, mark in enumerate(marks) if "law" in mark),
+        measures=request.undriven[k],
+        measured=module.parent >= 0 and request.undriven[module.parent],
     )
 
 

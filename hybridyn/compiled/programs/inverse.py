@@ -83,6 +83,8 @@ class _Sweeps(Sweeps):
             calls.allocate_motions()
         for o in np.flatnonzero(calls.options.carries).tolist():
             calls.ports[f"F {o}"] = w.start(w.shared(6), np.zeros(6))
+            if calls.options.measures:
+                calls.ports[f"size {o}"] = w.start(w.shared(1), np.zeros(1))
         calls.call(0)
         calls.start_sums(LEG_WRENCHES)
         for n in range(len(calls.groups)):

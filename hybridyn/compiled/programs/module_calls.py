@@ -73,7 +73,9 @@ class Stages:
 Ports = dict[str, Any]
 
 #: Ports of a module that are those of the output that carries it.
-OF_BASE = {"V_base": "V", "A_base": "A", "I_base": "I", "b_base": "beta", "F_base": "F"}
+OF_BASE = {
+    "V_base": "V", "A_base": "A", "I_base": "I", "b_base": "beta", "F_base": "F", "size_base": "size",
+}  # fmt: skip
 
 
 @dataclass

@@ -1,0 +1,96 @@
+"""Say why a new model hands its samples to the general path: the motion, the number, and what to do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from ..assembly.free_motions import free_motions
+from ..dynamics.direct_recursion import ArticulatedModule, articulate
+from ..dynamics.forward import forward
+from ..dynamics.loads import all_loads
+from ..effects.choice import Effects
+from ..errors import HybridynError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from .comparing import SAMPLES, of_refused, random_states, refused_states
+
+
+def reason(robot: HybridRobot, on: Effects) -> str:
+    """Return why the direct model is trusted at no state: "", or words that begin with a space or a comma."""
+    from .programs.general import general
+
+    def direct(q: Array, v: Array, tau: Array, a: Array) -> Array:
+        """Compute accelerations by the general path."""
+        base = {"base_acceleration": a[:, :6]} if robot.base == "moving" else {}
+        return general(robot, on, "ddm", {"q": q, "v": v, "tau": tau, **base})
+
+    try:
+        states = random_states(robot)
+    except HybridynError:
+        return ""
+    return of_refused(refused_states(direct, states)) or _light(robot, on, states[0])
+
+
+def _light(robot: HybridRobot, on: Effects, q: Array) -> str:
+    """Name the motion with the least inertia, as a part of that with all other motions locked."""
+    from .equations.direct import NEARLY_NO_INERTIA
+
+    still, model = np.zeros((len(q), robot.nv)), robot.unchanged_model
+    loads = all_loads(robot, on.without("limits"), q, still, None, None)
+    try:
+        states = forward(robot, q, still, None, None, base=still)
+        modules = articulate(robot, states, loads, np.zeros((SAMPLES, len(robot.motors))), None)
+    except HybridynError:
+        return ""
+    data = model.createData()
+    locked = np.array([np.diag(pin.crba(model, data, x)) for x in q]) + loads.rotors
+    for x in modules:
+        if name := _without_inertia(x):
+            return (
+                f" (module '{x.state.module.name}': the motion of {name} has no inertia. Give a mass to the "
+                "bodies that it moves)"
+            )
+    ratio, module, freedom = min((_least(x, locked) for x in modules), default=(1.0, "", ""))
+    if ratio > NEARLY_NO_INERTIA:
+        return ""
+    return (
+        f" (module '{module}': with all other joints free, the motion of {freedom} has {ratio:.1g} of the "
+        f"inertia that it has with these locked, limit {NEARLY_NO_INERTIA:g}: its acceleration loses digits. "
+        "Give the bodies that it moves, or those that carry it, an ordinary inertia)"
+    )
+
+
+def _without_inertia(x: ArticulatedModule) -> str:
+    """Name a motion of a module that has no inertia and is no idle spin, or return ""."""
+    module, idle = x.state.module, free_motions(x.state.module).idle
+    for t, n in np.argwhere(x.inertia.massless):
+        name = _freedom(x, int(t), x.inertia.motions[t, :, n])
+        if name not in idle:
+            return name
+    return ""
+
+
+def _freedom(x: ArticulatedModule, t: int, u: Array) -> str:
+    """Name the freedom that moves most in a motion u of a module at sample t, shape (N,)."""
+    motion = x.basis.Psi[t] @ u / x.state.mechanism.reduction.col_scale
+    return x.state.module.freedom_names()[int(np.argmax(np.abs(motion)))]
+
+
+def _least(x: ArticulatedModule, locked: Array) -> tuple[float, str, str]:
+    """Return the least inertia of a motion of a module over the locked one, the module, and the freedom.
+
+    Args:
+        x: The module's equation of motion.
+        locked: Inertia of each freedom of the spanning tree with all others locked, shape (T, nv).
+    """
+    module, m = x.state.module, x.state.mechanism
+    if not x.A_t.shape[1] or x.inertia.massless.any():
+        return 1.0, "", ""
+    size = np.diagonal(x.A_t, axis1=1, axis2=2)
+    if not m.closures.rows and not m.spec.wrists:
+        size = np.maximum(size, locked[:, module.v_index])
+    unit = 1.0 / np.sqrt(size)
+    values, vectors = np.linalg.eigh(x.A_t * unit[:, :, None] * unit[:, None])
+    t = int(np.argsort(values[:, 0])[len(values) // 2])
+    return float(values[t, 0]), module.name, _freedom(x, t, unit[t] * vectors[t, :, 0])
