@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 import hybridyn
-from hybridyn.compiled.equations.parts import spins_of
+from hybridyn.compiled.equations.spins import spins_of
 from hybridyn.description.records import Description, Link
 from hybridyn.dynamics.forward import forward
 from hybridyn.spatial import Array

@@ -89,7 +89,9 @@ def compare_at_states(
                 ) from error
             offs = [difference(x[good], y) for x, y in zip(found, wanted, strict=True)]
             off = np.where(np.isnan(guard[good]), np.nan, np.max(offs, axis=0))
-            rounding = excused(given, found[0][good], wanted[0]) if excused and not (off <= limit).all() else 0.0
+            rounding = (
+                excused(given, found[0][good], wanted[0]) if excused and not (off <= limit).all() else 0.0
+            )
             check_agreement(robot, what, off, np.maximum(limit, rounding))
         computed, handed = computed + int(good.sum()), handed + int((~good).sum())
         if told and seed == 0 and handed > computed:
@@ -118,7 +120,7 @@ def refused_states(general: Callable[..., Any], states: States) -> list[Hybridyn
 
 
 def trusted_nowhere(robot: HybridRobot, what: str, why: str = "") -> CompileError:
-    """Return the error of code that has computed none of the random states itself; `why` begins with a space."""
+    """Return the error of code that has computed no random state itself; `why` begins with a space."""
     return CompileError(
         f"the compiled {what} of the robot '{robot.description.name}' would hand every one of "
         f"{ROUNDS * SAMPLES} random states to the general path{why}: this is of no use"

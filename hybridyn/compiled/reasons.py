@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pinocchio as pin
+from typing import TYPE_CHECKING
 
-from ..assembly.free_motions import free_motions
+import numpy as np
+
 from ..dynamics.direct_recursion import ArticulatedModule, articulate
 from ..dynamics.forward import forward
 from ..dynamics.loads import all_loads
@@ -13,7 +13,11 @@ from ..effects.choice import Effects
 from ..errors import HybridynError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
+from .code.scalars import GUARD_LIMIT
 from .comparing import SAMPLES, of_refused, random_states, refused_states
+
+if TYPE_CHECKING:
+    from .equations.request import Request
 
 
 def reason(robot: HybridRobot, on: Effects) -> str:
@@ -34,7 +38,10 @@ def reason(robot: HybridRobot, on: Effects) -> str:
 
 def _light(robot: HybridRobot, on: Effects, q: Array) -> str:
     """Name the motion with the least inertia, as a part of that with all other motions locked."""
-    from .equations.direct import NEARLY_NO_INERTIA
+    import pinocchio as pin
+
+    from .equations.direct import NEARLY_NO_INERTIA  # a start from the cache needs no CasADi
+    from .equations.request import direct_options, request
 
     still, model = np.zeros((len(q), robot.nv)), robot.unchanged_model
     loads = all_loads(robot, on.without("limits"), q, still, None, None)
@@ -45,11 +52,19 @@ def _light(robot: HybridRobot, on: Effects, q: Array) -> str:
         return ""
     data = model.createData()
     locked = np.array([np.diag(pin.crba(model, data, x)) for x in q]) + loads.rotors
-    for x in modules:
-        if name := _without_inertia(x):
+    asked = request(robot, on.without("limits"))
+    for k, x in enumerate(modules):
+        if direct_options(asked, k).massless:
+            name = x.state.module.name
             return (
-                f" (module '{x.state.module.name}': the motion of {name} has no inertia. Give a mass to the "
-                "bodies that it moves)"
+                f" (module '{name}': the motion of {_without_inertia(x)} has no inertia, and no "
+                "joint has this motion alone. Give the bodies that it moves an inertia about it, or write "
+                "hinges that cross as one ball)"
+            )
+        if beside := _beside(asked, k):
+            return (
+                f" (module '{x.state.module.name}': the spin of {beside} has no inertia, but mass beside its "
+                "line. Put the centre of mass on the line, or give it an inertia about it)"
             )
     ratio, module, freedom = min((_least(x, locked) for x in modules), default=(1.0, "", ""))
     if ratio > NEARLY_NO_INERTIA:
@@ -61,14 +76,20 @@ def _light(robot: HybridRobot, on: Effects, q: Array) -> str:
     )
 
 
-def _without_inertia(x: ArticulatedModule) -> str:
-    """Name a motion of a module that has no inertia and is no idle spin, or return ""."""
-    module, idle = x.state.module, free_motions(x.state.module).idle
-    for t, n in np.argwhere(x.inertia.massless):
-        name = _freedom(x, int(t), x.inertia.motions[t, :, n])
-        if name not in idle:
-            return name
+def _beside(asked: Request, k: int) -> str:
+    """Name a rod of module k without inertia about its line and with mass beside it, or return ""."""
+    plan, module = asked.plans[k], asked.robot.modules[k]
+    found = plan.spinning(asked.rotor(module))
+    for spin, one in zip(plan.parts.spins, found, strict=True):
+        if isinstance(one.guard, float) and one.guard > GUARD_LIMIT:
+            return module.freedom_names()[int(plan.parts.tree_v[spin.col])]
     return ""
+
+
+def _without_inertia(x: ArticulatedModule) -> str:
+    """Name the motion of a module with the least inertia over its rounding."""
+    t, n = np.unravel_index(np.argmin(x.inertia.values), x.inertia.values.shape)
+    return _freedom(x, int(t), x.inertia.motions[t, :, n])
 
 
 def _freedom(x: ArticulatedModule, t: int, u: Array) -> str:

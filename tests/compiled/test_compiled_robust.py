@@ -1,6 +1,6 @@
 """Written-out models of badly written robots: home open or singular, loops rounded, motors locked."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,11 +18,15 @@ from hybridyn.compiled.programs.general import GENERAL, body_rows
 from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.effects.choice import Effects, choose
+from hybridyn.effects.joint_laws import ViscousFriction
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
+from tests import rods
 from tests.comparing import refused, same_words
+from tests.compiled.test_compiled_thin import design, oblique
 from tests.engines import TRUSTED, written_agrees
 from tests.hard import dietmaier
+from tests.samples import slow
 from tests.sketch import placement, rotation_of
 from tests.written_out import Interpreted
 
@@ -412,23 +416,117 @@ def test_the_inverse_model_is_verified_where_a_motion_has_no_inertia(
     )
 
 
-def test_the_reason_is_the_files_rounding() -> None:
-    robot = rounded_bars()
-    refused(
-        lambda: verify(Interpreted(robot), robot, choose(robot, None)),
-        hybridyn.CompileError,
-        r"loops of module .* agree with each other to .*e-0[67] only",
+def crossing() -> hybridyn.HybridRobot:
+    """A crank whose thin rod stands on three hinges that cross, none along the rod, and pushes a slide."""
+    return build_robot(oblique(rods.crank(3, "revolutes", thin=True)))
+
+
+def on_light_base(mass: float) -> hybridyn.HybridRobot:
+    """A base that floats and carries three arms of a kilogram, on hinges across each other."""
+    axes = [hinge(f"j{k}", "base", f"arm{k}", 0.2 * k, 0.1) for k in range(3)]
+    joints = tuple(replace(joint, axis=axis) for joint, axis in zip(axes, np.eye(3), strict=True))
+    base = Link("base", mass, np.zeros(3), mass * np.eye(3))
+    arms, motors = tuple(link(joint.child) for joint in joints), tuple(joint.name for joint in joints)
+    return build_robot(
+        Description("arms", (base, *arms), joints, (), (), motors, "here", {}), base="floating"
     )
 
 
-def test_models_that_trust_themselves_nowhere_are_not_exported(tmp_path: Path) -> None:
+def on_light_post() -> hybridyn.HybridRobot:
+    """A hinge turns 1e-7 kg, on which a second one along it turns a kilogram."""
+    joints = [hinge("first", "base", "post"), hinge("second", "post", "arm")]
+    robot = robot_of("post", ["post", "arm"], joints, [], ["first", "second"])
+    links = tuple(link(x.name, 1e-7) if x.name == "post" else x for x in robot.description.links)
+    return build_robot(replace(robot.description, links=links))
+
+
+def driven_spin() -> hybridyn.HybridRobot:
+    """A motor turns a thin rod about its line."""
+    description = rods.crank(3, "revolutes", thin=True)
+    spin = next(joint.name for joint in description.joints if "rod" in joint.name)
+    return build_robot(replace(description, motors=(*description.motors, spin)))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (crossing, "the motion of .*(cross|rod).* has no inertia, and no joint has this motion alone. Give"),
+        (
+            driven_spin,
+            "refuses 12 of the first 12 .*the motion of .* has no inertia, and a force .*Give a mass",
+        ),
+        (
+            on_light_post,
+            r"the motion of joint 'first' has .*e-0[78] of the inertia .*limit 1e-05.*Give the bodies",
+        ),
+    ],
+)
+def test_the_reason_names_the_motion_and_what_to_do(
+    make: Callable[[], hybridyn.HybridRobot], words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(comparing, "ROUNDS", 1)
+    robot = make()
+    refused(
+        lambda: verify(Interpreted(robot, ("ddm",)), robot, choose(robot, None)),
+        hybridyn.CompileError,
+        f"would hand every one of 12 random states to the general path.*{words}",
+    )
+
+
+def test_models_that_trust_themselves_nowhere_are_not_exported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """In C there is no general path: a guard above 1 at every state is of no use."""
-    robot = rounded_bars()
+    monkeypatch.setattr(comparing, "ROUNDS", 1)
+    description = crossing().description
+    slide = next(joint.name for joint in description.joints if "slide" in joint.name)
+    robot = build_robot(replace(description, motors=(*description.motors, slide)))  # efforts need weights
     same_words(
-        lambda: export(robot, tmp_path / "bars"),
+        lambda: export(robot, tmp_path / "crossing"),
         lambda: verify(Interpreted(robot), robot, choose(robot, None)),
     )
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize("mass", [0.0, 1e-6, 1.0])
+def test_forces_on_a_light_base_are_compared_with_all_their_terms(mass: float) -> None:
+    """The base has nothing to compare with the wrench of what it carries, which cancels to rounding."""
+    robot = on_light_base(mass)
+    q, v, a, tau = random_states(robot, 6)
+    (found,), guard = Interpreted(robot, ("idm",)).batch("idm", q, v, a)
+    assert (guard <= TRUSTED).all()
+    assert difference(found, tau).max() <= 1e-6
+    _, guard = Interpreted(robot, ("idm",)).batch("idm", q, v, a + 1e-6 * np.abs(a).max())
+    assert (guard > TRUSTED).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "foot", "axial", "beside"),
+    [
+        ("crank", "revolutes", 1e-9, 0.0),
+        ("crank", "ball", 0.0, 1e-8),
+        *(slow("crank", "revolutes", axial, 0.0) for axial in (1e-14, 1e-13, 1e-12, 1e-11, 1e-10)),
+        *(slow("crank", "floating", axial, 0.0) for axial in (1e-14, 1e-12, 1e-9)),
+        *(slow("slides", foot, axial, 0.0) for foot in ("revolutes", "ball") for axial in (1e-14, 1e-9)),
+        *(slow("crank", foot, 1e-14, beside) for foot in ("ball", "floating") for beside in (1e-9, 1e-8)),
+        *(slow("crank", foot, 0.0, beside) for foot in ("ball", "floating") for beside in (1e-9, 1e-7)),
+    ],
+)
+def test_little_inertia_about_a_rods_line_is_no_bug(
+    name: str, foot: rods.Foot, axial: float, beside: float
+) -> None:
+    """Both paths are right to rounding of the forces; a force on a spin without inertia is refused."""
+    description = getattr(rods, name)(3, foot)
+    values = [design(x, axial, beside) if "rod" in x.name else {} for x in description.links]
+    robot = build_robot(description).with_parameters({k: x for each in values for k, x in each.items()})
+    crosses = [joint.name for joint in robot.description.joints if "cross" in joint.name]
+    effects = ["default", *([ViscousFriction(dict.fromkeys(crosses, 1e-7))] if crosses else [])]
+    said = ""
+    try:
+        verify(Interpreted(robot, effects=effects), robot, choose(robot, effects))
+    except hybridyn.CompileError as error:
+        said = str(error)
+    assert not said or "has no inertia" in said
 
 
 @pytest.mark.parametrize("name", ["ddm", "idm"])

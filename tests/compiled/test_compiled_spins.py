@@ -213,30 +213,6 @@ def test_where_parameters_move_mass_or_an_end_beside_the_line_the_general_path_d
             assert np.abs(found - wanted).max() <= ROUNDING * np.abs(wanted).max()
 
 
-@pytest.mark.parametrize("thin", [False, True])
-def test_where_parameters_decide_whether_a_spin_has_inertia_the_general_path_computes(thin: bool) -> None:
-    description = rods.slides(1, thin=thin)
-    robot = build_robot(description)
-    link = next(link for link in description.links if "rod" in link.name)
-    line = link.com / np.linalg.norm(link.com)
-    turning = 1e-4 * np.outer(line, line)
-    name = f"inertia:{link.name}"
-    parameters = Parameters(description, [name])
-    program = function_of(programs(robot, None, models=("ddm",), parameters=parameters.slots)["ddm"])
-    bare = link.inertia - np.outer(line, line) * (line @ link.inertia @ line)
-    for inertia, alike in ((link.inertia, True), (bare, thin), (bare + turning, not thin)):
-        values = inertia[np.triu_indices(3)]
-        design = robot.with_parameters({name: values})
-        q, v, _, tau = random_states(design, 2)
-        numbers = parameters.slot_values(values[None])[0]
-        samples = [program(*sample, numbers) for sample in zip(q, v, tau, strict=True)]
-        assert all((guard <= GUARD_LIMIT) == alike for _, guard in samples)
-        if alike:
-            wanted = hybridyn.ddm(design, q, v, tau)
-            found = np.array([np.array(a).ravel() for a, _ in samples])
-            assert np.abs(found - wanted).max() <= CLOSED * np.abs(wanted).max()
-
-
 def test_mass_beside_the_line_by_rounding_of_a_file_is_weighed() -> None:
     """Its weight turns the rod, whose inertia about the line is small."""
     description = rods.slides(6)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import Wrist
 from .chains import Chain, Placed, own_columns, split_positions, sweep
-from .expressions import Expression, dot, plain, sampled, symbols, zeros
+from .expressions import Expression, dot, plain, sampled, scalar, symbols, zeros
 from .guarded_elimination import (
     GUARD_CLOSED,
     OF_ROUNDED,
@@ -31,8 +31,9 @@ from .guarded_elimination import (
 )
 from .legs import PlatformMotion, WrittenLeg, leg_pivots
 from .loops import Rows, write_rows
-from .parts import UNFELT, Parts, first_moment
+from .parts import Leg, Parts
 from .rigid import Link, links_of, motion_to_parent, to_child
+from .spins import UNFELT, Decided, decided, first_moment
 from .states import seen_postures
 
 
@@ -133,9 +134,21 @@ class Plan:
             return solve(K, right, self.loop_pivots)
         return balanced(K, right, self.loop_pivots, r.row_scale[list(self.parts.closure_rows)])
 
-    def thin(self, freedoms: Container[int]) -> list[int]:
-        """Return the numbers of the core's spins for which freedoms of the tree after the cuts stand."""
-        return [i for i, spin in enumerate(self.parts.spins) if self.parts.tree_v[spin.col] in freedoms]
+    def spinning(self, rotor: Sequence[float], leg: Leg | None = None) -> list[Decided]:
+        """Decide which spins of the core, or of a leg, have inertia.
+
+        Args:
+            rotor: Rotor inertias over the freedoms of the tree after the cuts.
+        """
+        links, own, spins = self.parts.links, self.parts.tree_v, self.parts.spins
+        if leg is not None:
+            links, own, spins = leg.links, leg.tree_v, (leg.spin,) if leg.spin else ()
+        turned, out = self.mechanism.turned_inertia, []
+        for spin in spins:
+            at = own[list(spin.cols)]
+            reference = float(turned[at].max(initial=0.0) or turned.max(initial=0.0))
+            out.append(decided(spin, links, np.array(rotor)[at], reference, self.scale))
+        return out
 
 
 def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = True) -> Plan:
@@ -158,7 +171,7 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
         groups.append(leg_pivots(group, postures, (rows, units)))
     closed = max(GUARD_CLOSED[dtype], OF_ROUNDED * m.rounding if m.reduction.rounded else 0.0)
     wrists = [wrist_pivots(m, path, positions) for path in paths]
-    scale = Scale(m.length, closed, TINY_RATE[dtype], compared)
+    scale = Scale(m.length, closed, TINY_RATE[dtype], compared, float(np.finfo(dtype).eps))
     plan = Plan(parts, paths, Pivots((), (), ()), tuple(groups), tuple(wrists), scale)
     return replace(plan, loop_pivots=_loop_pivots(plan, positions[-len(m.postures) :]))
 
@@ -193,6 +206,20 @@ def leg_guard(plan: Plan, leg: WrittenLeg) -> ca.SX:
     spin = replace(leg.spin, axis=leg.S[list(leg.spin.cols)])
     felt = np.concatenate([leg.felt[:3] / plan.mechanism.length, leg.felt[3:]])
     return ca.SX(leg.guard + spin_guard(plan, felt, first_moment(spin, leg.chain.links), UNFELT))
+
+
+def spins_of_legs(
+    plan: Plan, written: WrittenLeg, group: tuple[Leg, ...], rotor: Sequence[float]
+) -> tuple[Any, Any]:
+    """Return 1 for legs whose spin has inertia, else 0, and the guard that this is certain."""
+    found = [plan.spinning(rotor, leg) for leg in group]
+    if not all(found):
+        return 0.0, 0.0
+    has, guard = (
+        written.folding.array([scalar(x) for x in each])
+        for each in zip(*((one.has, one.guard) for (one,) in found), strict=True)
+    )
+    return has[0], guard[0]
 
 
 @dataclass(eq=False)

@@ -13,8 +13,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...assembly.free_motions import MASSLESS_MOTION
-from ...dynamics.guards import FORCED
 from ...spatial import Array, Index
 from .chains import forces, mass_matrix, motion_map, sweep
 from .core import (
@@ -25,6 +23,7 @@ from .core import (
     motions_of,
     own_inertia,
     rank_guard,
+    spins_of_legs,
     whole,
     wrist_jacobian,
 )
@@ -44,10 +43,11 @@ from .expressions import (
     upper,
     zeros,
 )
-from .guarded_elimination import size_of, solve, solve_definite, squares, weighed
-from .legs import PlatformMotion, leg_accelerations, leg_sums, spinning_legs, write_leg
-from .request import ROUNDED_INERTIA, Options
+from .guarded_elimination import size_of, solve, solve_definite, squares
+from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
+from .request import Options
 from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_child, to_parent
+from .spins import AMPLIFIED, CERTAIN, without_forces
 from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
 
 #: Contributions of the legs of a platform (`legs.leg_sums`), and the size of each.
@@ -209,7 +209,12 @@ def _solve(
     E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))  # Eq. (42)
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
     unforced = _hold_thin(plan, options, (A_t, E, Q_0), f)
-    solved, definite = solve_definite(A_t, np.concatenate([E, Q_0[:, None]], axis=1), NEARLY_NO_INERTIA)
+    least = None
+    if plan.column is not None:
+        least, uncertain = _least_inertia(plan, Psi, M_yy, A_t)
+        unforced = unforced + uncertain
+    right = np.concatenate([E, Q_0[:, None]], axis=1)
+    solved, definite = solve_definite(A_t, right, NEARLY_NO_INERTIA, least)
     G, u_0 = solved[:, :6], solved[:, 6]
     guard = rank_guard(plan, core.rows, guard + unforced, Psi)
     guard = ca.SX(np.inf) if options.massless else ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
@@ -228,27 +233,51 @@ def _solve(
 def _hold_thin(
     plan: Plan, options: Options, equation: tuple[Expression, Expression, Expression], f: Expression
 ) -> Any:
-    """Give spins without inertia no acceleration, the least; return the guard of the forces on them.
+    """Give spins without inertia no acceleration, the least; return the guard that they have and feel none.
 
     Args:
         equation: A_t, E and Q_0 of the module, changed in place.
         f: The forces along y, of whose terms those on the spins may be rounding.
     """
     A_t, E, Q_0 = equation
-    thin = plan.thin(options.thin)
-    if not thin:
-        return 0.0
-    guard = _unforced(plan, Q_0[thin], f, plan.parts.tree_v)
-    E[thin], Q_0[thin], A_t[thin], A_t[:, thin] = 0.0, 0.0, 0.0, 0.0
-    A_t[thin, thin] = 1.0
+    guard: Any = 0.0
+    for i, spin in enumerate(plan.spinning(options.rotor)):
+        left = np.array([times(1.0 - spin.has, Q_0[i])], dtype=object)
+        guard = guard + spin.guard + _unforced(plan, left, f, plan.parts.tree_v)
+        own = plus(times(spin.has, A_t[i, i]), 1.0 - spin.has)
+        for row in (E[i], Q_0[i : i + 1], A_t[i], A_t[:, i]):
+            row[:] = [times(spin.has, x) for x in row]
+        A_t[i, i] = own
     return guard
 
 
 def _unforced(plan: Plan, left: Expression, f: Expression, freedoms: Index) -> Any:
     """Return the guard of forces on thin spins, from those along some freedoms of the tree after the cuts."""
+    if all(is_zero(x) for x in left):
+        return 0.0
     size = size_of(f, 1.0 / plan.mechanism.reduction.col_scale[freedoms], [], 1.0)
-    limits = replace(plan.scale, closed=min(plan.scale.closed, FORCED))
-    return weighed([(left, 1.0)], limits.weight(size))
+    return without_forces(left, size, plan.scale)
+
+
+def _least_inertia(plan: Plan, Psi: Expression, M_yy: Expression, A_t: Expression) -> tuple[Expression, Any]:
+    """Compute what certainly is an inertia along each motion, where arguments change inertias.
+
+    It is a part of the inertias of the joints that take part; that about one axis is a difference of those
+    about all. Spins that idle are decided by their own numbers.
+
+    Returns:
+        These inertias, shape (motions,), and the guard that their rounding does not grow in other motions.
+    """
+    turned = plan.mechanism.turned_inertia[plan.parts.tree_v]
+    joints = np.array([plus(x, float(y)) for x, y in zip(np.diag(M_yy), turned, strict=True)], dtype=object)
+    least, growth = zeros(len(A_t)), zeros(len(A_t))
+    for k in range(len(plan.parts.spins), len(A_t)):
+        terms = along(np.array([times(x, x) for x in Psi[:, k]], dtype=object), joints)
+        least[k] = times(CERTAIN * plan.scale.eps, terms)
+        others = [j for j in range(len(A_t)) if j != k and not is_zero(A_t[k, j])]
+        coupled = sum((A_t[k, j] * A_t[k, j] / A_t[j, j] for j in others), ca.SX(0.0))
+        growth[k] = terms * coupled / (AMPLIFIED * A_t[k, k] * A_t[k, k])
+    return least, squares(growth)
 
 
 def _accelerations_outwards(
@@ -323,7 +352,7 @@ def write_direct_legs(
         a = leg_accelerations(written, delta)
         a = plus(a, written.S * later.take("u_dot of leg", 1)) if written.spin else a
     else:
-        (spinning,) = written.folding.array(spinning_legs(group, options.thin))
+        spinning, certain = spins_of_legs(plan, written, group, options.rotor)
         sums, written = leg_sums(written, tau, options.velocity, rotor, spinning)
         a = leg_accelerations(written, delta)
         if written.spin:
@@ -332,26 +361,8 @@ def write_direct_legs(
     if motion:
         return cut([inputs | later], [{"a": pack(a)}]), written.folding.table(len(group))
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
-    outputs["guard"] = leg_guard(plan, written) + _freed_guard(plan, leg.tree_v, written.S, spinning, sums)
+    if written.spin:
+        left = np.array([times(1.0 - spinning, along(written.S, sums["f"]))], dtype=object)
+        certain = certain + _unforced(plan, left, sums["f"], leg.tree_v)
+    outputs["guard"] = leg_guard(plan, written) + certain
     return cut([inputs, later], [outputs, {"a": pack(a)}]), written.folding.table(len(group))
-
-
-def _freed_guard(
-    plan: Plan, freedoms: Index, S: Expression, spinning: Any, sums: dict[str, Expression]
-) -> Any:
-    """Return the guard of a leg's spin: of a force on a thin one, and that arguments do not decide which is.
-
-    Args:
-        freedoms: Those of the leg in the tree after the cuts.
-        S, spinning, sums: As of `leg_sums`.
-    """
-    f, A = sums["f"], sums["A"]
-    if all(is_zero(x) for x in S):
-        return 0.0
-    left = np.array([times(1.0 - spinning, along(S, f))], dtype=object)
-    guard = _unforced(plan, left, f, freedoms)
-    if plan.column is None:
-        return guard
-    ratio = along(S, dot(A, S)) / along(np.diag(A), plan.mechanism.reduction.col_scale[freedoms] ** 2)
-    off = spinning * MASSLESS_MOTION / ratio, (1.0 - spinning) * ratio / ROUNDED_INERTIA
-    return guard + squares(np.array(off, dtype=object))

@@ -123,7 +123,9 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
     return X, np.array(doubts, dtype=object)
 
 
-def balanced(K: Expression, right: Expression, pivots: Pivots, weight: Array) -> tuple[Expression, Expression]:
+def balanced(
+    K: Expression, right: Expression, pivots: Pivots, weight: Array
+) -> tuple[Expression, Expression]:
     """Solve as `solve`, but let rows without a pivot count like the others, in the least-squares sense.
 
     Such rows C K_p + d depend on those with pivots up to the rounding d of a file. The solution of the rows
@@ -228,24 +230,28 @@ def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expres
     return bounds
 
 
-def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expression, ca.SX]:
+def solve_definite(
+    A: Expression, right: Expression, noise: float, least: Expression | None = None
+) -> tuple[Expression, ca.SX]:
     """Solve A X = right for a symmetric positive definite A by L D L^T.
 
     Args:
         A: Shape (n, n).
         right: Shape (n, k).
         noise: Least trusted ratio of a pivot to its diagonal entry of A.
+        least: Least trusted pivots, shape (n,), where the entries of A may be rounding.
 
     Returns:
-        X, shape (n, k), and the smallest ratio of a pivot to its diagonal entry, over `noise`.
+        X, shape (n, k), and the smallest ratio of a pivot to the least trusted one.
     """
     n = len(A)
     L, inverse, trust = zeros(n, n), [], ca.SX(np.inf)
     W, B = A.copy(), right.copy()
     for i in range(n):
         nothing = is_zero(W[i, i])
-        usual = noise * A[i, i]  # if it is 0: fmin would ignore the NaN of 0 / 0
-        trust = ca.fmin(trust, 0.0 if nothing else ca.if_else(usual > 0, W[i, i] / usual, 0.0))
+        bound = noise * A[i, i] if least is None else ca.fmax(noise * A[i, i], least[i])
+        # if it is 0: fmin would ignore the NaN of 0 / 0
+        trust = ca.fmin(trust, 0.0 if nothing else ca.if_else(bound > 0, W[i, i] / bound, 0.0))
         inverse.append(0.0 if nothing else 1.0 / W[i, i])
         for j in range(i + 1, n):
             if is_zero(W[j, i]):
@@ -281,12 +287,14 @@ class Scale:
         closed: One of `GUARD_CLOSED`.
         tiny: One of `TINY_RATE`.
         compared: Whether guards compare both ends of each loop; False where the loops have just been closed.
+        eps: Rounding of the arithmetic.
     """
 
     length: float
     closed: float
     tiny: float = TINY_RATE["float64"]
     compared: bool = True
+    eps: float = float(np.finfo("float64").eps)
 
     def weight(self, size: Any) -> Any:
         """Compute the weight of squared residuals of rates, or accelerations, of a given size."""

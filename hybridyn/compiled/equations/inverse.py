@@ -18,10 +18,20 @@ from ...spatial import Array
 from ...structure.module import Module
 from ..code.scalars import GUARD_LIMIT
 from .chains import Chain, Placed, forces, motion_map, sweep
-from .core import Core, Plan, leg_guard, motions_of, own_inertia, pick, rank_guard, write_core
-from .expressions import Expression, along, dot, is_zero, pack, symbols, times, zeros
+from .core import (
+    Core,
+    Plan,
+    leg_guard,
+    motions_of,
+    own_inertia,
+    pick,
+    rank_guard,
+    spins_of_legs,
+    write_core,
+)
+from .expressions import Expression, along, dot, is_zero, pack, plus, symbols, times, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, Scale, choose_pivots, solve, squares, weighed
-from .legs import PlatformMotion, spinning_legs, write_leg
+from .legs import PlatformMotion, write_leg
 from .request import Options
 from .rigid import classical, crf, crm, momentum, resting, to_child, to_parent
 from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
@@ -57,8 +67,9 @@ def write_inverse(
     guard = rank_guard(plan, core.rows, core.rows.guard + squares(doubts), X[:, 1:])
     if balance:
         left = dot(X[:, 1:].T, b[6:])
-        thin = plan.thin(options.thin)
-        left[thin] = _along_motions(core, plan, a)[thin]
+        u_dot = _along_motions(core, plan, a)
+        for i, spin in enumerate(plan.spinning(options.rotor)):
+            left[i] = plus(times(spin.has, left[i]), times(1.0 - spin.has, u_dot[i]))
         efforts = {"guard": ca.SX(guard), "Q of core": pack(left)}
     else:
         Psi = X[:, 1 + len(parts.spins) :]
@@ -224,7 +235,8 @@ def write_inverse_legs(
     outputs = {"b_base": pack(b[:6]), "b_delta": pack(written.wrench(dot(written.X.T, H)))}
     outputs["guard"] = ca.SX(leg_guard(plan, written))
     if motions and written.spin:
-        (spinning,), spin = written.folding.array(spinning_legs(group, options.thin)), along(written.share, a)
+        spinning, _ = spins_of_legs(plan, written, group, options.rotor)
+        spin = along(written.share, a)
         outputs["u_dot of leg"] = pack([spin])
         outputs["Q of leg"] = pack([spinning * along(written.S, H) + (1.0 - spinning) * spin])
     if driven:

@@ -13,7 +13,6 @@ S (`parts.Spin`), whose acceleration s follows from
 
 from __future__ import annotations
 
-from collections.abc import Container
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -42,8 +41,9 @@ from .expressions import (
     zeros,
 )  # fmt: skip
 from .guarded_elimination import Pivots, Scale, choose_pivots, solve, squares, weighed
-from .parts import Leg, Spin
+from .parts import Leg
 from .rigid import Link, matrix_moved, to_parent
+from .spins import Spin
 
 
 @dataclass
@@ -203,15 +203,6 @@ def write_leg(
         opened = opened + weighed([(k[:3], scale.length), (k[3:], 1.0)], platform.acceleration_weight)
     guard = squares(doubts) + (opened if scale.compared else 0.0)
     return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], leg.spin, S, share, dot(J, S), guard)
-
-
-def spinning_legs(group: tuple[Leg, ...], thin: Container[int]) -> list[Array]:
-    """Return for each leg 1 if its spin has inertia, else 0, arrays of shape (1,).
-
-    Args:
-        thin: Freedoms of the tree after the cuts that stand for spins without inertia.
-    """
-    return [np.ones(1) * (leg.spin is not None and leg.tree_v[leg.spin.col] not in thin) for leg in group]
 
 
 #: Axes of frames A and B that are perpendicular while a closure holds.

@@ -38,8 +38,9 @@ from .expressions import (
 )
 from .guarded_elimination import Pivots, Scale, choose_pivots, weighed
 from .legs import fold_links, turned_apart
-from .parts import UNFELT, Parts, Rod, is_ball, rods_of, spins_of
+from .parts import Parts, Rod, is_ball, rods_of
 from .rigid import links_of, motion_to_parent, to_parent
+from .spins import UNFELT, spins_of
 from .states import generic_positions
 
 #: Frames of a closure on its bodies: axes and origin of A, axes and origin of B.
@@ -316,8 +317,8 @@ def _closure(
     for n, n_dot in turning:
         normals.append(np.concatenate([zeros(3), n]))
         gamma.append(along(n, b.alpha - a.alpha) + along(n_dot, w))
-    sparse = turned is not None and not exact
-    rows = list(turned[1]) if sparse else [dot(n[None], relative)[0] for n in normals]
+    every = [dot(n[None], relative)[0] for n in normals]
+    rows = every if turned is None or exact else list(turned[1])
     return (
         np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
         np.array(gamma, dtype=object),

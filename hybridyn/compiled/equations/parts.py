@@ -3,13 +3,6 @@
 A leg of a group starts at the base and ends at one platform, and its closure determines all its joints from
 the platform's motion, except one idle spin. Everything else (platforms, serial joints, other loops) belongs
 to the core.
-
-Idle spins: a rod between two balls turns about its axis, which moves no output, motor or centre of mass. A
-spin is a motion of one joint about a line that is fixed in the joint's body. The closures of the loops do not
-feel it, so it is an independent motion, however the others are chosen. The motions of a module are its spins,
-and motions orthogonal to them, as the general path takes them. Where a rod's foot rests on the base, those
-need the same forces whatever accelerations the caller gives to the spins; an arm that moves turns the rod
-about its line, too, and feels them.
 """
 
 from __future__ import annotations
@@ -19,102 +12,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...assembly.free_motions import IDLE, effects
 from ...linkage.closures import TreeClosure, TreeCoupling
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import axis_frame
 from .arguments import ModuleArguments
-from .chains import motion_subspace
-from .expressions import Expression, dot, is_zero, numbers, plain, settled, snap, times, zeros
-from .rigid import TURNING, Link, aligned, links_of, momentum, moved, regrouped, ten_numbers, to_child
+from .expressions import plain, settled, snap, zeros
+from .rigid import TURNING, Link, aligned, links_of, moved, regrouped, ten_numbers
+from .spins import UNFELT, Spin, first_moment, spins_of
 
-#: A closure does not feel a motion that opens it by less than this, without units: rounding. The spin of a
-#: leg moves its mass by less, too.
-UNFELT = 1e-13
 #: Digits in which the axes of equal legs agree; the rest is rounding.
 ROUNDED_AXIS = 14
-#: Joints that may spin.
-SPINNING = ("spherical", "floating", *TURNING)
-
-
-@dataclass(frozen=True, eq=False)
-class Spin:
-    """An idle motion of one joint.
-
-    Attributes:
-        cols: Freedoms of the joint, in the tree after the cuts, a core or a leg.
-        axis: Rates of these freedoms at a spin of one.
-        share: Weights of these freedoms: the spin in a motion is their sum, 0 for motions orthogonal to it.
-    """
-
-    cols: tuple[int, ...]
-    axis: Expression
-    share: Expression
-
-    @property
-    def col(self) -> int:
-        """The freedom that stands for the spin: the others can make up for it."""
-        return self.cols[self.main]
-
-    @property
-    def main(self) -> int:
-        """The number of this freedom in the joint."""
-        return int(np.argmax(np.abs(np.array(self.axis * self.share, dtype=float))))
-
-    def taken_out(self, X: Expression) -> None:
-        """Make motions orthogonal to the spin in place, shape (n, motions)."""
-        at = list(self.cols)
-        share = dot(self.share, X[at])
-        for i, x in zip(at, self.axis, strict=True):
-            X[i] = [
-                y if is_zero(x) or is_zero(z) else y - times(x, z) for y, z in zip(X[i], share, strict=True)
-            ]
-
-    def at(self, number: dict[int, int] | Index) -> Spin:
-        """Return the spin with its freedoms numbered anew."""
-        return replace(self, cols=tuple(int(number[col]) for col in self.cols))
-
-
-def spins_of(m: Mechanism, driven: Container[int]) -> list[Spin]:
-    """Find the idle spins of a module.
-
-    Args:
-        m: Its numbers.
-        driven: Freedoms of the tree after the cuts that motors drive.
-    """
-    out: list[Spin] = []
-    if not m.closures.rows or not m.mobility:
-        return out
-    K = m.reduction.scaled(m.generic_K)
-    motion = m.tree.sweep(m.postures)
-    moved = effects(m, motion)
-    for i, (joint, at) in enumerate(zip(m.tree.joints, m.tree.v_slices, strict=True)):
-        cols, unit = range(at.start, at.stop), m.reduction.col_scale[at]
-        if joint.kind not in SPINNING or i in m.spec.platforms or any(col in driven for col in cols):
-            continue
-        _, s, Vt = np.linalg.svd(K[:, :, at].reshape(-1, len(cols)))
-        axis = snap(Vt[-1] * np.sign(Vt[-1][np.argmax(np.abs(Vt[-1]))]))
-        alone = len(cols) == 1 or s[-2] > IDLE
-        if (
-            s[-1] <= UNFELT * np.sqrt(len(K))
-            and alone
-            and np.abs(moved[:, :, at] @ (unit * axis)).max(initial=0.0) <= IDLE
-        ):
-            out.append(Spin(tuple(cols), unit * axis, axis / unit))
-    return out
-
-
-def first_moment(spin: Spin, links: Sequence[Link]) -> Expression:
-    """Compute how far a spin of one moves the mass of its body and of slides on it, shape (3 bodies,)."""
-    ends = np.cumsum([0, *(link.nv for link in links)]).tolist()
-    first = ends.index(spin.cols[0])
-    twists = {first + 1: dot(motion_subspace(links[first]), numbers(spin.axis))}
-    for i, link in enumerate(links):
-        if link.kind == "prismatic" and link.parent in twists:
-            twists[i + 1] = to_child(numbers(link.R), numbers(link.p), twists[link.parent])
-    return np.concatenate([momentum(numbers(links[i - 1].inertia), V)[:3] for i, V in twists.items()])
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ from .core import Plan, path_of, plan_module
 from .expressions import Expression, settled
 from .parts import Parts, parts_of
 from .rigid import ten_expressions, ten_numbers
+from .spins import ROUNDED_SPIN
 from .states import generic_positions
 
 
@@ -262,8 +263,6 @@ class Options:
         measures: Whether the forces along motions without a motor, of this module or of one below it, are
             compared with the size of all their terms, also of those of the modules above.
         measured: Whether a module below it does.
-        thin: Freedoms that stand for spins without inertia, which get no acceleration: they are excepted
-            where forces are balanced.
         massless: Whether some motion of the module has no inertia; the general path then computes it.
         usual: Largest inertia that each freedom moves with all other joints locked, for the direct model of a
             module without loops that carries others; else empty.
@@ -280,7 +279,6 @@ class Options:
     laws: tuple[int, ...] = ()
     measures: bool = False
     measured: bool = False
-    thin: tuple[int, ...] = ()
     massless: bool = False
     usual: tuple[float, ...] = ()
 
@@ -291,15 +289,12 @@ def direct_options(request: Request, k: int) -> Options:
         _of_all(request, k),
         motors=_forced(request, k),
         massless=_massless(request, k),
-        thin=_thin(request, k),
         usual=_usual(request, k),
     )
 
 
 #: Inertia along a motion over that of all joints that is rounding of the motion itself, squared.
 ROUNDED_MOTION = 1e-24
-#: Inertia of a spin over the largest of a joint of its module that is rounding.
-ROUNDED_INERTIA = 1e-14
 
 
 def _massless(request: Request, k: int) -> bool:
@@ -313,7 +308,7 @@ def _massless(request: Request, k: int) -> bool:
     motion, rotor = m.tree.sweep(m.postures[:1]), np.array(request.rotor(request.robot.modules[k]))
     Psi = m.basis(m.closures.matrix(motion)).Psi[0]
     motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0]
-    thin = _spins(request, k, _thin(request, k)) / m.reduction.col_scale[:, None]
+    thin = _thin(request, k) / m.reduction.col_scale[:, None]
     if thin.size:
         motions = np.linalg.svd(motions - thin @ (thin.T @ motions))[0][:, : m.mobility - thin.shape[1]]
     motions = motions * m.reduction.col_scale[:, None]
@@ -327,24 +322,22 @@ def _massless(request: Request, k: int) -> bool:
     return bool(values[0] <= max(MASSLESS_MOTION * values[-1], ROUNDED_MOTION * float(np.trace(free))))
 
 
-def _spins(request: Request, k: int, freedoms: Sequence[int]) -> Array:
-    """Return the spins for which freedoms stand as motions of the tree after the cuts, shape (n, spins)."""
-    spins = {spin.col: spin for spin in request.plans[k].parts.idle}
-    out = np.zeros((request.plans[k].mechanism.tree.nv, len(freedoms)))
-    for i, col in enumerate(freedoms):
-        out[list(spins[col].cols), i] = spins[col].axis
-    return out
+def _thin(request: Request, k: int) -> Array:
+    """Return the spins of module k without inertia, as motions of the tree after the cuts, shape (n, spins).
 
-
-def _thin(request: Request, k: int) -> tuple[int, ...]:
-    """Return `Options.thin` of module k: what is left of the inertia of these spins is rounding."""
-    m, cols = request.plans[k].mechanism, tuple(spin.col for spin in request.plans[k].parts.idle)
-    if request.on.leg_inertia is None:
-        return cols
-    spins, unit = _spins(request, k, cols), m.reduction.col_scale
-    M = m.legs.crba(m.postures[:1])[0, 6:, 6:] + np.diag(request.rotor(request.robot.modules[k]))
-    left, largest = np.einsum("ik,ij,jk->k", spins, M, spins), (np.diag(M) * unit**2).max(initial=0.0)
-    return tuple(np.array(cols, dtype=int)[left <= ROUNDED_INERTIA * largest].tolist())
+    Those of the file decide, also where arguments change them.
+    """
+    m, spins = request.plans[k].mechanism, request.plans[k].parts.idle
+    rotor, turned = np.array(request.rotor(request.robot.modules[k])), m.turned_inertia
+    M = m.legs.crba(m.postures[:1])[0, 6:, 6:] + np.diag(rotor)
+    out: list[Array] = []
+    for spin in spins:
+        motion = np.zeros(m.tree.nv)
+        motion[list(spin.cols)] = spin.axis
+        reference = turned[list(spin.cols)].max() or turned.max() or 1.0
+        if motion @ M @ motion <= ROUNDED_SPIN * request.plans[k].scale.eps * reference:
+            out.append(motion)
+    return np.array(out).reshape(len(out), m.tree.nv).T
 
 
 def inverse_options(request: Request, k: int) -> Options:
@@ -367,7 +360,7 @@ def inverse_options(request: Request, k: int) -> Options:
 
 def balance_options(request: Request, k: int) -> Options:
     """Return the options of the forces left in module k: all efforts are laws, and no motor is solved for."""
-    return replace(_of_all(request, k), laws=_forced(request, k), thin=_thin(request, k))
+    return replace(_of_all(request, k), laws=_forced(request, k))
 
 
 def _forced(request: Request, k: int) -> tuple[int, ...]:

@@ -13,7 +13,7 @@ from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
-from .parts import spins_of
+from .spins import spins_of
 
 
 def generic_positions(module: Module) -> Array:

@@ -102,15 +102,7 @@ class _Sweeps(Sweeps):
     def _legs_outwards(self, calls: ModuleCalls, n: int) -> tuple[tuple[Leg, ...], Stages, Source]:
         """Add the inertias and biases of a group of legs, summed by platform; return it and its numbers."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
-        key = (
-            "ddm of legs",
-            id(plan),
-            n,
-            options.base is None,
-            options.velocity,
-            options.rotor,
-            options.thin,
-        )
+        key = ("ddm of legs", id(plan), n, options.base is None, options.velocity, options.rotor)
         stages, table = self.w.once(key, write_direct_legs, plan, n, options)
         numbers = self.w.numbers(table, plan.column)
         legs = Stages(self.w, key, stages, LEG_PARTS, len(group))

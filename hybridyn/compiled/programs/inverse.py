@@ -123,7 +123,7 @@ class _Sweeps(Sweeps):
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
         lawful, driven = group[0].among(options.laws), group[0].among(options.motors)
         more_of = options.velocity, options.rotor, tuple(lawful), tuple(driven)
-        key = ("idm of legs", id(plan), n, options.base, options.thin, *more_of)
+        key = ("idm of legs", id(plan), n, options.base, *more_of)
         stages, table = self.w.once(key, write_inverse_legs, plan, n, options, motions=self.motors)
         more: Ports = {"numbers": self.w.numbers(table, plan.column)}
         more |= calls.spin_ports(n) if self.motors else {}

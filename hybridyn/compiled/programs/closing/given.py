@@ -27,7 +27,7 @@ from ....structure.samples import as_batch, same_samples
 from .extended import extended
 
 if TYPE_CHECKING:
-    from ...equations.parts import Spin
+    from ...equations.spins import Spin
 
 #: Kinds of prescribed numbers: a length or an angle, an angle up to whole turns, a pose (7 numbers).
 NUMBER, ANGLE, POSE = 0, 1, 2
@@ -390,7 +390,7 @@ def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | No
 
 def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
     """Return the idle spins of a module that neither loops nor targets determine."""
-    from ...equations.parts import UNFELT, spins_of
+    from ...equations.spins import UNFELT, spins_of
 
     m, unit = module.mechanism, problem.col_scale
     K = problem.matrix(m.tree.sweep(m.postures))

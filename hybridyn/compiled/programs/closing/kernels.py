@@ -38,7 +38,7 @@ from ...equations.guarded_elimination import (
     weighed,
 )
 from ...equations.idle import least_norm
-from ...equations.parts import Spin
+from ...equations.spins import Spin
 from ...equations.states import generic_positions, seen_postures
 from ..close import drift
 from ..loop_kernels import Kernel

@@ -23,8 +23,8 @@ from ...code.library_source import Source, library_source
 from ...code.scalars import GUARD_LIMIT, Scalar
 from ...comparing import States, compare_at_states, random_states
 from ...equations.guarded_elimination import TRUSTED_PIVOT
-from ...equations.parts import spins_of
 from ...equations.request import Request, request
+from ...equations.spins import spins_of
 from ...equations.states import any_accelerations
 from ...failures import as_compile_error
 from ...library.artifact import Artifact
