@@ -58,8 +58,8 @@ def load(
             the files do not state.
 
     Warnings in the log "hybridyn" name physics of the files that is dropped (notes with "drops"), signs of
-    loops that the files do not state, moving links without mass, and modules whose motors lose a direction in
-    every posture.
+    loops that the files do not state, moving links without mass, modules whose motors lose a direction in
+    every posture, and loops that are open at home.
 
     Raises:
         ModelError: The files are wrong or not supported, or do not determine the rank of a module; or there
@@ -148,7 +148,7 @@ def _built(description: Description, **options: Any) -> HybridRobot:
 
 
 def _warn(robot: HybridRobot) -> None:
-    """Log dropped physics, signs of lost loops and masses, and modules that are singular everywhere, once."""
+    """Log dropped physics, lost loops and masses, open loops, and modules that are singular everywhere."""
     from .assembly.motor_share import architecturally_singular
     from .description.names import drops
 
@@ -160,6 +160,26 @@ def _warn(robot: HybridRobot) -> None:
             warn("module '%s': %s", module.name, decided, log="hybridyn.rank")
         if singular := architecturally_singular(module):
             warn("module '%s' is %s", module.name, singular)
+
+    if opened := _open_at_home(robot):
+        warn("robot '%s': %s", robot.name, opened)
+
+
+def _open_at_home(robot: HybridRobot) -> str:
+    """Say by how much loops are open at the home posture, "" if they are closed."""
+    from .assembly.task import residuals
+
+    open_by = [(float(abs(x).max()), module) for module, x in residuals(robot, robot.home[None])]
+    opened = [(size, module) for size, module in open_by if size > robot.closure_tolerance]
+    if not opened:
+        return ""
+    size, module = max(opened, key=lambda one: one[0])
+    others = f" and those of {len(opened) - 1} others" if len(opened) > 1 else ""
+    return (
+        f"the loops of module '{module.name}'{others} are open at home, by up to {size:.2g} of its size "
+        f"({module.mechanism.length:.4g} m), limit {robot.closure_tolerance:g}: what starts at home "
+        "assembles first, perhaps on another branch; 'hybridyn home --write' finds a closed posture"
+    )
 
 
 def of_files(description: Description) -> list[str]:

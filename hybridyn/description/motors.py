@@ -20,7 +20,7 @@ MEND = "To drive other joints, name them: motors=[..], --motors, or motors = [..
 
 #: Couplings are dependent below this singular value, where factors are at most 1, and hold a joint that the
 #: motions they leave move by less.
-STILL = 1e-9
+COUPLED = 1e-9
 
 #: The rule for a tree whose files name no motor.
 EVERY_JOINT = "every joint, because there is no closure and no file names motors"
@@ -69,8 +69,8 @@ def moved_by(driven: Iterable[str], couplings: Sequence[Coupling]) -> set[str]:
             if name not in moved and size:
                 row[left.index(name)] += factor / size
     s, Vt = np.linalg.svd(K)[1:]
-    open_motions = np.abs(Vt[int((s > STILL).sum()) :]).max(axis=0, initial=0.0)
-    return moved | {name for name, most in zip(left, open_motions, strict=True) if most <= STILL}
+    open_motions = np.abs(Vt[int((s > COUPLED).sum()) :]).max(axis=0, initial=0.0)
+    return moved | {name for name, most in zip(left, open_motions, strict=True) if most <= COUPLED}
 
 
 def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:

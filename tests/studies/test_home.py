@@ -190,6 +190,19 @@ def test_commands_say_where_they_start(
         assert line in call(capsys, "idm", file, table).err
 
 
+def test_every_command_says_that_home_is_open(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    table = save(tmp_path, "time,drive/position\n" + "".join(f"{t / 10},0\n" for t in range(8)), "drive.csv")
+    commands = [("info",), ("home",), ("home", "--write"), ("idm", table), ("info",)]
+    for number, (command, *words) in enumerate(commands):
+        caplog.clear()
+        call(capsys, command, file, *words)
+        told = [text for text in caplog.messages if "are open at home" in text]
+        assert len(told) == (number < 3), command
+        assert all("module 'left'" in text and "limit 0.0001" in text for text in told), told
+
+
 def test_a_posture_within_limits_is_written_unless_another_is_asked_for(
     file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,11 +26,11 @@ from .finding import Finding
 from .subject import Subject
 
 #: Axes are parallel if the sine of their angle is below this; files keep four digits and more.
-PARALLEL = 1e-3
+SAME_AXIS = 1e-3
 #: Fewest hinges of a loop that must be parallel for another one to be called wrong.
 FEWEST = 2
 #: Ends of two closures are in the same place if they differ by less than this part of the robot's size.
-SAME_PLACE = 1e-6
+SAME_END = 1e-6
 
 
 class _Hinge(NamedTuple):
@@ -104,7 +104,7 @@ def _odd(across: _Hinge, others: list[_Hinge]) -> bool:
 
 
 def _parallel(a: Array, b: Array) -> bool:
-    return float(np.linalg.norm(np.cross(a, b))) < PARALLEL
+    return float(np.linalg.norm(np.cross(a, b))) < SAME_AXIS
 
 
 def _across(subject: Subject, across: _Hinge, others: list[_Hinge], poses: dict[str, Array]) -> Finding:
@@ -194,4 +194,4 @@ def _same(first: Array, second: Array, closure: Closure, size: float) -> bool:
     if closure.rotation != "free" and not _parallel(apart[:3, 2], np.array([0.0, 0.0, 1.0])):
         return False
     held = apart[list(closure.translations), 3]
-    return bool(np.abs(held).max(initial=0.0) < SAME_PLACE * max(size, np.finfo(float).tiny))
+    return bool(np.abs(held).max(initial=0.0) < SAME_END * max(size, np.finfo(float).tiny))
