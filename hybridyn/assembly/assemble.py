@@ -2,6 +2,7 @@
 
 The modules are solved in order from the base. The given motors and poses of a module and its closures form a
 Newton problem on its tree after the cuts. The positions of cut wrists follow from the bodies they connect.
+Poses through several modules couple these (`chain`).
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -10,24 +11,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import HybridynError, TrajectoryError
-from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
-from ..linkage.newton import LoopProblem, close
-from ..linkage.reduction import Block
-from ..linkage.targets import PoseTarget
-from ..linkage.tree import Motion, Tree
+from ..linkage.newton import LoopProblem
+from ..linkage.tree import Motion
 from ..spatial import Array
-from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot, joint_position
 from ..threads import one_thread
+from .chain.coupling import chains_of
+from .chain.solve import assemble_chain
 from .follow import follow
-from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies, units_of_pose
+from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies
 from .requests import Requests, first_guess, gather_requests, home_requests
-from .task import Task, check_agreement, check_bounded, module_task
+from .spanning import settled, spanning_states
+from .task import check_agreement, check_bounded, module_task
 
-#: Closures with a larger relative residual are closed once more, with all freedoms free.
-SETTLED = 1e-14
 #: Samples of equal modules that are assembled at once: more take memory and save no time.
 MOST_TOGETHER = 2000
 
@@ -56,9 +54,11 @@ def assemble(
             (4, 4) or (T, 4, 4), or a `pin.SE3`. The twist, shape (T, 6), holds the velocity of the link's
             origin and its angular velocity relative to the other link, in the other link's axes. The
             acceleration holds their time derivatives (classical). For a partial pose (the paper's v_r), each
-            is a mapping from some of x, y, z, roll, pitch, yaw to numbers or shapes (T,). For a moving or
+            is a mapping from some of x, y, z, roll, pitch, yaw to numbers or shapes (T,); an orientation may
+            also be qx, qy, qz, qw or rx, ry, rz (axis times angle), with rates wx, wy, wz. For a moving or
             floating base, the root link's name stands for the pose of the base in the world (at rest by
-            default).
+            default). A pose may go through several modules; where these have more freedoms than it
+            prescribes, their motors move least from row to row, each measured by its range.
         guess: Initial posture, shape (nq,). If it closes the loops to 1e-3 module lengths, all that is given
             moves straight from there to the first sample, on the guess's assembly branch. From another one,
             and from the home posture, which is the default, the first sample is on that branch if the branch
@@ -112,13 +112,18 @@ def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> t
     T = requests.samples
     q, v, a = np.tile(guess, (T, 1)), np.zeros((T, robot.nv)), np.zeros((T, robot.nv))
     place_base(robot, requests, q, v, a)
-    assemble_by = _kind_by_kind if on_own_bases(requests, robot) else _one_by_one
-    assemble_by(robot, requests, range(1 if robot.base == "floating" else 0, len(robot.modules)), q, v, a)
+    alone, chains = chains_of(robot, requests)
+    coupled = {k for chain in chains for k in chain.modules}
+    numbers = [k for k in range(1 if robot.base == "floating" else 0, len(robot.modules)) if k not in coupled]
+    assemble_by = _kind_by_kind if on_own_bases(alone, robot) else _one_by_one
+    assemble_by(robot, alone, numbers, q, v, a)
+    for chain in chains:
+        assemble_chain(robot, requests, chain, q, v, a)
     return q, v, a
 
 
 def _kind_by_kind(
-    robot: HybridRobot, requests: Requests, numbers: range, q: Array, v: Array, a: Array
+    robot: HybridRobot, requests: Requests, numbers: Sequence[int], q: Array, v: Array, a: Array
 ) -> None:
     """Assemble modules that need no other one, equal ones together."""
     kinds: dict[object, list[tuple[Module, ModuleRequest]]] = {}
@@ -133,12 +138,17 @@ def _kind_by_kind(
             _assemble_equal(robot, equal[i : i + together], q, v, a)
 
 
-def _one_by_one(robot: HybridRobot, requests: Requests, numbers: range, q: Array, v: Array, a: Array) -> None:
-    """Assemble modules in order from the base, each from the motions of the bodies before it."""
+def _one_by_one(
+    robot: HybridRobot, requests: Requests, numbers: Sequence[int], q: Array, v: Array, a: Array
+) -> None:
+    """Assemble modules in order from the base, each from the motions of the bodies before it.
+
+    Modules that are not among them stay as they are: no pose is relative to a body that they move.
+    """
     bodies = {0: Motion.at_rest(len(q))}
-    for k in numbers:
-        module = robot.modules[k]
-        _assemble_modules(robot, [(module, module_request(requests, robot, k, bodies))], q, v, a)
+    for k, module in list(enumerate(robot.modules))[1 if robot.base == "floating" else 0 :]:
+        if k in numbers:
+            _assemble_modules(robot, [(module, module_request(requests, robot, k, bodies))], q, v, a)
         motion = module.mechanism.spanning.sweep(
             q[:, module.q_index], v[:, module.v_index], a[:, module.v_index]
         )
@@ -184,61 +194,10 @@ def _assemble_modules(
     x = settled(m, x)
     placed = m.tree.sweep(x)
     x_dot, x_ddot = _rates_and_accelerations(module, task.problem, request, x, placed)
-    target = m.tree.sweep(x, x_dot, x_ddot, placed)
-    qk = spanning_positions(module, x, target, guess, trajectories=len(parts))
-    vk, ak = m.cut.to_spanning(x_dot), m.cut.to_spanning(x_ddot)
-    m.wrists.recover(qk, vk, None, target)
-    m.wrists.recover(qk, vk, ak, target)
+    motion = m.tree.sweep(x, x_dot, x_ddot, placed)
+    qk, vk, ak = spanning_states(module, (x, x_dot, x_ddot), motion, guess, trajectories=len(parts))
     for robots, own, index in ((q, qk, q_index), (v, vk, v_index), (a, ak, v_index)):
         robots[:, index] = own.reshape(len(parts), len(q), -1).swapaxes(0, 1)
-
-
-def spanning_positions(
-    module: Module, x: Array, target: Motion, guess: Array, *, trajectories: int = 0
-) -> Array:
-    """Compute positions of the spanning tree, including the wrists that connect ends with their targets.
-
-    Args:
-        x: Positions of the tree after the cuts, shape (T, its nq).
-        target: Motion of that tree.
-        guess: Posture near the first sample, shape (nq,), or one near each sample, shape (T, nq).
-        trajectories: Number K of trajectories of equal length, one after the other in `x`; if it is not zero,
-            `guess` holds a posture near the first sample of each, shape (K, nq).
-    """
-    m = module.mechanism
-    samples = len(x) // trajectories if trajectories else 1
-    q = np.empty((len(x), m.spanning.nq))
-    q[:] = np.repeat(guess, samples, axis=0) if trajectories else guess
-    m.cut.positions_to_spanning(x, q)
-    for number, wrist in enumerate(m.spec.wrists):
-        tree = Tree(list(m.wrists.joints(number)))
-        end = target.of_body(m.cut.tree_body(wrist.target)).then(Motion.at_rest(len(x), wrist.R, wrist.p))
-        first = m.spanning.joints[wrist.joints[0]].parent
-        relative = end.seen_from(target.of_body(m.cut.tree_body(first)))
-        goal = PoseTarget(len(tree.joints), relative, units_of_pose(m))
-        free = np.ones(tree.nv, dtype=bool)
-        none, units = Closures(tree, [], []), m.spanning_col_scale[m.wrists.columns(number)]
-        blocks = [Block(np.arange(6), np.arange(tree.nv))]
-        problem = LoopProblem(none, np.zeros(0), units, free, [goal], tree.nv, blocks)
-        name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
-        at = m.wrists.positions(number)
-        task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6)
-        if trajectories or guess.ndim == 1:
-            q[:, at] = follow(task, guess[..., at], keep_branch=False)[0]
-        else:
-            q[:, at] = task.solve(guess[:, at], np.arange(len(x))).q
-    return q
-
-
-def settled(m: Mechanism, x: Array) -> Array:
-    """Close loops to rounding where targets contradict them within the tolerance, shape (T, nq)."""
-    r, everything = m.reduction, np.ones(m.tree.nv, dtype=bool)
-    loops = LoopProblem(m.closures, r.row_scale, r.col_scale, everything, (), r.rank)
-    open_by = np.abs(loops.residual(x, np.arange(len(x)))).max(axis=1, initial=0.0)
-    bent = np.flatnonzero(open_by > SETTLED)
-    if len(bent):
-        x[bent] = close(loops, x[bent]).q
-    return x
 
 
 def _rates_and_accelerations(

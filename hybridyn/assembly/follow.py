@@ -5,16 +5,21 @@ Newton prediction, from which a change of branch deviates. A step that is too lo
 divided into smaller ones.
 """
 
-from dataclasses import replace
+from __future__ import annotations
+
+from typing import TypeVar
 
 import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
-from ..linkage.newton import SETTLED, STALLED, Closed, close
-from ..linkage.targets import CoordinateTarget, pairwise
+from ..linkage.newton import SETTLED, STALLED, Closed
+from ..linkage.targets import pairwise
 from ..spatial import Array, Index, Mask
-from .shortfall import shortfall
+from .chain.task import ChainTask
 from .task import Task
+
+#: The task of a module, or of a chain of modules.
+AnyTask = TypeVar("AnyTask", Task, ChainTask)
 
 #: Largest deviation of a step between samples from its prediction, relative to it, plus `SMALL_STEP`.
 SAME_BRANCH = 0.25
@@ -38,7 +43,9 @@ FINEST = 4096
 COARSEST = 16
 
 
-def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool = False) -> tuple[Array, Task]:
+def follow(
+    task: AnyTask, guess: Array, *, keep_branch: bool = True, strict: bool = False
+) -> tuple[Array, AnyTask]:
     """Compute a posture for every sample, on the branch of the previous one; the first on that of the guess.
 
     Args:
@@ -62,7 +69,7 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool =
     starts = T * np.arange(len(guess))
     task = task.headed(guess[:1], starts[:1])
     q[starts] = _first_postures(task, guess, starts, strict)
-    last, chunk = 0, T
+    last, chunk = 0, 1 if task.redundant else T
     task = task.headed(q[:1], starts[:1])
     while last < T - 1:
         stop = min(T, last + 1 + chunk)
@@ -70,7 +77,7 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool =
         q[samples], good = _coarse_to_fine(task, q[starts + last], samples)
         task = task.headed(q[last:stop], samples[0])
         pairs, steady = samples[:, :-1].ravel(), good[:, 1:].ravel()
-        steady &= ~_mirrored(task, q, pairs + 1)
+        steady &= ~task.mirrored(q[pairs + 1], pairs + 1)
         if keep_branch:
             steady &= _steps_as_predicted(task, q, pairs)
         bad = pairs[~steady]
@@ -82,26 +89,15 @@ def follow(task: Task, guess: Array, *, keep_branch: bool = True, strict: bool =
             off /= task.problem.col_scale
             q[pair + 1], before = walked, np.abs(off).max(initial=0.0)
             if before > SMALL_STEP:
-                last, chunk = int(pair) + 1, 64
+                last, chunk = int(pair) + 1, 1 if task.redundant else 64
                 task = task.headed(q[pair : pair + 2], np.array([pair, pair + 1]))
                 break
         else:
-            last, chunk = stop - 1, 4 * chunk
+            last, chunk = stop - 1, chunk if task.redundant else 4 * chunk
     return q, task
 
 
-def _mirrored(task: Task, q: Array, samples: Index) -> Mask:
-    """Check which samples take an angle in the other of its triples: there it is not the prescribed one."""
-    out = np.zeros(len(samples), dtype=bool)
-    targets = [t for t in task.problem.targets if isinstance(t, CoordinateTarget) and t.turns]
-    if targets:
-        motion = task.problem.tree.sweep(q[samples])
-        off = [np.abs(t.residual(motion, samples) / t.units).max(axis=1) for t in targets]
-        out = np.max(off, axis=0) > task.tolerance
-    return out
-
-
-def _first_postures(task: Task, guess: Array, starts: Index, strict: bool) -> Array:
+def _first_postures(task: AnyTask, guess: Array, starts: Index, strict: bool) -> Array:
     """Compute the postures reached from guesses at the samples where trajectories start, (K, nq), (K,).
 
     Each is the end of a continuous path from the guess on its own assembly branch. If there is no such path,
@@ -109,8 +105,7 @@ def _first_postures(task: Task, guess: Array, starts: Index, strict: bool) -> Ar
     """
     tree = task.problem.tree
     result = _solved(task, guess, starts)
-    loops = replace(task.problem, targets=())
-    strict = strict and bool(np.abs(loops.residual(guess, starts)).max(initial=0.0) <= NEARLY_CLOSED)
+    strict = strict and task.open_by(guess) <= NEARLY_CLOSED
     if strict or task.closed(result).all():
         return _on_branch_of(task, guess, result, starts, strict)
     _only_alone(guess)
@@ -137,23 +132,18 @@ def _only_alone(guess: Array) -> None:
         raise AssemblyError("one of several trajectories has to be followed alone")
 
 
-def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, strict: bool) -> Array:
+def _on_branch_of(task: AnyTask, guess: Array, result: Closed, starts: Index, strict: bool) -> Array:
     """Return the ends of the straight motions from guesses to the first samples, shape (K, nq).
 
     If the branch of a guess ends before, it is an error where `strict`, else the result.
     """
-    problem, found = task.problem, result.q.copy()
-    free = np.ones(problem.tree.nv, dtype=bool)
-    loops = replace(problem, free=free, targets=(), rank=None, blocks=())
-    start = close(loops, guess)
+    found, start = result.q.copy(), task.closed_near(guess)
     if (start.residual > task.tolerance).any():
         _only_alone(guess)
         if strict:
             raise _unreachable(task, result, 0)
         return found
-    motion, known = problem.tree.sweep(start.q), pairwise(start.q, task.known[starts])
-    targets = [t.from_here(motion, starts) for t in problem.targets]
-    way = task._replace(problem=replace(problem, targets=targets), known=known)
+    way = task.from_here(start.q, starts)
     steady = _steps_as_predicted(way, pairwise(start.q, found), 2 * np.arange(len(guess)))
     closed = task.closed(result)
     for k in np.flatnonzero(~(steady & closed)):
@@ -167,7 +157,7 @@ def _on_branch_of(task: Task, guess: Array, result: Closed, starts: Index, stric
     return found
 
 
-def _unreachable(task: Task, result: Closed, sample: int, lacking: float = 0.0) -> AssemblyError:
+def _unreachable(task: AnyTask, result: Closed, sample: int, lacking: float = 0.0) -> AssemblyError:
     """Build the error for a sample that no start closes, from the best of several starts.
 
     The row that is named is the one that is most open there.
@@ -186,7 +176,7 @@ def _unreachable(task: Task, result: Closed, sample: int, lacking: float = 0.0) 
     rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
     worst = task.row_names[int(np.argmax(np.abs(rows)))]
     return AssemblyError(
-        f"module '{task.module}', {worst}: the loops do not close{AT_SAMPLE}: {why} after "
+        f"{task.label}, {worst}: the loops do not close{AT_SAMPLE}: {why} after "
         f"{result.iterations} iterations. The target is out of reach, or contradicts another one; move it, "
         "or give a better guess",
         module=task.module,
@@ -197,7 +187,7 @@ def _unreachable(task: Task, result: Closed, sample: int, lacking: float = 0.0) 
     )
 
 
-def _solved(task: Task, starts: Array, samples: Index) -> Closed:
+def _solved(task: AnyTask, starts: Array, samples: Index) -> Closed:
     """Close the loops of samples from starts.
 
     Raises:
@@ -206,19 +196,19 @@ def _solved(task: Task, starts: Array, samples: Index) -> Closed:
     result = task.solve(starts, samples, enough=STALLED)
     if task.closed(result).all():
         return result
-    lacking = shortfall(task, starts, samples)
+    lacking = task.lacking(starts, samples)
     if not lacking.any():
         return task.solve(starts, samples)
     first, start = samples[:1], result.q
     if len(samples) > 1:  # the first of the whole task is named
-        lacking = shortfall(task, np.tile(starts[:1], (len(task.known), 1)), np.arange(len(task.known)))
+        lacking = task.lacking(np.tile(starts[:1], (len(task.known), 1)), np.arange(len(task.known)))
         first, start = np.flatnonzero(lacking > 0.0)[:1], starts[:1]
         lacking = lacking[first]
     result = task.solve(start, first, enough=SETTLED)  # the error tells the least residual
     raise _unreachable(task, result, int(first[0]), float(lacking[0]))
 
 
-def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Mask]:
+def _coarse_to_fine(task: AnyTask, start: Array, samples: Index) -> tuple[Array, Mask]:
     """Solve all samples after a known first one: some, then all, from starts interpolated between them.
 
     Args:
@@ -242,7 +232,7 @@ def _coarse_to_fine(task: Task, start: Array, samples: Index) -> tuple[Array, Ma
     return q, good
 
 
-def _interpolated(task: Task, q: Array, have: Index, todo: Index) -> tuple[Array, Array]:
+def _interpolated(task: AnyTask, q: Array, have: Index, todo: Index) -> tuple[Array, Array]:
     """Interpolate starts between solved samples: cubic from four neighbours, lower order if there are fewer.
 
     Returns:
@@ -267,7 +257,7 @@ def _interpolated(task: Task, q: Array, have: Index, todo: Index) -> tuple[Array
     return before, step
 
 
-def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
+def _steps_as_predicted(task: AnyTask, q: Array, samples: Index) -> Mask:
     """Check for each sample whether the step to the next agrees with the Newton prediction.
 
     The rows are compared with those at the sample itself, before the given joints move: these alone may turn
@@ -282,7 +272,7 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
     out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL_STEP
-    if problem.closures.rows:
+    if problem.has_loops:
         given = tree.difference(q[samples], start) / problem.col_scale
         out &= np.abs(given).max(axis=1, initial=0.0) <= FARTHEST
     rest = np.flatnonzero(out & (size > SMALL_STEP))
@@ -293,10 +283,10 @@ def _steps_as_predicted(task: Task, q: Array, samples: Index) -> Mask:
     return out
 
 
-def _next(task: Task, q: Array, sample: int, keep_branch: bool) -> Array:
+def _next(task: AnyTask, q: Array, sample: int, keep_branch: bool) -> Array:
     """Compute the posture of the next sample, on the branch of a sample or, unless kept, on any."""
     there = np.array([sample + 1])
-    if keep_branch and not shortfall(task, q[None], there).any():
+    if keep_branch and not task.lacking(q[None], there).any():
         q, whole = _walk(task, q, sample)
         if whole:
             return q
@@ -306,7 +296,7 @@ def _next(task: Task, q: Array, sample: int, keep_branch: bool) -> Array:
     return np.asarray(result.q[0])
 
 
-def _joined(task: Task, q: Array, end: Array, sample: int) -> bool:
+def _joined(task: AnyTask, q: Array, end: Array, sample: int) -> bool:
     """Return whether `PARTS` steps, all as predicted, join a sample's posture and one of the next, (nq,)."""
     tree, fractions = task.problem.tree, np.arange(PARTS + 1) / PARTS
     way = task.between(sample, fractions)
@@ -320,7 +310,7 @@ def _joined(task: Task, q: Array, end: Array, sample: int) -> bool:
     )
 
 
-def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> tuple[Array, bool]:
+def _walk(task: AnyTask, q: Array, sample: int, finest: bool = False) -> tuple[Array, bool]:
     """Follow the branch from a sample to the next, with steps as long as predictions hold.
 
     Args:
@@ -334,7 +324,7 @@ def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> tuple[Arra
     while done < 1.0:
         step = min(step, 1.0 - done)
         way = task.between(sample, np.array([done, done + step]))
-        result = way.solve(q[None], np.array([1]))
+        result: Closed = way.solve(q[None], np.array([1]))
         if way.closed(result)[0] and _steps_as_predicted(way, np.stack([q, *result.q]), np.zeros(1, int))[0]:
             q, done, step, longer = result.q[0], done + step, longer * step, 2
             task = task.headed(q[None], np.array([sample]), on=False)
@@ -347,12 +337,12 @@ def _walk(task: Task, q: Array, sample: int, finest: bool = False) -> tuple[Arra
     return q, True
 
 
-def _lost(task: Task, result: Closed, sample: int, start: str) -> AssemblyError:
+def _lost(task: AnyTask, result: Closed, sample: int, start: str) -> AssemblyError:
     """Build the error for a sample to which no branch leads from a start, from what Newton found there."""
     if not task.closed(result)[0]:
         return _unreachable(task, result, sample)
     return AssemblyError(
-        f"module '{task.module}': no continuous motion leads to the posture{AT_SAMPLE} {start}: it would "
+        f"{task.label}: no continuous motion leads to the posture{AT_SAMPLE} {start}: it would "
         "jump to another assembly branch. Go there by a way that avoids the singularity between them",
         module=task.module,
         sample=sample,

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..description.groups import Groups
+from ..linkage.newton import LoopProblem
 from ..linkage.tree import Motion
 from ..spatial import Array, Index
-from .task import Task
 
 #: Joints whose bodies share a point, and whether they share an axis.
 _SHARED = {"revolute": True, "continuous": True, "spherical": False}
@@ -46,33 +46,37 @@ class _Corner:
         return replace(self, bodies=self.bodies[::-1], points=self.points[::-1], axes=self.axes[::-1])
 
 
-def shortfall(task: Task, q: Array, samples: Index) -> Array:
+def shortfall(
+    problem: LoopProblem, q: Array, samples: Index, given: Sequence[int], tolerance: float
+) -> Array:
     """Compute the length that a module's loops lack to close in any posture, as far as polygons prove it.
 
     Args:
-        q: Any positions, shape (T, nq).
-        samples: Index of each into the task's samples, shape (T,).
+        problem: The module's rows.
+        q: Positions, shape (T, nq), of which those of the given joints count.
+        samples: Index of each into the targets' samples, shape (T,).
+        given: Indices of the joints whose positions are given.
+        tolerance: Largest scaled residual of a closed posture.
 
     Returns:
         Shape (T,), [m]; zero where nothing is proven.
     """
-    tree = task.problem.tree
-    q = task.with_known(q, samples)
+    tree = problem.tree
     motion = tree.sweep(q)
     whole: Groups[int] = Groups()
-    for joint in task.given:
+    for joint in given:
         whole.join(tree.joints[joint].parent, joint + 1)
-    corners = [*_of_targets(task, motion, whole, samples), *_of_loops(task, motion, whole)]
+    corners = [*_of_targets(problem, motion, whole, samples), *_of_loops(problem, motion, whole)]
     out = np.zeros(len(q))
     for loop in _loops(whole.of(0), corners):
-        out = np.maximum(out, _lacking(loop, task.tolerance))
+        out = np.maximum(out, _lacking(loop, tolerance))
     return out
 
 
-def _of_targets(task: Task, motion: Motion, whole: Groups[int], samples: Index) -> list[_Corner]:
+def _of_targets(problem: LoopProblem, motion: Motion, whole: Groups[int], samples: Index) -> list[_Corner]:
     """Return the positions of bodies that are given on the base; `whole` names groups of bodies."""
     out = []
-    for target in task.problem.targets:
+    for target in problem.targets:
         point, known, rows = target.point(motion)
         there = point - target.residual(motion, samples)[:, rows] @ known
         bodies = whole.of(0), whole.of(target.body)
@@ -82,9 +86,9 @@ def _of_targets(task: Task, motion: Motion, whole: Groups[int], samples: Index) 
     return out
 
 
-def _of_loops(task: Task, motion: Motion, whole: Groups[int]) -> list[_Corner]:
+def _of_loops(problem: LoopProblem, motion: Motion, whole: Groups[int]) -> list[_Corner]:
     """Return the points that bodies share by joints and closures."""
-    out, problem = [], task.problem
+    out = []
     for i, joint in enumerate(problem.tree.joints):
         bodies = whole.of(joint.parent), whole.of(i + 1)
         if joint.kind in _SHARED and bodies[0] != bodies[1]:

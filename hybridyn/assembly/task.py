@@ -16,13 +16,14 @@ from ..description.groups import Groups
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from ..linkage.reduction import Block, decide_rank
-from ..linkage.targets import CoordinateTarget
+from ..linkage.targets import CoordinateTarget, pairwise
 from ..spatial import Array, Index, Mask, indices
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions
 from .free_motions import IDLE, effects
 from .module_request import ModuleRequest
+from .shortfall import shortfall
 
 #: Rows over the free freedoms are singular if their reciprocal condition number is below this.
 SINGULAR_ROWS = 1e-10
@@ -81,6 +82,53 @@ class Task(NamedTuple):
             out[doubtful] = s[:, self.problem.rank - 1] > CONTRADICTING_RANK * s[:, 0]
         return out
 
+    @property
+    def label(self) -> str:
+        """The module, for messages."""
+        return f"module '{self.module}'"
+
+    @property
+    def redundant(self) -> bool:
+        """Whether what is given leaves freedoms to a rule: never in a module of its own."""
+        return False
+
+    def open_by(self, q: Array) -> float:
+        """Return the largest scaled residual of the closures at postures, whatever is given."""
+        loops = replace(self.problem, targets=())
+        return float(np.abs(loops.residual(q, np.arange(len(q)))).max(initial=0.0))
+
+    def closed_near(self, q: Array) -> Closed:
+        """Close the loops near postures, whatever is given."""
+        free = np.ones(self.problem.tree.nv, dtype=bool)
+        return close(replace(self.problem, free=free, targets=(), rank=None, blocks=()), q)
+
+    def from_here(self, q: Array, samples: Index) -> Task:
+        """Return the way from postures to samples, two samples for each, one after the other."""
+        motion = self.problem.tree.sweep(q)
+        targets = [target.from_here(motion, samples) for target in self.problem.targets]
+        problem = replace(self.problem, targets=targets)
+        return self._replace(problem=problem, known=pairwise(q, self.known[samples]))
+
+    def lacking(self, q: Array, samples: Index) -> Array:
+        """Return the length that the loops lack in any posture, see `shortfall`."""
+        return shortfall(self.problem, self.with_known(q, samples), samples, self.given, self.tolerance)
+
+    def mirrored(self, q: Array, samples: Index) -> Mask:
+        """Check which samples take an angle in the other of its triples: there it is not the prescribed one.
+
+        Args:
+            q: Postures, shape (n, nq).
+            samples: Their indices, shape (n,).
+        """
+        targets = [t for t in self.problem.targets if isinstance(t, CoordinateTarget) and t.turns]
+        out = np.zeros(len(q), dtype=bool)
+        if targets:
+            motion = self.problem.tree.sweep(q)
+            for target in targets:
+                off = np.abs(target.residual(motion, samples) / target.units).max(axis=1)
+                out |= off > self.tolerance
+        return out
+
     def headed(self, q: Array, samples: Index, *, on: bool = True) -> Task:
         """Return the task whose angles are told apart by postures, see `CoordinateTarget.headed`.
 
@@ -106,8 +154,18 @@ class Task(NamedTuple):
         return self._replace(problem=replace(self.problem, targets=targets), known=known)
 
 
-def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> Task:
-    """Build the problem of a module's closures, given joints and targets."""
+def module_task(robot: HybridRobot, module: Module, request: ModuleRequest, *, alone: bool = True) -> Task:
+    """Build the problem of a module's closures, given joints and targets.
+
+    Args:
+        robot: The robot.
+        module: The module.
+        request: What is given in it.
+        alone: Whether this must determine its posture.
+
+    Raises:
+        AssemblyError: It does not, see `check_determined`.
+    """
     m = module.mechanism
     free = np.ones(m.tree.nv, dtype=bool)
     for joint in request.given:
@@ -121,8 +179,11 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest) -> T
         for joint in undetermined(module, problem, generic):
             request.given.append(joint)
             free[m.tree.v_slices[joint]] = False
-    rank = check_determined(module, problem, generic)
-    blocks = full_rank_blocks(generic, free, m.rank_tolerance)
+    if alone:
+        rank = check_determined(module, problem, generic)
+        blocks = full_rank_blocks(generic, free, m.rank_tolerance)
+    else:
+        rank, blocks = decide_rank(generic[:, :, free], m.rank_tolerance).rank, []
     problem = replace(problem, rank=rank, blocks=blocks)
     names = [f"closure '{name}'" for name, at in module.named_rows() for _ in range(at.stop - at.start)]
     names += [f"target on '{link}'" for link, target in request.targets for _ in target.units]

@@ -17,7 +17,7 @@ from itertools import islice
 import numpy as np
 import scipy.linalg
 
-from ..assembly.assemble import spanning_positions
+from ..assembly.spanning import spanning_positions
 from ..compiled.equations.states import any_accelerations, moving_states
 from ..compiled.failures import needs_casadi
 from ..effects.choice import Choice

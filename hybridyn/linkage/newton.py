@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -51,6 +51,27 @@ class Closed(NamedTuple):
     iterations: int
 
 
+class Problem(Protocol):
+    """Rows to be made zero over the freedoms of a tree, as those of `LoopProblem`."""
+
+    @property
+    def tree(self) -> Any:
+        """What integrates displacements, and sweeps through bodies."""
+
+    @property
+    def col_scale(self) -> Array:
+        """Unit of each freedom, shape (nv,)."""
+
+    def residual(self, q: Array, samples: Index, motion: Any = None) -> Array:
+        """Compute the scaled residuals, shape (T, rows)."""
+
+    def matrix(self, motion: Any, samples: Index | None = None, *, every: bool = True) -> Any:
+        """Compute the scaled rows."""
+
+    def solve(self, K: Any, rhs: Array, damping: Array | None = None) -> Array:
+        """Solve the rows for the free freedoms, least norm, scaled, shape (T, nv)."""
+
+
 @dataclass(frozen=True, eq=False)
 class LoopProblem:
     """Rows to be made zero over some freedoms of a tree.
@@ -79,6 +100,11 @@ class LoopProblem:
     def tree(self) -> Tree:
         """The tree."""
         return self.closures.tree
+
+    @property
+    def has_loops(self) -> bool:
+        """Whether there are closures."""
+        return bool(self.closures.rows)
 
     def residual(self, q: Array, samples: Index, motion: Motion | None = None) -> Array:
         """Compute the scaled residuals, shape (T, rows).
@@ -143,7 +169,7 @@ class LoopProblem:
         for block in self.blocks or [whole]:
             rank = len(block.cols) if self.blocks else block.rank
             J, J_after = (x[:, block.rows[:, None], block.cols] for x in (before, after))
-            out = np.maximum(out, _turned(J, J_after - J, rank))
+            out = np.maximum(out, relative_change(J, J_after - J, rank))
         return out
 
     @cached_property
@@ -170,7 +196,7 @@ class LoopProblem:
         return np.flatnonzero(~easy)
 
 
-def _turned(J: Array, change: Array, rank: int) -> Array:
+def relative_change(J: Array, change: Array, rank: int) -> Array:
     """Compute the 2-norm of J^-1 change on the leading singular values, shape (T,)."""
     if 0 in J.shape:
         return np.zeros(len(J))
@@ -182,7 +208,7 @@ def _turned(J: Array, change: Array, rank: int) -> Array:
 
 
 def close(
-    problem: LoopProblem,
+    problem: Problem,
     q: Array,
     samples: Index | None = None,
     *,

@@ -6,17 +6,24 @@ of the tree. Any N of them are the paper's v_r of a module with N freedoms.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ..spatial import Array, Index, cross, hat, rotate, rotation_from_vector, rotation_vector
 from .angles import angles_of, angular_drift, angular_map, headings_along, plain_heading, rate_map, wrapped
-from .tree import Motion, Tree
+from .tree import Motion
 
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 #: Angles [rad] that differ by less are one, when the triples of a rotation are told apart.
 SAME_ANGLE = 1e-6
+
+
+class Jacobians(Protocol):
+    """A tree, or what gives Jacobians like one."""
+
+    def jacobian(self, motion: Motion, body: int) -> Array:
+        """Compute the Jacobian of a body's origin in base axes, shape (T, 6, nv), as `Tree.jacobian`."""
 
 
 class PoseTarget(NamedTuple):
@@ -42,7 +49,7 @@ class PoseTarget(NamedTuple):
         """Return where the body is, shape (T, 3), and the axes, shape (3, 3), of these rows."""
         return motion.p[:, self.body], np.eye(3), [0, 1, 2]
 
-    def matrix(self, tree: Tree, motion: Motion, samples: Index | None = None) -> Array:
+    def matrix(self, tree: Jacobians, motion: Motion, samples: Index | None = None) -> Array:
         """Return the rows over the rates, shape (T, 6, nv)."""
         return tree.jacobian(motion, self.body)
 
@@ -107,7 +114,7 @@ class TurnTarget(NamedTuple):
         """Return where the body is, shape (T, 3); no row is a length."""
         return motion.p[:, self.body], np.zeros((0, 3)), []
 
-    def matrix(self, tree: Tree, motion: Motion, samples: Index | None = None) -> Array:
+    def matrix(self, tree: Jacobians, motion: Motion, samples: Index | None = None) -> Array:
         """Return the rows over the rates, shape (T, 3, nv)."""
         return tree.jacobian(motion, self.body)[:, 3:]
 
@@ -226,7 +233,7 @@ class CoordinateTarget(NamedTuple):
         rows = np.flatnonzero(self._rows < 3).tolist()
         return motion.p[:, self.body] + self._offset(motion), self.R.T[self._rows[rows]], rows
 
-    def matrix(self, tree: Tree, motion: Motion, samples: Index | None = None) -> Array:
+    def matrix(self, tree: Jacobians, motion: Motion, samples: Index | None = None) -> Array:
         """Return the rows over the rates, shape (T, rows, nv), of the upright triple without `samples`."""
         J = tree.jacobian(motion, self.body)
         out: Array = np.matmul(self.R.T, J[:, :3] - np.matmul(hat(self._offset(motion)), J[:, 3:]))

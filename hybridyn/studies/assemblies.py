@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..assembly.assemble import place_base, settled, spanning_positions
+from ..assembly.assemble import place_base
 from ..assembly.follow import follow
 from ..assembly.module_request import module_request, on_own_bases, place_bodies
 from ..assembly.requests import Requests, gather_requests
+from ..assembly.spanning import settled, spanning_positions
 from ..assembly.task import Task, closure_residual, module_task
 from ..errors import AssemblyError, TrajectoryError
 from ..linkage.newton import SMALLEST_STEP

@@ -127,6 +127,64 @@ def test_a_lone_angle_is_not_mirrored(tmp_path: Path, heading: float) -> None:
         )
 
 
+@pytest.mark.parametrize("axes", ["y", "zy", "xy", "yy"])
+def test_a_lone_pitch_passes_quarter_turns_smoothly(tmp_path: Path, axes: str) -> None:
+    """Through and through: up to 3 and back, with rates and accelerations; other joints turn meanwhile."""
+    robot, link = arm(tmp_path, axes), f"l{len(axes) - 1}@base"
+    t = np.linspace(0.0, 2.0, 121)
+    angle, rate, acceleration = 3 * np.sin(3 * t), 9 * np.cos(3 * t), -27 * np.sin(3 * t)
+    turning = {"zy": (2.5 * t, 2.5 + 0 * t, 0 * t)}.get(axes, (0.1 * t, 0.1 + 0 * t, 0 * t))
+    motors = {} if len(axes) == 1 else {"j0": turning}
+    if axes == "xy":  # a roll before the pitch has no simple pitch; it is held
+        motors = {"j0": (0 * t, 0 * t, 0 * t)}
+    goal = {link: ({"pitch": angle}, {"pitch": rate}, {"pitch": acceleration})}
+    q, v, a = hybridyn.assemble(robot, motors=motors, platforms=goal)
+    sum_of = motors["j0"] if axes == "yy" else (0 * t, 0 * t, 0 * t)
+    for found, wanted, less in zip((q, v, a), (angle, rate, acceleration), sum_of, strict=True):
+        close_to(found[:, -1], wanted - less, ROUNDING)
+
+
+def test_two_angles_pass_a_quarter_turn_of_the_third(tmp_path: Path) -> None:
+    """A pan and tilt head whose camera rolls: yaw and roll are prescribed, the pitch goes from 1.2 to 1.9."""
+    robot, t = arm(tmp_path, "zyx"), np.linspace(0, 1, 41)
+    wanted = np.stack([0.3 * t, 1.2 + 0.7 * t, 0.2 - t], axis=1)
+    goal = {"l2@base": ({"yaw": wanted[:, 0], "pitch": wanted[:, 1]},)}
+    q, _, _ = hybridyn.assemble(robot, motors={"j2": wanted[:, 2]}, platforms=goal)
+    assert np.abs(q - wanted).max() < 1e-7  # a quarter turn of pitch is a singular posture of yaw and roll
+
+
+def test_a_complete_orientation_is_a_rotation_for_any_numbers(tmp_path: Path) -> None:
+    """By angles, quaternion and rotation vector; a pitch of 1.7 was "out of reach"."""
+    robot = arm(tmp_path, "zyx")
+    t = np.linspace(0, 1.5, 40)
+    wanted = np.stack([0.8 * t, 2.2 + 0.5 * np.sin(t), -1.1 * t], axis=1)  # yaw, pitch, roll are the joints
+    rates = np.stack([0.8 + 0 * t, 0.5 * np.cos(t), -1.1 + 0 * t], axis=1)
+    still = np.stack([0 * t, -0.5 * np.sin(t), 0 * t], axis=1)
+    names = ("yaw", "pitch", "roll")
+    triple = tuple(dict(zip(names, x.T, strict=True)) for x in (wanted, rates, still))
+    by_angles = hybridyn.assemble(robot, platforms={"l2@base": triple}, guess=wanted[0])
+    for found, right in zip(by_angles, (wanted, rates, still), strict=True):
+        close_to(found, right, ROUNDING)
+    R = placed(robot, wanted, "l2")
+    quaternions = np.array([pin.Quaternion(x).coeffs() for x in R])
+    vectors = np.array([pin.log3(x) for x in R])
+    data, twists = robot.model.createData(), []
+    for q, v, a in zip(wanted, rates, still, strict=True):
+        pin.forwardKinematics(robot.model, data, q, v, a)
+        frame, axes = robot.model.getFrameId("l2"), pin.LOCAL_WORLD_ALIGNED
+        of = (
+            pin.getFrameVelocity(robot.model, data, frame, axes),
+            pin.getFrameAcceleration(robot.model, data, frame, axes),
+        )
+        twists.append([x.angular.copy() for x in of])
+    spins = [dict(zip(("wx", "wy", "wz"), x.T, strict=True)) for x in np.array(twists).swapaxes(0, 1)]
+    for keys, numbers in ((("qx", "qy", "qz", "qw"), quaternions), (("rx", "ry", "rz"), vectors)):
+        goal = (dict(zip(keys, numbers.T, strict=True)), *spins)
+        found = hybridyn.assemble(robot, platforms={"l2@base": goal}, guess=wanted[0])
+        for one, right in zip(found, (wanted, rates, still), strict=True):
+            close_to(one, right, ROUNDING)
+
+
 def test_six_coordinates_are_a_whole_pose() -> None:
     """Of a platform beyond a quarter turn of pitch, and of a moving base."""
     robot = hybridyn.load("gough_stewart", base="moving")

@@ -12,7 +12,6 @@ from hybridyn import ActuationError, AssemblyError, HybridRobot
 from hybridyn.assembly.free_motions import FreeMotions, free_motions
 from hybridyn.assembly.module_request import module_request
 from hybridyn.assembly.requests import gather_requests
-from hybridyn.assembly.shortfall import shortfall
 from hybridyn.assembly.task import module_task
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
@@ -39,7 +38,7 @@ def test_a_five_bar_lacks_what_its_point_is_outside_of_the_rings_of_its_arms() -
     outside = np.maximum.reduce([np.maximum(r - LOWER - UPPER, LOWER - UPPER - r) for r in radii])
     requests = gather_requests(robot, {}, {"m1_tool": ({"x": x, "z": z},)})
     task = module_task(robot, robot.modules[0], module_request(requests, robot, 0, {}))
-    lacking = shortfall(task, np.tile(robot.home, (400, 1)), np.arange(400))
+    lacking = task.lacking(np.tile(robot.home, (400, 1)), np.arange(400))
     far = outside > 0
     assert not lacking[~far].any()
     assert np.all(lacking[far] <= outside[far])
@@ -56,7 +55,7 @@ def test_an_angle_that_is_given_first_changes_nothing() -> None:
     for names in (("x", "pitch"), ("pitch", "x")):
         requests = gather_requests(robot, {}, {"m1_tool": ({name: given[name] for name in names},)})
         task = module_task(robot, robot.modules[0], module_request(requests, robot, 0, {}))
-        found.append(float(shortfall(task, robot.home[None], np.zeros(1, dtype=int))[0]))
+        found.append(float(task.lacking(robot.home[None], np.zeros(1, dtype=int))[0]))
     assert found[0] == found[1] > 0
 
 
@@ -86,7 +85,7 @@ def test_no_posture_of_a_mechanism_is_proven_out_of_reach(kind: str) -> None:
         if module.closures:
             task = module_task(robot, module, module_request(requests, robot, k, {}))
             x = module.mechanism.cut.positions(states[0][:, module.q_index])
-            assert not shortfall(task, x, np.arange(3)).any()
+            assert not task.lacking(x, np.arange(3)).any()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...assembly.assemble import spanning_positions
+from ...assembly.spanning import spanning_positions
 from ...dynamics.direct import ddm
 from ...dynamics.forward import forward
 from ...spatial import Array

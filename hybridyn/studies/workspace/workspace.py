@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from ...assembly.assemble import assemble_home, settled, spanning_positions
+from ...assembly.assemble import assemble_home
 from ...assembly.follow import SAME_BRANCH, SMALL_STEP
 from ...assembly.module_request import module_request
 from ...assembly.requests import gather_requests
+from ...assembly.spanning import settled, spanning_positions
 from ...assembly.task import closure_residual, module_task
 from ...errors import AssemblyError, ModelError, TrajectoryError
 from ...linkage.newton import close

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....assembly.assemble import spanning_positions
 from ....assembly.requests import Requests
+from ....assembly.spanning import spanning_positions
 from ....errors import HybridynError
 from ....linkage.newton import LoopProblem, close
 from ....manifold.manifold import Manifold

@@ -1,0 +1,6 @@
+"""Poses of links through several modules: the loops stay per module, the targets couple the modules.
+
+Read `coupling` (which modules a pose couples), `bodies` (motions of several modules' trees), `problem` (rows,
+and Newton's step by one small system over the modules' motions), `task` (the problem at every sample),
+`rates` (rates and accelerations of the least motion), `solve`.
+"""

@@ -1,0 +1,123 @@
+"""Motions of the trees of several modules that stand on one another, or on modules whose motion is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ...linkage.tree import Motion, Tree
+from ...spatial import Array, Index, Mask, rotation_from_vector
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A frame that a body of a part carries.
+
+    Attributes:
+        part: Number of the part; -1 for the base of the chain.
+        body: Number of the body in the part's tree.
+        inner: The frame's known motion in that body at every sample.
+    """
+
+    part: int
+    body: int
+    inner: Motion
+
+    def ahead(self, step: Array) -> Place:
+        """Return the place after small times, shape (T,), at its present rates."""
+        m = self.inner
+        R = np.matmul(rotation_from_vector(step[:, None] * m.w), m.R)
+        return Place(self.part, self.body, Motion.at_rest(len(m.p), R, m.p + step[:, None] * m.p_dot))
+
+
+class ChainMotion(NamedTuple):
+    """Motions of the parts' trees, each in its own base."""
+
+    parts: tuple[Motion, ...]
+
+    def take(self, samples: Index | Mask) -> ChainMotion:
+        """Return the motions at some samples (indices or a mask)."""
+        return ChainMotion(tuple(motion.take(samples) for motion in self.parts))
+
+
+class ChainTree:
+    """The trees of the parts beside one another: their coordinates follow each other.
+
+    Attributes:
+        trees: The trees.
+        nq: Number of position coordinates.
+        nv: Number of velocities.
+    """
+
+    def __init__(self, trees: Sequence[Tree]) -> None:
+        self.trees = tuple(trees)
+        self.nq, self.nv = sum(tree.nq for tree in trees), sum(tree.nv for tree in trees)
+
+    @cached_property
+    def q_of(self) -> list[slice]:
+        """Coordinates of each part."""
+        return [slice(*ends) for ends in pairwise(np.cumsum([0, *(tree.nq for tree in self.trees)]).tolist())]
+
+    @cached_property
+    def v_of(self) -> list[slice]:
+        """Freedoms of each part."""
+        return [slice(*ends) for ends in pairwise(np.cumsum([0, *(tree.nv for tree in self.trees)]).tolist())]
+
+    def integrate(self, q: Array, dq: Array) -> Array:
+        """Integrate constant joint twists dq from q over unit time, shapes (T, nq), (T, nv)."""
+        parts = zip(self.trees, self.q_of, self.v_of, strict=True)
+        return np.concatenate([tree.integrate(q[:, at], dq[:, to]) for tree, at, to in parts], axis=1)
+
+    def difference(self, q0: Array, q1: Array) -> Array:
+        """Compute the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
+        parts = zip(self.trees, self.q_of, strict=True)
+        return np.concatenate([tree.difference(q0[:, at], q1[:, at]) for tree, at in parts], axis=1)
+
+    def sweep(
+        self, q: Array, v: Array | None = None, a: Array | None = None, at: ChainMotion | None = None
+    ) -> ChainMotion:
+        """Compute the motion of every part in its own base, as `Tree.sweep`."""
+        known = (None,) * len(self.trees) if at is None else at.parts
+        motions = []
+        for tree, i, j, own in zip(self.trees, self.q_of, self.v_of, known, strict=True):
+            rates, accelerations = (None if x is None else x[:, j] for x in (v, a))
+            motions.append(tree.sweep(q[:, i], rates, accelerations, own))
+        return ChainMotion(tuple(motions))
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """The parts of a chain and what carries them.
+
+    Attributes:
+        bases: The frame that is the base of each part; it is carried by an earlier part.
+    """
+
+    bases: tuple[Place, ...]
+
+    def placed(self, motion: ChainMotion, samples: Index) -> list[Motion]:
+        """Compute the motion of each part's base in the base of the chain."""
+        out: list[Motion] = []
+        for base in self.bases:
+            out.append(self.frame(base, motion, out, samples))
+        return out
+
+    def frame(self, place: Place, motion: ChainMotion, bases: Sequence[Motion], samples: Index) -> Motion:
+        """Compute the motion of a frame in the base of the chain, from those of the parts' bases."""
+        inner = place.inner.take(samples)
+        if place.part < 0:
+            return inner
+        return bases[place.part].then(motion.parts[place.part].of_body(place.body)).then(inner)
+
+    def way(self, place: Place) -> dict[int, int]:
+        """Return the parts that move a frame, each with its body that carries the rest of the way."""
+        out = {}
+        while place.part >= 0:
+            out[place.part] = place.body
+            place = self.bases[place.part]
+        return out

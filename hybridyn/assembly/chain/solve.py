@@ -1,0 +1,163 @@
+"""Assemble a chain: modules whose posture follows from poses of links through several of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...errors import AssemblyError
+from ...linkage.reduction import decide_rank
+from ...linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target, TurnTarget
+from ...linkage.tree import Motion
+from ...spatial import Array
+from ...structure.module import Module
+from ...structure.robot import HybridRobot
+from ..follow import follow
+from ..module_request import ModuleRequest, module_request
+from ..requests import PoseRequest, Requests
+from ..spanning import settled, spanning_states
+from ..task import module_task
+from .bodies import Carried, Place
+from .coupling import Chain, own_request, way_to_root
+from .least import ease_of
+from .problem import ChainProblem, Relative
+from .rates import ChainRates
+from .task import ChainTask
+
+#: Generic postures at which the rank of targets between links is decided, and the gap that decides it.
+GENERIC, TOLERANCE = 8, 1e-7
+
+
+def assemble_chain(
+    robot: HybridRobot, requests: Requests, chain: Chain, q: Array, v: Array, a: Array
+) -> None:
+    """Compute the postures of a chain's modules at all samples; write them into q, v, a of the robot.
+
+    Args:
+        robot: The robot.
+        requests: All requests.
+        chain: The modules and the poses that couple them.
+        q: Positions, shape (T, nq): those of other modules are known; the first row holds the guess.
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv).
+
+    Raises:
+        HybridynError: As in `assemble`.
+    """
+    modules = [robot.modules[k] for k in chain.modules]
+    own = [module_request(own_request(robot, requests, k), robot, k, {}) for k in chain.modules]
+    guess = np.concatenate([m.mechanism.cut.positions(q[:1, m.q_index]) for m in modules], axis=1)
+    task = _chain_task(_Known(robot, chain.modules, q, v, a), chain, own, guess)
+    x, task = follow(task, guess, strict=requests.strict)
+    at, to = task.problem.tree.q_of, task.problem.tree.v_of
+    x = np.concatenate([settled(m.mechanism, x[:, i]) for m, i in zip(modules, at, strict=True)], axis=1)
+    placed = task.problem.tree.sweep(x)
+    split = task.problem.split(task.problem.matrix(placed, np.arange(len(x))))
+    levels = x, *ChainRates(task, modules, own, x, placed, split).both()
+    motion = task.problem.tree.sweep(*levels, at=placed)
+    for module, i, j, moved in zip(modules, at, to, motion.parts, strict=True):
+        states = levels[0][:, i], levels[1][:, j], levels[2][:, j]
+        found = spanning_states(module, states, moved, q[0, module.q_index])
+        q[:, module.q_index], v[:, module.v_index], a[:, module.v_index] = found
+
+
+class _Known:
+    """Frames of the robot as places on the parts of a chain; other modules between them move as is known."""
+
+    def __init__(self, robot: HybridRobot, modules: Sequence[int], q: Array, v: Array, a: Array) -> None:
+        self.robot, self.parts = robot, {k: i for i, k in enumerate(modules)}
+        self.q, self.v, self.a = q, v, a
+        self._motions: dict[int, Motion] = {}
+
+    def place(self, link: str) -> Place:
+        """Return the place of a link."""
+        body, R, p = self.robot.bodies.place[link]
+        inner = Motion.at_rest(len(self.q), R, p)
+        for k, local in way_to_root(self.robot, body):
+            if k in self.parts:
+                m = self.robot.modules[k].mechanism
+                return Place(self.parts[k], m.cut.tree_body(local), inner)
+            inner = self._motion(k).of_body(local).then(inner)
+        return Place(-1, 0, inner)
+
+    def base(self, number: int) -> Place:
+        """Return the place of a module's base body."""
+        _, R, p = self.robot.bodies.place[self.robot.modules[number].base]
+        place = self.place(self.robot.modules[number].base)
+        back = Motion.at_rest(len(self.q), R.T, -R.T @ p)
+        return Place(place.part, place.body, place.inner.then(back))
+
+    def _motion(self, number: int) -> Motion:
+        """Return the motion of a module's bodies in its base, at all samples."""
+        if number not in self._motions:
+            module = self.robot.modules[number]
+            at, to = module.q_index, module.v_index
+            tree = module.mechanism.spanning
+            self._motions[number] = tree.sweep(self.q[:, at], self.v[:, to], self.a[:, to])
+        return self._motions[number]
+
+
+def _chain_task(known: _Known, chain: Chain, own: Sequence[ModuleRequest], guess: Array) -> ChainTask:
+    """Build the task of a chain, and decide how many of its targets are independent.
+
+    Raises:
+        AssemblyError: Its modules cannot move what is prescribed at all.
+    """
+    robot, numbers = known.robot, chain.modules
+    parts = tuple(
+        module_task(robot, robot.modules[k], request, alone=False)
+        for k, request in zip(numbers, own, strict=True)
+    )
+    length = max(robot.modules[k].mechanism.length for k in numbers)
+    relatives = tuple(one for pose in chain.poses for one in _relatives(known, pose, length))
+    carried = Carried(tuple(known.base(k) for k in numbers))
+    ease = tuple(ease_of(robot, robot.modules[k]) for k in numbers)
+    problem = ChainProblem(tuple(part.problem for part in parts), carried, relatives, ease)
+    reach = _generic_reach(problem, [robot.modules[k] for k in numbers], guess)
+    rank = decide_rank(reach, TOLERANCE).rank
+    if not rank:
+        links = ", ".join(f"'{pose.link}' relative to '{pose.other}'" for pose in chain.poses)
+        raise AssemblyError(
+            f"the pose of {links} is given, and so is the motion of every module between them; leave one out",
+            module=robot.modules[numbers[-1]].name,
+        )
+    problem = replace(problem, rank=rank)
+    return ChainTask(problem, parts, rank < reach.shape[2])
+
+
+def _generic_reach(problem: ChainProblem, modules: Sequence[Module], guess: Array) -> Array:
+    """Compute the targets over free motions at generic postures, shape (n, targets, motions)."""
+    rng, postures = np.random.default_rng(0), []
+    for module, tree, at in zip(modules, problem.tree.trees, problem.tree.q_of, strict=True):
+        found = module.mechanism.postures
+        if module.mechanism.closures.rows:
+            postures.append(found[rng.integers(len(found), size=GENERIC)])
+        else:
+            turns = rng.uniform(-1.0, 1.0, (GENERIC, tree.nv)) * module.mechanism.reduction.col_scale
+            postures.append(tree.integrate(np.tile(guess[:, at], (GENERIC, 1)), turns))
+    motion = problem.tree.sweep(np.concatenate(postures, axis=1))
+    return problem.split(problem.matrix(motion)).reach
+
+
+def _relatives(known: _Known, pose: PoseRequest, length: float) -> list[Relative]:
+    """Return the targets of a pose between two links."""
+    link, other = known.place(pose.link), known.place(pose.other)
+    units, names, still = (
+        np.array([length] * 3 + [1.0] * 3),
+        (pose.link, pose.other),
+        (np.eye(3), np.zeros(3)),
+    )
+    targets: list[Target] = []
+    if pose.motion is not None:
+        targets.append(PoseTarget(1, pose.motion, units))
+    if pose.turn is not None:
+        targets.append(TurnTarget(1, names, np.eye(3), still, pose.turn, units[3:]))
+    if some := tuple(pose.coordinates):
+        value, rate, acceleration = (np.stack([pose.coordinates[n][i] for n in some], 1) for i in range(3))
+        own = units[[COORDINATES.index(name) for name in some]]
+        targets.append(
+            CoordinateTarget(1, names, some, np.eye(3), np.zeros(3), still, value, rate, acceleration, own)
+        )
+    return [Relative(link, other, t, (f"the pose of '{pose.link}'",) * len(t.units)) for t in targets]

@@ -1,0 +1,176 @@
+"""The problem of a chain of modules at every sample of a trajectory; `follow` takes it like a module's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, close
+from ...linkage.targets import CoordinateTarget, PoseTarget, pairwise
+from ...linkage.tree import Motion
+from ...spatial import Array, Index, Mask
+from ..task import CONTRADICTING_RANK, Task
+from .bodies import Carried, Place
+from .problem import ChainProblem, Relative
+
+
+@dataclass(frozen=True, eq=False)
+class ChainTask:
+    """A problem of several modules at every sample of a trajectory.
+
+    Attributes:
+        problem: Rows and free freedoms.
+        parts: The tasks of the modules, by what is given in them alone.
+        redundant: Whether what is given leaves freedoms: each row then moves least from the one before.
+    """
+
+    problem: ChainProblem
+    parts: tuple[Task, ...]
+    redundant: bool
+
+    @property
+    def known(self) -> Array:
+        """Positions, shape (T, nq), of which those of given joints are used."""
+        return np.concatenate([part.known for part in self.parts], axis=1)
+
+    @property
+    def tolerance(self) -> float:
+        """Largest scaled residual of a closed posture."""
+        return self.parts[0].tolerance
+
+    @property
+    def module(self) -> str:
+        """The modules' names, for messages."""
+        return "', '".join(part.module for part in self.parts)
+
+    @property
+    def label(self) -> str:
+        """The modules, for messages."""
+        return f"module{'s' * (len(self.parts) > 1)} '{self.module}'"
+
+    @property
+    def row_names(self) -> Sequence[str]:
+        """Name of each row, for messages."""
+        own = [name for part in self.parts for name in part.row_names]
+        return own + [name for one in self.problem.relatives for name in one.names]
+
+    def each(self, q: Array) -> list[Array]:
+        """Return the positions of each part, shape (T, its nq)."""
+        return [q[:, at] for at in self.problem.tree.q_of]
+
+    def with_known(self, q: Array, samples: Index) -> Array:
+        """Return positions with the given joints set to their values."""
+        own = [part.with_known(x, samples) for part, x in zip(self.parts, self.each(q), strict=True)]
+        return np.concatenate(own, axis=1)
+
+    def solve(self, q: Array, samples: Index, *, enough: float = np.inf) -> Closed:
+        """Close the loops and meet the targets from starts q; `enough` as in `close`."""
+        return close(self.problem, self.with_known(q, samples), samples, enough=enough)
+
+    def closed(self, result: Closed) -> Mask:
+        """Check which samples converged and closed, shape (T,), as `Task.closed`."""
+        settled = (result.step <= SMALLEST_STEP) | (result.residual <= RESIDUAL_ROUNDING)
+        out: Mask = settled & (result.residual <= self.tolerance)
+        doubtful = np.flatnonzero(out & (result.residual > RESIDUAL_ROUNDING))
+        if len(doubtful) and self.problem.rank:
+            motion = self.problem.tree.sweep(result.q[doubtful])
+            s = np.linalg.svd(self.problem.split(self.problem.matrix(motion)).reach, compute_uv=False)
+            out[doubtful] = s[:, self.problem.rank - 1] > CONTRADICTING_RANK * s[:, 0]
+        return out
+
+    def open_by(self, q: Array) -> float:
+        """Return the largest scaled residual of the closures at postures, whatever is given."""
+        return max(part.open_by(x) for part, x in zip(self.parts, self.each(q), strict=True))
+
+    def closed_near(self, q: Array) -> Closed:
+        """Close the loops near postures, whatever is given."""
+        own = [part.closed_near(x) for part, x in zip(self.parts, self.each(q), strict=True)]
+        residual, step = (np.max([getattr(x, name) for x in own], axis=0) for name in ("residual", "step"))
+        return Closed(
+            np.concatenate([x.q for x in own], axis=1), residual, step, max(x.iterations for x in own)
+        )
+
+    def lacking(self, q: Array, samples: Index) -> Array:
+        """Return zeros: nothing is proven of loops through several modules, shape (T,)."""
+        return np.zeros(len(q))
+
+    def mirrored(self, q: Array, samples: Index) -> Mask:
+        """Check which samples take an angle in the other of its triples, as `Task.mirrored`."""
+        out: Mask = np.any(
+            [part.mirrored(x, samples) for part, x in zip(self.parts, self.each(q), strict=True)], axis=0
+        )
+        turning = [one for one in self.problem.relatives if _turns(one)]
+        if turning:
+            motion = self.problem.tree.sweep(q)
+            for one in turning:
+                off = one.target.residual(self.problem.relative(one, motion, samples), samples)
+                out |= np.abs(off / one.target.units).max(axis=1) > self.tolerance
+        return out
+
+    def headed(self, q: Array, samples: Index, *, on: bool = True) -> ChainTask:
+        """Return the task whose angles are told apart by postures, see `CoordinateTarget.headed`."""
+        if not any(map(_turns, self.problem.relatives)) and all(
+            part.headed(x[:1], samples[:1]) is part
+            for part, x in zip(self.parts, self.each(q), strict=True)
+        ):  # fmt: skip
+            return self
+        motion = self.problem.tree.sweep(q)
+        relatives = tuple(
+            replace(
+                one, target=one.target.headed(self.problem.relative(one, motion, samples), samples, on=on)
+            )
+            for one in self.problem.relatives
+        )
+        parts = [part.headed(x, samples, on=on) for part, x in zip(self.parts, self.each(q), strict=True)]
+        return self._with(parts, self.problem.carried, relatives)
+
+    def between(self, sample: int, fractions: Array) -> ChainTask:
+        """Interpolate the task from a sample to the next, one new sample per fraction, shape (n,)."""
+
+        def moved(place: Place) -> Place:
+            motion = PoseTarget(0, place.inner, np.ones(6)).between(sample, fractions).goal
+            return replace(place, inner=motion)
+
+        relatives = tuple(
+            replace(
+                one,
+                link=moved(one.link),
+                other=moved(one.other),
+                target=one.target.between(sample, fractions),
+            )
+            for one in self.problem.relatives
+        )
+        carried = Carried(tuple(map(moved, self.problem.carried.bases)))
+        return self._with([part.between(sample, fractions) for part in self.parts], carried, relatives)
+
+    def from_here(self, q: Array, samples: Index) -> ChainTask:
+        """Return the way from postures to samples, two samples for each, one after the other."""
+
+        def kept(place: Place) -> Place:
+            inner = place.inner.take(samples)
+            return replace(place, inner=Motion(*map(pairwise, inner.arrays, inner.arrays)))
+
+        motion = self.problem.tree.sweep(q)
+        relatives = tuple(
+            replace(
+                one, link=kept(one.link), other=kept(one.other),
+                target=one.target.from_here(self.problem.relative(one, motion, samples), samples),
+            )
+            for one in self.problem.relatives
+        )  # fmt: skip
+        parts = [part.from_here(x, samples) for part, x in zip(self.parts, self.each(q), strict=True)]
+        return self._with(parts, Carried(tuple(map(kept, self.problem.carried.bases))), relatives)
+
+    def _with(self, parts: Sequence[Task], carried: Carried, relatives: tuple[Relative, ...]) -> ChainTask:
+        """Return the task with other samples."""
+        problem = replace(
+            self.problem, parts=tuple(part.problem for part in parts), carried=carried, relatives=relatives
+        )
+        return replace(self, problem=problem, parts=tuple(parts))
+
+
+def _turns(one: Relative) -> bool:
+    """Return whether a target prescribes a lone angle."""
+    return isinstance(one.target, CoordinateTarget) and one.target.turns

@@ -1,0 +1,204 @@
+"""Poses of links through several modules: reached, and followed by the least motion of the motors."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn import AssemblyError, HybridRobot, SingularityError, closure_residual
+from hybridyn.assembly.chain.coupling import ways_between
+from hybridyn.assembly.requests import PoseRequest
+from hybridyn.cli import main
+from hybridyn.spatial import Array
+from hybridyn.structure.building import build_robot
+from tests.assembly.test_angles import arm
+from tests.comparing import close_to, refused
+from tests.excavator import HOME, MOTORS, cylinders, excavator, teeth
+from tests.mechanisms import random_mechanism, random_states
+from tests.oracle import Oracle
+from tests.posing import far_apart, of_joints, of_link
+from tests.samples import slow
+from tests.shipped import shipped, states_near_home
+
+REACHED = 1e-10  # of positions, rates and accelerations, relative to the largest
+LEAST = 1e-4  # of the rule: joints without a motor count a thousandth of it, squared, times their number
+STEP = 5e-4  # of time in central differences [s]
+DIFFERENCED = 2e-4  # relative, of rates: truncation STEP^2 of motions of size 1 in some 0.1 s
+DRIFTED = 2e-2  # of positions, whose rule goes from row to row: error STEP
+#: Kinds of stacks, with the links between which a pose is given: of the last module's output, or of others.
+STACKS = ("stack", "stewart_arm", "scara_delta", "branched", "legged", "chain_of_bars", "serial")
+#: Those whose last link moves in all directions.
+NUDGED = ("stack", "stewart_arm", "serial")
+
+
+def stacked(kind: str, seed: int, count: int = 2) -> tuple[HybridRobot, tuple[Array, Array, Array]]:
+    description = random_mechanism(seed, kind=kind)
+    return build_robot(description), random_states(description, "fixed", seed, count)
+
+
+def ends(robot: HybridRobot, kind: str) -> tuple[str, str]:
+    """Return the link whose pose is given, and the link that it is relative to."""
+    tips = [k for k in range(len(robot.modules)) if k not in {m.parent for m in robot.modules}]
+    other = robot.modules[tips[0]].name if kind in ("legged", "branched") else robot.description.root
+    return robot.modules[tips[-1]].name, other
+
+
+def spans(robot: HybridRobot) -> Array:
+    """Return what each motor's motion is measured by, shape (motors,)."""
+    lengths = {name: module.mechanism.length for module in robot.modules for name in module.motors}
+    out = []
+    for name in robot.motors:
+        joint = robot.records[name]
+        span = joint.upper - joint.lower
+        out.append(span if 0 < span < np.inf else lengths[name] if joint.kind == "prismatic" else 2 * np.pi)
+    return np.array(out)
+
+
+def least(robot: HybridRobot, q: Array, link: str, other: str, twist: Array) -> Array:
+    """Compute the least rates of the motors over their spans, by the oracle's motions, Pinocchio's twists."""
+    Z = Oracle(robot.description).motions(q)
+    still = np.zeros_like(Z.T)
+    J = of_link(robot, np.tile(q, (Z.shape[1], 1)), Z.T, still, link, other)[1].T
+    measured = Z[robot.motor_v] / spans(robot)[:, None]
+    return np.linalg.pinv(J @ np.linalg.inv(measured), rcond=1e-9) @ twist
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [*zip(STACKS, range(7), strict=True), *(slow(kind, seed) for kind in STACKS for seed in range(8, 22))],
+)
+def test_poses_through_random_stacks_are_reached_by_the_least_motion(kind: str, seed: int) -> None:
+    robot, (q0, v0, a0) = stacked(kind, seed)
+    link, other = ends(robot, kind)
+    pose, twist, change = of_link(robot, q0, v0, a0, link, other)
+    key = f"{link}@{other}"
+    between = {k for way in ways_between(robot, PoseRequest(link, other, None, {})) for k, _ in way}
+    beside = [name for k, module in enumerate(robot.modules) if k not in between for name in module.motors]
+    for i in range(len(q0)):
+        held = {n: tuple(x[i] for x in one) for n, one in of_joints(robot, q0, v0, a0, beside).items()}
+        given = {key: (pose[i], twist[i], change[i])}
+        q, v, a = hybridyn.assemble(robot, motors=held, platforms=given, guess=q0[i])
+        assert far_apart(robot, q[None], q0[i : i + 1]) < REACHED  # it is there already
+        found = of_link(robot, q[None], v[None], a[None], link, other)
+        for one, wanted in zip(found, (pose, twist, change), strict=True):
+            close_to(one, wanted[i : i + 1], REACHED)
+        if not beside:
+            close_to(v[robot.motor_v] / spans(robot), least(robot, q, link, other, twist[i]), LEAST)
+        if kind in NUDGED:
+            near = pose[i].copy()
+            near[:3] += 0.01 * np.random.default_rng(seed).normal(size=3)
+            q = hybridyn.assemble(robot, motors=held, platforms={key: near}, guess=q0[i])[0]
+            assert closure_residual(robot, q) < REACHED
+            close_to(of_link(robot, q[None], v[None], a[None], link, other)[0][0, :3], near[:3], REACHED)
+
+
+@pytest.mark.parametrize("name", ["stewart_ur5", *map(slow, ("lx4", "scara_delta"))])
+def test_rates_and_accelerations_are_the_derivatives_of_the_rule(name: str) -> None:
+    """Rates by differences of positions, and accelerations by those of rates."""
+    robot = build_robot(shipped(name))
+    link, root = robot.modules[-1].outputs[0], robot.description.root
+    still = np.zeros((1, robot.nv))
+    home = of_link(robot, robot.home[None], still, still, link, root)[0]
+    t = 0.5 + STEP * np.arange(-3, 4)
+    pose, zero = np.repeat(home, len(t), axis=0), np.zeros_like(t)
+    pose[:, 0] += 0.04 * np.sin(3 * t) - 0.04 * np.sin(1.5)
+    pose[:, 2] -= 0.02 * t * t
+    twist = np.stack([0.12 * np.cos(3 * t), zero, -0.04 * t, zero, zero, zero], axis=1)
+    change = np.stack([-0.36 * np.sin(3 * t), zero, zero - 0.04, zero, zero, zero], axis=1)
+    q, v, a = hybridyn.assemble(robot, platforms={link: (pose, twist, change)})
+    assert (v[1:] != v[:-1]).any()
+    joints = robot.motor_v
+    moved = (q[4] - q[2])[robot.motor_q] / (2 * STEP)
+    close_to(moved, v[3][joints], DRIFTED)
+    close_to((v[4] - v[2]) / (2 * STEP), a[3], DIFFERENCED)
+
+
+def test_an_excavator_follows_its_teeth(tmp_path: Path) -> None:
+    """Three numbers for three freedoms, against triangles; 80 to 60 degrees of the stick was mirrored."""
+    robot = hybridyn.load(excavator(tmp_path))
+    rng = np.random.default_rng(0)
+    angles = HOME + rng.uniform(-0.3, 0.3, (20, 3))
+    for one in angles:
+        x, z, pitch = teeth(one)
+        q, _, _ = hybridyn.assemble(robot, platforms={"teeth": ({"x": x, "z": z, "pitch": pitch},)})
+        rods = q[[robot.q_slices[robot.joint_index[name]].start for name in MOTORS]]
+        close_to(rods, cylinders(one) - cylinders(HOME), REACHED)
+    way = np.radians(np.linspace(80, 60, 21))
+    held = {name: np.zeros(21) for name in ("boom_rod", "bucket_rod")}
+    q, _, _ = hybridyn.assemble(robot, motors=held, platforms={"stick@boom": ({"pitch": way},)})
+    rod = q[:, robot.q_slices[robot.joint_index["stick_rod"]].start]
+    wanted = [cylinders(np.array([HOME[0], angle, HOME[2]]))[1] - cylinders(HOME)[1] for angle in way]
+    close_to(rod, np.array(wanted), REACHED)
+
+
+def test_a_table_of_the_teeth_is_a_table_of_the_rods(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = excavator(tmp_path)
+    t = np.linspace(0, 2, 41)
+    angles = HOME + 0.2 * np.sin(np.outer(t, [1.0, 1.3, 0.7]))
+    rods = np.array([cylinders(one) for one in angles]) - cylinders(HOME)
+    tips = np.array([teeth(one) for one in angles])
+    efforts = []
+    for name, columns, numbers in (
+        ("rods", [f"{rod}/position" for rod in MOTORS], rods),
+        ("teeth", [f"teeth/pose/{axis}" for axis in ("x", "z", "pitch")], tips),
+    ):
+        table = tmp_path / f"{name}.csv"
+        np.savetxt(
+            table,
+            np.column_stack([t, numbers]),
+            "%.17g",
+            ",",
+            header=",".join(["time", *columns]),
+            comments="",
+        )
+        assert main(["idm", str(path), str(table), "-o", str(tmp_path / f"{name}_tau.csv")]) == 0
+        lines = (tmp_path / f"{name}_tau.csv").read_text().splitlines()
+        rows = [line for line in lines if line and line[0] in "-0123456789"]
+        efforts.append(np.array([[float(x) for x in row.split(",")] for row in rows]))
+    close_to(efforts[1], efforts[0], 1e-4)  # rates are those of splines through different columns
+
+
+def test_poses_may_be_mixed_with_motors_and_platforms_between(tmp_path: Path) -> None:
+    """The second platform of an lx4 stays level; its first module is held by motors."""
+    robot = build_robot(shipped("lx4"))
+    states = states_near_home(robot.description, "fixed", 3, 2)
+    root, links = robot.description.root, [m.outputs[0] for m in robot.modules]
+    motors = of_joints(robot, *states, robot.modules[0].motors)
+    tool = of_link(robot, *states, links[3], root)
+    part = of_link(robot, *states, links[1], links[0])
+    level = (dict(zip(("x", "y", "z"), part[0].T[:3], strict=True)),)
+    q, v, a = hybridyn.assemble(
+        robot, motors=motors, platforms={links[3]: tool, f"{links[1]}@{links[0]}": level}
+    )
+    for one, wanted in zip(of_link(robot, q, v, a, links[3], root), tool, strict=True):
+        close_to(one, wanted, REACHED)
+    close_to(of_link(robot, q, v, a, links[1], links[0])[0][:, :3], part[0][:, :3], REACHED)
+    assert closure_residual(robot, q).max() < REACHED
+
+
+# -------------------------------------------------------------------- wrong
+
+
+@pytest.mark.slow
+def test_what_is_out_of_reach_is_refused(tmp_path: Path) -> None:
+    """Restarts look for another posture first."""
+    robot = hybridyn.load(excavator(tmp_path))
+    far, (x, z, _) = {"teeth": ({"x": 100.0, "z": 0.0},)}, teeth(HOME)
+    words = "modules 'boom', 'stick', .*out of reach"
+    refused(partial(hybridyn.assemble, robot, platforms=far), AssemblyError, words)
+    across = {"teeth": np.array([x, 0.5, z, 0, np.sin(0.8), 0, np.cos(0.8)])}
+    refused(partial(hybridyn.assemble, robot, platforms=across), AssemblyError, "contradicts another one")
+
+
+def test_what_cannot_be_met_is_refused(tmp_path: Path) -> None:
+    robot, rods = hybridyn.load(excavator(tmp_path)), dict.fromkeys(MOTORS, 0.0)
+    both = partial(hybridyn.assemble, robot, motors=rods, platforms={"teeth": ({"x": 5.0},)})
+    refused(both, AssemblyError, "so is the motion of every module between them; leave one out")
+    two = arm(tmp_path, "yyy")
+    stretched = {"l2": ({"x": 1.0, "z": 0.0}, {"x": 1.0, "z": 0.0})}
+    moved = partial(hybridyn.assemble, two, motors={"j2": 0.0}, platforms=stretched, guess=np.zeros(3))
+    refused(moved, SingularityError, "lose a direction there")
