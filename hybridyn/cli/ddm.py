@@ -32,7 +32,8 @@ def _one(load: RobotChoice, tables: Tables, effects: tuple[str, ...], engine: st
         robot, layout, on = given.robot, given.layout, choose(given.robot, effects)
         reactions = tables.reactions is not None
         obstacles = {"--reactions": reactions, "wrenches in the table": bool(layout.wrenches)}
-        chosen = choose_engine(engine, robot, on, given.table.rows, worth_of(layout, robot), obstacles)
+        worth, alone = worth_of(layout, robot), layout.full_state
+        chosen = choose_engine(engine, robot, on, given.table.rows, worth, obstacles, alone=alone)
         columns = acceleration_columns(robot.description, robot.joints, robot.base)
         units = [unit_of(robot.records[motor].kind, "acceleration") for motor in robot.motors]
         remarks = [*about(robot, layout, on), *free_motions_of(robot)]

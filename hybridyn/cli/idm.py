@@ -71,7 +71,8 @@ def _one(
             "--weights": bool(model["weights"]),
             "wrenches in the table": bool(layout.wrenches),
         }
-        chosen = choose_engine(engine, robot, on, given.table.rows, worth_of(layout, robot), obstacles)
+        worth, alone = worth_of(layout, robot), layout.full_state
+        chosen = choose_engine(engine, robot, on, given.table.rows, worth, obstacles, alone=alone)
         inverse = partial(efforts, effects=on, reactions=reactions, engine=chosen, **model)
         if loads:
             from .common.reports import Loads, motor_states

@@ -83,7 +83,8 @@ def _engine(ready: Stage, asked: str | None) -> Engine:
     if evaluations is not None and controller is not None and controller.kind == "computed_torque":
         evaluations *= WITH_INVERSE_MODEL
     worth = WORTH_IN_TIME if ready.motion is None else WORTH_OF_POSTURES * ready.robot.nv
-    return choose_engine(asked, ready.robot, ready.effects, evaluations, worth, {})
+    alone = ready.motion is None
+    return choose_engine(asked, ready.robot, ready.effects, evaluations, worth, {}, alone=alone)
 
 
 def _evaluations(ready: Stage) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from ..effects.choice import Choice, Effects
-from ..errors import CompileError, ModelError
+from ..errors import CompileError, HybridynError, ModelError
 from ..structure.parameters.entries import Parameters
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
@@ -81,6 +81,15 @@ def _quickly(whole: Artifact, first: Artifact) -> Library:
         with contextlib.suppress(CompileError):  # perhaps the other models serve
             return first.loaded(Library, quick=True)
     return whole.loaded(Library, quick=True)
+
+
+def is_built(robot: HybridRobot, effects: Effects) -> bool:
+    """Return whether `compile` finds the models in the cache."""
+    try:
+        robot, on, chosen = asked_for(robot, effects, (), "float64")
+        return checked_library(robot, on, chosen, "float64").known(quick=True) is not None
+    except (HybridynError, OSError):
+        return False
 
 
 def inverse_model(robot: HybridRobot, effects: Effects, slots: Sequence[Slot]) -> tuple[Artifact, Parameters]:

@@ -272,3 +272,31 @@ def test_tables_that_are_assembled_are_worth_it_sooner() -> None:
     robot = hybridyn.load("five_bar")
     states, poses = (Layout(None, 0, full_state=full) for full in (True, False))
     assert engine.worth_of(poses, robot) < engine.worth_of(states, robot) == engine.WORTH
+
+
+def test_a_model_in_the_cache_is_used_where_a_build_would_not_pay(
+    run: Run, tmp_path: Path, monkeypatch: Any
+) -> None:
+    """Half of what is worth a build is general without a model, and compiled with it; little is general."""
+    scene = save(tmp_path, FALL.format(shipped_robots()["five_bar"].file), "fall.toml")
+    words, lines = ("simulate", scene, "-o", tmp_path / "fall.csv", "--overwrite"), []
+    for there in (False, True):
+        monkeypatch.setattr(engine, "_is_built", lambda *_, there=there: there)
+        for worth in (2 * 640, 640 * 40):
+            monkeypatch.setattr(engine, "WORTH_IN_TIME", worth)
+            monkeypatch.setattr("hybridyn.cli.simulate.WORTH_IN_TIME", worth)
+            said = run(*words).err
+            lines.append(next(line for line in said.splitlines() if line.startswith("engine:")))
+    assert [line.split()[1] for line in lines] == ["general", "general", "compiled", "general"]
+    assert "the model is in the cache" in lines[2]
+
+
+@pytest.mark.slow
+def test_only_what_is_built_lies_in_the_cache(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path))
+    robot = hybridyn.load("five_bar")
+    effects = hybridyn.effects.choose(robot, None)
+    assert not engine._is_built(robot, effects)
+    assert hybridyn.compile(robot).library.programs
+    assert engine._is_built(robot, effects)
+    assert not engine._is_built(robot, hybridyn.effects.choose(robot, ["default", "rotor_inertia"]))

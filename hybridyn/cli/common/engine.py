@@ -23,6 +23,8 @@ WORTH = 3_000_000
 WORTH_OF_POSTURES = 2_000
 #: The same for `simulate`, where samples come one after the other: the general path is slow without batches.
 WORTH_IN_TIME = 40_000
+#: A model in the cache pays from this part of them on: it takes some tenths of a second to load.
+LOADED = 1 / 20
 #: The same for `effects`, which builds a model for each set of effects: for the LX4 with friction this takes
 #: half a minute on two cores, as long as the general path takes for this many samples.
 WORTH_OF_EFFECTS = 2_000_000
@@ -65,6 +67,8 @@ def choose_engine(
     samples: int | None,
     worth: int,
     obstacles: Mapping[str, bool],
+    *,
+    alone: bool = False,
 ) -> Engine:
     """Choose the engine: the one the user asks for, else by the robot and the number of samples.
 
@@ -74,6 +78,7 @@ def choose_engine(
         samples: Number of samples, or None if unknown.
         worth: Samples times freedoms above which building a model pays.
         obstacles: By name, whether the user asks for something that compiled models do not support.
+        alone: Whether the models of `compile` suffice, so that none is built where they lie in the cache.
 
     Raises:
         ModelError: "compiled" is asked for together with something that it does not support.
@@ -82,7 +87,8 @@ def choose_engine(
     if asked == "general":
         return Engine(None, "as asked")
     size = (samples or 0) * robot.nv
-    if asked is None and size < worth:
+    cached = alone and asked is None and LOADED * worth <= size < worth and _is_built(robot, effects)
+    if asked is None and size < worth and not cached:
         return Engine(None, f"{size:,} samples times freedoms; compiled from {worth:,} on")
     wanted = ", ".join(name for name, there in obstacles.items() if there)
     if wanted and asked:
@@ -95,4 +101,14 @@ def choose_engine(
         if asked:
             raise
         return Engine(None, f"not compiled: {error}")
-    return Engine(model, "as asked" if asked else f"{size:,} samples times freedoms")
+    known = "; the model is in the cache" * cached
+    return Engine(model, "as asked" if asked else f"{size:,} samples times freedoms{known}")
+
+
+def _is_built(robot: HybridRobot, effects: Effects) -> bool:
+    """Return whether the models lie in the cache; they need no CasADi then."""
+    try:
+        from ...compiled.compiling import is_built
+    except (ImportError, HybridynError):
+        return False
+    return is_built(robot, effects)
