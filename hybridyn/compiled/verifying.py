@@ -13,6 +13,7 @@ from ..effects.choice import Effects
 from ..errors import HybridynError
 from ..manifold.manifold import Manifold
 from ..spatial import Array, Mask
+from ..structure.mechanism import Mechanism
 from ..structure.robot import HybridRobot
 from .comparing import SAMPLES, States, compare_at_states, random_states, trusted_nowhere
 from .failures import difference
@@ -67,7 +68,7 @@ def verify(
     loops = [module.mechanism for module in robot.modules if module.mechanism.reduction.rounded]
     rounding = max((m.rounding for m in loops), default=0.0)
     exact = MODEL_AGREES[str(library.dtype)]
-    agree = max(exact, ROUNDINGS * rounding**2)  # both balance all rows, and neglect terms of second order
+    agree = max(exact, ROUNDINGS * max(map(_second_order, loops), default=0.0))
     states, computed = cache(partial(movable_states, robot, on)), dict[str, int]()
 
     def run(name: str, *drawn: Array) -> Any:
@@ -89,6 +90,11 @@ def verify(
     models = [computed[name] for name in ("ddm", "idm") if name in computed]
     if required and models and not any(models):
         raise trusted_nowhere(robot, "models", reason(robot, on))
+
+
+def _second_order(m: Mechanism) -> float:
+    """Return what balancing rows of a rounded file leaves open: its square through their condition."""
+    return float(m.rounding * min(1.0, m.rounding / m.reduction.report.kept**2))
 
 
 def movable_states(robot: HybridRobot, effects: Effects, seed: int) -> States:
