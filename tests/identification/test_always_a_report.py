@@ -19,7 +19,7 @@ from hybridyn.structure.robot import joint_position
 from tests import ROOT
 from tests.extras import needs
 from tests.identification.robots import PERIOD, SAMPLES, flight
-from tests.samples import slow
+from tests.samples import fuzz, slow
 from tests.shipped import ROBOTS
 from tests.snippets import blocks
 
@@ -27,6 +27,8 @@ from tests.snippets import blocks
 SEEDS, NOISE, BAND = 20, 0.02, 1.3
 #: Robots of which a run takes no second.
 QUICK = ("tutorial", "five_bar")
+#: Robots of hundreds of parameters, of which a run takes minutes.
+LARGE = ("lx4", "snake")
 
 
 @lru_cache(maxsize=2)
@@ -81,7 +83,7 @@ def judge(found: hybridyn.Identification) -> None:
     [
         *((name, bare, seed) for name in QUICK for bare in (False, True) for seed in range(2)),
         *(
-            slow(name, bare, seed)
+            (fuzz if name in LARGE and seed > 1 else slow)(name, bare, seed)
             for name in ("tutorial", *ROBOTS)
             for bare in (False, True)
             for seed in range(SEEDS)
