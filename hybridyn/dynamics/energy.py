@@ -66,7 +66,7 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
         robot: The robot.
         q: Positions, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv).
-        effects: Effects that contribute, as in `idm`: weights with "gravity", legs with "leg_inertia",
+        effects: Effects that contribute, as in `idm`: weights with "gravity", legs unless "massless_legs",
             rotors, springs, stops, ground.
 
     Raises:

@@ -21,7 +21,7 @@ from .joint_laws import (
 )
 from .links import GroundContact, Wrench
 from .rebuild import with_effects
-from .terms import Gravity, Inertia, LegInertia, VelocityTerms
+from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
 
 __all__ = [
     "DEFAULT",
@@ -35,6 +35,7 @@ __all__ = [
     "Inertia",
     "LegInertia",
     "Limits",
+    "MasslessLegs",
     "Payload",
     "RotorInertia",
     "Spring",

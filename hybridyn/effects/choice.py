@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,15 +28,18 @@ from .joint_laws import (
 )
 from .joints import OnJoints, placed
 from .links import GroundContact, Wrench
-from .terms import Gravity, Inertia, LegInertia, VelocityTerms
+from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
 
 JOINTS = (RotorInertia, ViscousFriction, CoulombFriction, StribeckFriction, Spring, Damper, Stop)
 LINKS = (Wrench, GroundContact)
 #: Every effect by name.
 UNITS: dict[str, type[Any]] = {
     unit.name: unit
-    for unit in (Gravity, Inertia, LegInertia, VelocityTerms, *JOINTS, *LINKS, Payload, BaseMotion, Limits)
-}
+    for unit in (
+        Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms, *JOINTS, *LINKS, Payload, BaseMotion,
+        Limits,
+    )
+}  # fmt: skip
 
 #: Effects selected by `effects=None` and by the word "default".
 DEFAULT = ("gravity", "inertia", "leg_inertia", "velocity")
@@ -54,7 +57,7 @@ class Effects:
     Attributes:
         gravity: Weights, or None.
         inertia: Inertial forces, or None for statics.
-        leg_inertia: The legs' mass, or None.
+        leg_inertia: The legs' part of gravity and inertia, or None for massless legs.
         velocity: Velocity terms, or None.
         joints: Laws of joint efforts.
         rotors: Rotors' inertia.
@@ -76,19 +79,25 @@ class Effects:
     names: tuple[str, ...] = ()
 
     def only(self, names: Collection[str]) -> Effects:
-        """Return the effects restricted to some names."""
+        """Return the effects restricted to some names; gravity and inertia without the legs' part stay so."""
 
         def kept(unit: Any) -> Any:
             """Return an effect if it is among the names, else None."""
             return unit if unit is not None and unit.name in names else None
 
-        return Effects(
+        out = Effects(
             kept(self.gravity), kept(self.inertia), kept(self.leg_inertia), kept(self.velocity),
             tuple(law for law in self.joints if law.effect.name in names),
             tuple(law for law in self.rotors if law.effect.name in names),
-            tuple(law for law in self.links if law.name in names),
-            kept(self.limits), kept(self.base), tuple(name for name in self.names if name in names),
+            tuple(law for law in self.links if law.name in names), kept(self.limits), kept(self.base),
         )  # fmt: skip
+        return replace(out, names=out.named({*self.names} & {*names}))
+
+    def named(self, names: Collection[str]) -> tuple[str, ...]:
+        """Return names of effects in the order of `UNITS`, and whether legs are massless."""
+        massless = self.leg_inertia is None and (self.gravity or self.inertia) is not None
+        every = {*names} - {MasslessLegs.name} | ({MasslessLegs.name} if massless else set())
+        return tuple(name for name in UNITS if name in every)
 
     def without(self, *names: str) -> Effects:
         """Return the effects but for some names."""
@@ -189,7 +198,7 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
     if isinstance(effects, Effects):
         return effects
     units = listed_units(robot, effects)
-    names = tuple(name for name in UNITS if any(unit.name == name for unit in units))
+    names = {unit.name for unit in units}
     for part in ("velocity", "rotor_inertia"):
         if part in names and "inertia" not in names:
             raise ModelError(f"the effect '{part}' needs 'inertia': without inertia there is only statics")
@@ -215,16 +224,19 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
             raise ModelError(f"the effect '{kind.name}' is named {len(found)} times")
         return found[0] if found else None
 
-    return Effects(
+    out = Effects(
         one(Gravity), one(Inertia), one(LegInertia), one(VelocityTerms),
         tuple(law for law in laws if not isinstance(law.effect, RotorInertia)),
         tuple(law for law in laws if isinstance(law.effect, RotorInertia)),
-        tuple(unit for unit in units if isinstance(unit, LINKS)), one(Limits), one(BaseMotion), names,
+        tuple(unit for unit in units if isinstance(unit, LINKS)), one(Limits), one(BaseMotion),
     )  # fmt: skip
+    return replace(out, names=out.named(names))
 
 
 def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
     """Return the effect objects selected by names and objects, each name once.
+
+    Gravity and inertia are those of every body: the legs' part is among them, unless legs are massless.
 
     Raises:
         ModelError: A name is unknown, or the robot's files do not state its parameters.
@@ -241,7 +253,10 @@ def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
             raise ModelError(f"{word!r} is no effect: give names or objects of hybridyn.effects")
     for name in dict.fromkeys(names):
         units += _stated(robot, name)
-    return units
+    kinds = {type(unit) for unit in units}
+    if MasslessLegs in kinds:
+        return [unit for unit in units if not isinstance(unit, LegInertia)]
+    return [*units, LegInertia()] if kinds & {Gravity, Inertia} and LegInertia not in kinds else units
 
 
 def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
@@ -270,7 +285,7 @@ def _stated(robot: HybridRobot, name: str) -> list[Any]:
         return [UNITS[name](**values) for values in tables]
     if name == Payload.name and robot.payloads:
         return list(robot.payloads)
-    if name in DEFAULT or name in FROM_FILES or name == "limits":
+    if name in (*DEFAULT, *FROM_FILES, "limits", MasslessLegs.name):
         return [UNITS[name]()]
     from ..description.side_cars.tables import EFFECTS  # it takes pydantic
 

@@ -45,10 +45,12 @@ class Inertia:
 
 @dataclass(frozen=True)
 class LegInertia:
-    """Mass and weight of the legs: H, F_b by RNEA, [[S1, D^T], [D, A]] by CRBA.
+    """The legs' part of gravity and inertia: H, F_b by RNEA, [[S1, D^T], [D, A]] by CRBA.
 
-    Without it legs are massless (the platform-only model). Legs are all bodies except platforms, links of
-    serial joints, and links that carry another module. Source: Ibrahim & Khalil (2010), appendices A to C.
+    It is on with gravity or inertia, unless legs are to be massless (`MasslessLegs`). Legs are all bodies
+    except platforms, links of serial joints, and links that carry another module.
+
+    Source: Ibrahim & Khalil (2010), appendices A to C.
     """
 
     name: ClassVar[str] = "leg_inertia"
@@ -64,6 +66,13 @@ class LegInertia:
     def matrix(self, s: ModuleState) -> Array:
         """Compute M_leg, shape (T, 6 + n, 6 + n), Eqs. (63)-(75)."""
         return s.mechanism.legs.crba(s.q)
+
+
+@dataclass(frozen=True)
+class MasslessLegs:
+    """Legs without mass: the platform-only model, without the legs' part of gravity and inertia."""
+
+    name: ClassVar[str] = "massless_legs"
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ NEEDS_INERTIA = frozenset({"velocity", "rotor_inertia"})
 
 #: Effects that define another robot or another task. They stay as chosen and are never evaluated; nor are
 #: the limits, which combine all effects.
-KEPT = frozenset({"payload", "base_motion"})
+KEPT = frozenset({"payload", "base_motion", "massless_legs"})
 LIMITS = "limits"
 
 

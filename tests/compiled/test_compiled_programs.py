@@ -25,9 +25,9 @@ EXACT = 1e-13  # one chain of products, summed in another order
     "effects",
     [
         "model",
-        ["gravity", "inertia"],
-        ["inertia", "leg_inertia"],
-        ["gravity", "inertia", "leg_inertia", "velocity"],
+        ["gravity", "inertia", "massless_legs"],
+        ["inertia"],
+        ["gravity", "inertia", "velocity"],
     ],
 )
 def test_effects(effects: Any) -> None:
@@ -57,8 +57,8 @@ def test_effects_that_are_off_leave_no_code_and_base_parameters_make_it_shorter(
     robot = hybridyn.load("gough_stewart")
     chosen: tuple[list[str] | None, ...] = (
         None,
-        ["gravity", "inertia", "leg_inertia"],
         ["gravity", "inertia"],
+        ["gravity", "inertia", "massless_legs"],
     )
     sizes = [
         function_of(programs(robot, effects, models=("ddm",))["ddm"]).n_instructions() for effects in chosen

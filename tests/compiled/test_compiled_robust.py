@@ -405,7 +405,7 @@ def test_the_inverse_model_is_verified_where_a_motion_has_no_inertia(
     """The five-bar moves legs alone: without their inertia its direct model is not defined."""
     monkeypatch.setattr(comparing, "ROUNDS", 1)
     robot = hybridyn.load("five_bar")
-    effects = choose(robot, ["gravity", "inertia", "velocity"])
+    effects = choose(robot, ["default", "massless_legs"])
     verify(WithoutDirectModel(robot, effects, 0.0), robot, effects)
     assert "the compiled 'ddm' hands 12 of 12 random states to the general path, which refuses" in caplog.text
     assert "has no inertia" in caplog.text

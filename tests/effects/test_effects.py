@@ -26,6 +26,7 @@ from tests.effect_cases import CASES, every, rate_of
 from tests.engines import engine_of
 from tests.mechanisms import random_mechanism, random_states
 from tests.samples import slow
+from tests.shipped import ROBOTS as SHIPPED
 from tests.shipped import shipped, states_near_home
 
 States = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -33,6 +34,7 @@ INERTIA = ["inertia", "leg_inertia", "velocity"]
 THERE_AND_BACK = 1e-9  # ddm(idm(a)) = a loses the condition of A_t; measured 4e-12 at worst
 BALANCE = 1e-9  # of the largest power: rounding of a difference over 1e-3 s, measured 5e-11
 EXACT = 1e-12
+ADDED = 1e-11  # sums of parts that are larger than the whole
 ROBOTS = {"five_bar": "fixed", "scara_delta": "fixed", "gough_stewart": "floating", "stewart_ur5": "fixed"}
 
 
@@ -103,6 +105,8 @@ def test_an_effect_that_is_off_runs_none_of_its_code(name: str, monkeypatch: pyt
     units = {unit if isinstance(unit, str) else unit.name: unit for unit in every(robot)}
     units |= dict.fromkeys(INERTIA) | {"limits": fx.Limits(dict.fromkeys(robot.motors, 1e6))}
     on = {key: unit or key for key, unit in units.items() if key != name}
+    if name == "leg_inertia":  # which is a part of gravity and inertia
+        on["massless_legs"] = "massless_legs"
     if name == "inertia":
         on = {key: unit for key, unit in on.items() if key not in ("velocity", "rotor_inertia")}
     for method in dir(UNITS[name]):
@@ -112,8 +116,55 @@ def test_an_effect_that_is_off_runs_none_of_its_code(name: str, monkeypatch: pyt
     if name != "inertia":
         ddm(robot, q, v, tau, effects=on.values(), time=0.7)
     if name in units:
-        named = {**on, name: units[name] or name}
+        named = {key: unit for key, unit in on.items() if key != "massless_legs"} | {
+            name: units[name] or name
+        }
         refused(lambda: idm(robot, q, v, a, effects=named.values(), time=0.7), Touched, "")
+
+
+@pytest.mark.parametrize(
+    ("engine", "name"),
+    [*(("general", name) for name in SHIPPED), *(slow("compiled", name) for name in SHIPPED)],
+)
+def test_named_effects_add_up_to_the_whole(engine: str, name: str) -> None:
+    """Gravity is the weight of every body, and inertia that of every body; the legs' is a part of both."""
+    description = shipped(name)
+    robot, (q, v, a) = build_robot(description), states_near_home(description, "fixed", 0, 2)
+
+    def efforts(*names: str) -> np.ndarray:
+        if engine == "compiled" and not {"default", "inertia"} & {
+            *names
+        }:  # without which nothing is compiled
+            return efforts("inertia", *names) - efforts("inertia", *names[1:])
+        return np.asarray(engine_of(engine, robot, [*names]).idm(q, v, a))
+
+    whole, size = efforts("default"), np.abs(efforts("default")).max()
+    close_to(efforts("gravity") + efforts("inertia", "velocity"), whole, ADDED, size)
+    close_to(efforts("gravity"), hybridyn.gravity(robot, q), ADDED, size)
+    close_to(efforts("gravity"), engine_of(engine, robot).gravity(q), ADDED, size)
+    bare = efforts("gravity", "massless_legs") + efforts("inertia", "velocity", "massless_legs")
+    close_to(bare, efforts("default", "massless_legs"), ADDED, size)
+
+
+def test_names_say_whether_legs_have_mass() -> None:
+    """What a choice is called chooses the same again, also of what is left of it."""
+    robot, _ = prepared("five_bar")
+    whole = choose(robot, None)
+    every = [
+        (["gravity"], ("gravity", "leg_inertia")),
+        (["inertia"], ("inertia", "leg_inertia")),
+        (["default", "massless_legs"], ("gravity", "inertia", "massless_legs", "velocity")),
+        (["default", fx.MasslessLegs()], ("gravity", "inertia", "massless_legs", "velocity")),
+        (["leg_inertia"], ("leg_inertia",)),
+        (whole.without("leg_inertia"), ("gravity", "inertia", "massless_legs", "velocity")),
+        (whole.only(["gravity"]), ("gravity", "massless_legs")),
+        (whole.only(["velocity"]), ("velocity",)),
+    ]
+    for given, names in every:
+        on = choose(robot, given)
+        assert on.names == names
+        if "velocity" not in names or "inertia" in names:
+            assert choose(robot, list(on.names)) == on
 
 
 def test_nothing_named_is_nothing_computed() -> None:
@@ -188,7 +239,7 @@ def test_an_endless_joint_is_wound_up_from_the_nearest_side() -> None:
 
 def test_statics_is_the_model_at_rest_and_the_direct_model_refuses_it() -> None:
     robot, (q, v, a) = prepared("five_bar")
-    effects = ["gravity", "leg_inertia"]
+    effects = ["gravity"]
     close_to(idm(robot, q, v, a, effects=effects), idm(robot, q, 0 * v, 0 * a), EXACT)
     for call, words in (
         (lambda: ddm(robot, q, v, np.zeros((3, 2)), effects=effects), "needs the effect 'inertia'"),
@@ -200,7 +251,7 @@ def test_statics_is_the_model_at_rest_and_the_direct_model_refuses_it() -> None:
 @pytest.mark.parametrize("name", ["five_bar", "scara_delta"])
 def test_velocity_terms_off_keeps_the_drift_of_the_closures(name: str) -> None:
     robot, (q, v, a) = prepared(name)
-    off = ["gravity", "inertia", "leg_inertia"]
+    off = ["gravity", "inertia"]
     tau = idm(robot, q, v, a, effects=off)
     close_to(ddm(robot, q, v, tau, effects=off), a, THERE_AND_BACK)  # a holds the closures' drift
     assert np.abs(idm(robot, q, v, a) - tau).max() > 1e-3
@@ -215,7 +266,7 @@ def test_velocity_terms_of_one_platform_by_hand() -> None:
     description = shipped("gough_stewart")
     robot = build_robot(description, base="fixed")
     q, v, a = states_near_home(description, "fixed", 0, 2)
-    only = ["inertia"]  # massless legs: the platform alone
+    only = ["inertia", "massless_legs"]  # the platform alone
     gyroscopic = idm(robot, q, v, a, effects=[*only, "velocity"]) - idm(robot, q, v, a, effects=only)
     module = robot.modules[0]
     platform = module.outputs[0]
@@ -237,7 +288,7 @@ def test_velocity_terms_of_one_platform_by_hand() -> None:
 @pytest.mark.parametrize("name", ["gough_stewart", "delta"])
 def test_massless_legs_are_the_limit_of_light_legs(name: str) -> None:
     robot, (q, v, a) = build_robot(shipped(name)), states_near_home(shipped(name), "fixed", 0, 3)
-    without = ["gravity", "inertia", "velocity"]
+    without = ["default", "massless_legs"]
     massless = idm(robot, q, v, a, effects=without)
     legs = {robot.bodies.bodies[b].name for b in leg_bodies(robot)}
     errors = []
@@ -258,7 +309,7 @@ def test_massless_legs_are_the_limit_of_light_legs(name: str) -> None:
 def test_a_robot_that_is_all_legs_has_no_inertia_without_them() -> None:
     robot, (q, v, _) = prepared("five_bar")
     refused(
-        lambda: ddm(robot, q, v, np.ones((3, 2)), effects=["gravity", "inertia", "velocity"]),
+        lambda: ddm(robot, q, v, np.ones((3, 2)), effects=["default", "massless_legs"]),
         SingularityError,
         "has no inertia",
     )

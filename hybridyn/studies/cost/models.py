@@ -53,7 +53,7 @@ UNJUDGED = 1e-9
 #: Part of the time of the whole by which that of its stages together may differ.
 ADDS_UP = 0.15
 #: Effects that are never omitted: those of platforms and serial links.
-KEPT = ("gravity", "inertia")
+KEPT = ("gravity", "inertia", "massless_legs")
 #: Number of rows at either end that are ignored, since the rates of a spline are inaccurate there.
 EDGE = 40
 

@@ -473,8 +473,8 @@ def every_effect(ready: Stage) -> Effects:
     every = replace(
         on, leg_inertia=on.leg_inertia or more.leg_inertia, velocity=on.velocity or more.velocity,
         joints=(*on.joints, *more.joints), rotors=(*on.rotors, *more.rotors),
-        names=tuple(unit for unit in UNITS if unit in {*on.names, *more.names}),
     )  # fmt: skip
+    every = replace(every, names=every.named({*on.names, *more.names}))
     whole = operations(robot, every, "ddm")
     some = [name for name in DROPPABLE if name in every.names]
     return every.without(*(name for name in some if operations(robot, every.without(name), "ddm") == whole))
@@ -493,4 +493,4 @@ def needed_effects(study: Study, ready: Stage, every: Effects, target: float) ->
     gone = spared(study.worth, target, lambda names: sum(worth[name] for name in names))
     if not more and not gone:
         return []
-    return [name for name in every.names if name in {*ready.effects.names, *more} - {*gone}]
+    return [*every.only({*ready.effects.names, *more} - {*gone}).names]
