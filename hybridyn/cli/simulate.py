@@ -22,7 +22,7 @@ from ..simulation.stepping import SHORTEST
 from ..simulation.table import columns_of, picked, remarks, rows_of
 from ..streams.departures import Departures, departures
 from ..tables.results import check_target, open_results
-from .common.engine import WORTH_IN_TIME, WORTH_OF_POSTURES, Engine, choose_engine
+from .common.engine import WORTH_OF_POSTURES, Engine, choose_engine, worth_in_time
 from .common.figures import save, title_of
 from .common.files import check_targets
 from .common.options import refuse
@@ -82,7 +82,8 @@ def _engine(ready: Stage, asked: str | None) -> Engine:
     controller = ready.source.scene.controller
     if evaluations is not None and controller is not None and controller.kind == "computed_torque":
         evaluations *= WITH_INVERSE_MODEL
-    worth = WORTH_IN_TIME if ready.motion is None else WORTH_OF_POSTURES * ready.robot.nv
+    freedoms = ready.robot.nv
+    worth = worth_in_time(freedoms) if ready.motion is None else WORTH_OF_POSTURES * freedoms
     alone = ready.motion is None
     return choose_engine(asked, ready.robot, ready.effects, evaluations, worth, {}, alone=alone)
 

@@ -21,8 +21,9 @@ if TYPE_CHECKING:  # the general path does without the models
 WORTH = 3_000_000
 #: Rows from which it pays where postures are assembled: some 3 ms each on the general path for any robot.
 WORTH_OF_POSTURES = 2_000
-#: The same for `simulate`, where samples come one after the other: the general path is slow without batches.
-WORTH_IN_TIME = 40_000
+#: For `simulate`, where samples come one after the other, measured in processor time on robots of 4 to 84
+#: freedoms: what a sample costs on the general path, and a build, each with its part per freedom [s].
+SAMPLE_IN_TIME, BUILD = (2e-3, 2.6e-4), (1.8, 0.05)
 #: A model in the cache pays from this part of them on: it takes some tenths of a second to load.
 LOADED = 1 / 20
 #: The same for `effects`, which builds a model for each set of effects: for the LX4 with friction this takes
@@ -33,6 +34,12 @@ WORTH_OF_EFFECTS = 2_000_000
 def worth_of(layout: Layout, robot: HybridRobot) -> int:
     """Return the samples times freedoms above which building a model pays for a table."""
     return WORTH if layout.full_state else min(WORTH, WORTH_OF_POSTURES * robot.nv)
+
+
+def worth_in_time(freedoms: int) -> int:
+    """Return the samples times freedoms above which a build takes less time than `simulate` saves by it."""
+    build, sample = (fixed + each * freedoms for fixed, each in (BUILD, SAMPLE_IN_TIME))
+    return round(freedoms * build / sample)
 
 
 @dataclass(eq=False)
