@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterable
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -60,11 +59,6 @@ def program(*words: object, **options: object) -> subprocess.Popen[str]:
 def table_text(header: list[str], rows: np.ndarray) -> str:
     """Return a CSV table."""
     return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows.tolist()), ""])
-
-
-def without_remarks(file: str | Path) -> str:
-    """Return the text of a table without the remarks before its header."""
-    return "".join(line for line in Path(file).read_text().splitlines(keepends=True) if line[0] != "#")
 
 
 def read_table(text: str) -> dict[str, np.ndarray]:

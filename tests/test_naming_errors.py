@@ -31,7 +31,7 @@ from hybridyn.scenes.scene_file import read_scene
 from hybridyn.simulation.result import Result
 from hybridyn.streams.one_pass import samples_counted_from
 from hybridyn.tables.opening import read_columns
-from tests.command_line import call, read_table, without_remarks
+from tests.command_line import call, read_table
 from tests.comparing import refused
 from tests.extras import needs
 from tests.files import save
@@ -206,7 +206,7 @@ def test_a_floating_base_is_placed_without_naming_every_motor(
         "scene.toml",
     )
     call(capsys, "simulate", scene, "-o", tmp_path / "run.csv")
-    first = {name: column[0] for name, column in read_table(without_remarks(tmp_path / "run.csv")).items()}
+    first = {name: column[0] for name, column in read_table((tmp_path / "run.csv").read_text()).items()}
     assert [first[f"{root}/pose/{axis}"] for axis in "xyz"] == [0.1, 0.0, 0.5]
     assert first[f"{root}/velocity/x"] == pytest.approx(0.3, rel=1e-12)
     assert first[f"{robot.motors[0]}/position"] == pytest.approx(0.1, rel=1e-12)

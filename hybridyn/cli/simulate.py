@@ -19,7 +19,7 @@ from ..scenes.stage import Stage, files_of, identity, play, stage
 from ..scenes.toml_source import naming
 from ..simulation.result import Result
 from ..simulation.stepping import SHORTEST
-from ..simulation.table import columns_of, picked, remarks, rows_of
+from ..simulation.table import columns_of, picked, rows_of
 from ..streams.departures import Departures, departures
 from ..tables.results import check_target, open_results
 from .common.engine import WORTH_OF_POSTURES, Engine, choose_engine, worth_in_time
@@ -67,7 +67,7 @@ def run(
         )
     if chosen.model is not None:
         chosen.handed_over = chosen.model.recomputed
-    _write(ready, result, target, plot, chosen)
+    _write(ready, result, target, plot)
     if state is not None and result.status != "interrupted":  # after an error it would come to the same
         Path(state).unlink(missing_ok=True)
     if not quiet:
@@ -182,13 +182,12 @@ def _between_steps(until: float | None) -> Iterator[tuple[Callable[[float, float
         yield after_step, marks
 
 
-def _write(ready: Stage, result: Result, target: str | None, plot: str | None, engine: Engine) -> None:
+def _write(ready: Stage, result: Result, target: str | None, plot: str | None) -> None:
     """Write the table of the motion, and its figure."""
     columns, rows = columns_of(ready.robot), rows_of(ready.robot, result)
     with naming(ready.source, ("output", "columns")):
         chosen = picked(columns, ready.source.scene.output.columns)
-    head = [*remarks(ready.robot, result.method, ready.effects), str(engine)]
-    with open_results(target, [columns[i] for i in chosen], head) as write:
+    with open_results(target, [columns[i] for i in chosen]) as write:
         for first in range(0, len(rows), AT_ONCE):  # the text of a number takes many times its memory
             write(rows[first : first + AT_ONCE, chosen])
     if plot and len(rows):
@@ -200,7 +199,8 @@ def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[
     counters = result.counters
     reached = result.t[-1] if ready.motion is not None and len(result.t) else result.state.t
     lines = [
-        f"{ready.robot.name}: {ready.source.scene.duration:g} s by {result.method}, reached {reached:g} s"
+        f"{ready.robot.name}, base {ready.robot.base}: {ready.source.scene.duration:g} s by {result.method}, "
+        f"reached {reached:g} s"
     ]
     lines += [f"event: {event.name} at {event.t:.6g} s" for event in result.events]
     if len(result.t):

@@ -193,8 +193,7 @@ simulate = Command(
 
     The result has one row per output time: 'time'; '<joint>/position|velocity|acceleration' of every joint;
     '<motor>/effort'; 'energy/kinetic|potential|total'; 'residual' of the closures. 'hybridyn idm' reads it
-    back as a trajectory. Lines with '#' before the header name the robot, the method,
-    the effects that were on, and the engine.
+    back as a trajectory. Robot, method, effects that were on, and engine are said on standard error.
 
     Ctrl-C stops after the current step. The rows so far are written to FILE, and the state to FILE.state.
     --resume continues the run; the result is the same, bit for bit, as that of a run without a stop.

@@ -1,6 +1,5 @@
 """`hybridyn workspace`: find the poses that a module reaches, and the efforts that hold them."""
 
-import os
 import time
 from collections.abc import Sequence
 
@@ -62,7 +61,7 @@ def run(
             spread=workers.over,
             progress=lambda poses: show(poses, None),
         )
-    _write(found, load, output)
+    _write(found, output)
     if plot:
         units = dict.fromkeys(robot.effort_units[i] for i in robot.modules[found.sweep.module].motor_index)
         title = f"{robot.name}: {found.sweep.link}"
@@ -73,17 +72,13 @@ def run(
         click.echo(line, err=True)
 
 
-def _write(found: Workspace, load: RobotChoice, output: str | None) -> None:
+def _write(found: Workspace, output: str | None) -> None:
     columns = {
         f"{found.sweep.key}/pose/{n}": found.coordinates[:, i] for i, n in enumerate(found.sweep.names)
     }
     columns |= {f"{name}/position": values for name, values in found.motors.items()}
     columns |= found.measures
-    file = os.path.basename(load.robot)
-    remark = f"hybridyn workspace of {file}: lattice steps " + ", ".join(
-        f"{axis} {step:g}" for axis, step in zip(found.sweep.axes, found.steps, strict=True)
-    )
-    with open_results(output, list(columns), [remark]) as write:
+    with open_results(output, list(columns)) as write:
         write(np.column_stack(list(columns.values())))
 
 

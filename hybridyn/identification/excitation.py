@@ -95,8 +95,7 @@ class Excitation:
             periods: How often the motion is repeated.
         """
         table = self.columns(rate=rate, periods=periods)
-        remark = f"hybridyn.excitation of {self.robot.name}: period {self.period:g} s"
-        with open_results(os.fspath(path), list(table), [remark]) as write:
+        with open_results(os.fspath(path), list(table)) as write:
             write(np.column_stack(list(table.values())))
 
 

@@ -8,7 +8,6 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..effects import Effects
 from ..errors import TrajectoryError
 from ..spatial import Array, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
@@ -77,14 +76,6 @@ def picked(columns: Sequence[str], patterns: Sequence[str] | None) -> list[int]:
         i for i, column in enumerate(columns)
         if column == "time" or any(fnmatchcase(column, pattern) for pattern in patterns)
     ]  # fmt: skip
-
-
-def remarks(robot: HybridRobot, method: str, effects: Effects) -> list[str]:
-    """Return the comment lines before the table's header: robot, method, effects that were on."""
-    return [
-        f"hybridyn simulation of {robot.name}, base {robot.base}, method {method}",
-        f"effects on: {', '.join(effects.names) or 'none'}",
-    ]
 
 
 def _joints(robot: HybridRobot) -> list[tuple[str, str]]:

@@ -26,15 +26,14 @@ Write = Callable[[Array], None]
 
 
 @contextlib.contextmanager
-def open_results(
-    target: str | Path | None, columns: Sequence[str], remarks: Sequence[str] = ()
-) -> Iterator[Write]:
+def open_results(target: str | Path | None, columns: Sequence[str]) -> Iterator[Write]:
     """Yield a function that writes blocks of rows; the file appears when the context ends without an error.
+
+    A CSV file begins with its header, so that every reader of such files finds it.
 
     Args:
         target: A `.csv` or `.parquet` file, or None (or "-") for CSV on standard output.
         columns: Names of the columns.
-        remarks: Lines before the header of a CSV file, behind `#`.
 
     Yields:
         A function that takes rows, shape (rows, columns), and writes them.
@@ -44,7 +43,7 @@ def open_results(
     """
     if target is None or str(target) == "-":
         with naming("standard output"):
-            yield _csv_writer(sys.stdout, columns, remarks)
+            yield _csv_writer(sys.stdout, columns)
             sys.stdout.flush()
         return
     check_target(target)
@@ -52,12 +51,12 @@ def open_results(
     with appearing(target) as draft:
         if draft.suffix.lower() != ".parquet":
             with open(draft, **words) as text:
-                yield _csv_writer(text, columns, remarks)
+                yield _csv_writer(text, columns)
             return
         import tempfile  # only Parquet needs it
 
         with tempfile.NamedTemporaryFile(dir=draft.parent, prefix=f"{draft.name}.", **words) as text:
-            yield _csv_writer(text, columns, ())
+            yield _csv_writer(text, columns)
             text.flush()
             polars = required("polars", "io", "Parquet")
             try:
@@ -88,8 +87,7 @@ def check_target(target: str | Path) -> None:
         required("polars", "io", f"{target}: Parquet")
 
 
-def _csv_writer(text: IO[str], columns: Sequence[str], remarks: Sequence[str]) -> Write:
-    text.write("".join(f"# {line}\n" for line in remarks))
+def _csv_writer(text: IO[str], columns: Sequence[str]) -> Write:
     csv.writer(text, lineterminator="\n").writerow(columns)
 
     def write(rows: Array) -> None:

@@ -15,7 +15,7 @@ import hybridyn.streams.one_pass as blocks
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.tables.columns import Layout
 from tests import ROOT
-from tests.command_line import Said, read_table, table_text, without_remarks
+from tests.command_line import Said, read_table, table_text
 from tests.robot_texts import door, save
 
 Run = Callable[..., Said]
@@ -36,8 +36,8 @@ SLIGHTLY_OPEN = 1e-8
 
 
 def numbers(path: Path) -> np.ndarray:
-    """Return a table without the remarks before its header and without its first column, the time."""
-    return np.column_stack([*read_table(without_remarks(path)).values()][1:])
+    """Return a table without its first column, the time."""
+    return np.column_stack([*read_table(Path(path).read_text()).values()][1:])
 
 
 def same(one: Path, other: Path, tolerance: float = AGREE) -> bool:

@@ -44,6 +44,9 @@ USAGE = [
         (words, f"'{words.split()[-1]}' is not a regular file but a pipe or a device")
         for words in ("info x.urdf", "idm five_bar x.csv", "plot x.csv", "simulate x.toml")
     ),
+    ("info five_bar --gravity 0 0 -9.81", "write numbers with commas between: --gravity 0,0,-9.81"),
+    ("info five_bar --gravity 0, 0, 0", "write numbers with commas between: --gravity 0,0,0"),
+    ("idm --gravity -1 2.5e1 .5 five_bar t.csv", "write numbers with commas between: --gravity -1,2.5e1,.5"),
     ("idm arm.urdf traj.csv --gravity 1,2,down", "'1,2,down' is not numbers with commas between"),
     ("idm arm.urdf traj.csv --base loose", "'loose' is not one of"),
     ("idm arm.urdf traj.csv --xacro n=3", "name:=value"),

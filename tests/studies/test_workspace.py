@@ -13,7 +13,7 @@ from hybridyn.studies.sweep.evaluation import status_of
 from hybridyn.studies.workspace.measures import Measures
 from hybridyn.studies.workspace.sweep import find_sweep
 from hybridyn.studies.workspace.workspace import OUT_OF_REACH, Closing, Workspace, workspace
-from tests.command_line import call, read_table, without_remarks
+from tests.command_line import call, read_table
 from tests.comparing import ROUNDING, SOLVED, close_to, refused
 from tests.files import save
 from tests.quantities.ankle import JOINTS, ankle, closed_form, leg
@@ -226,7 +226,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert said.out == ""
     call(capsys, *words, "-o", two, "--jobs", "2")
     assert one.read_bytes() == two.read_bytes()
-    table = read_table(without_remarks(one))
+    table = read_table(one.read_text())
     count = len(table["conditioning"])
     assert f"module 1: {count} poses of 'm1_tool' in 'm1_base'" in said.err
     assert "steps stopped by: " in said.err

@@ -1,5 +1,6 @@
 """Reading and writing tables: what files look like, each way of being wrong, numbers bit by bit."""
 
+import csv
 import stat
 import sys
 from pathlib import Path
@@ -235,3 +236,11 @@ def test_rows_without_numbers_columns_of_a_larger_table_and_integers() -> None:
     assert csv_text(table[:2, :0]) == "\n\n"
     assert csv_text(table[:, 1:2]) == "1.0\n5.0\n9.0\n"
     assert csv_text(table[:2, ::2].astype(int)) == "0.0,2.0\n4.0,6.0\n"
+
+
+def test_a_table_begins_with_its_header(tmp_path: Path) -> None:
+    """Readers of others find the columns: nothing stands before them."""
+    with open_results(tmp_path / "out.csv", ["time", "a"]) as write:
+        write(np.array([[0.0, 1.5]]))
+    with open(tmp_path / "out.csv", newline="") as text:
+        assert [*csv.DictReader(text)] == [{"time": "0.0", "a": "1.5"}]

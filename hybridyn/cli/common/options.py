@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import re
 from collections.abc import Callable
@@ -18,6 +19,8 @@ if TYPE_CHECKING:  # completion does without them
     from ...structure.robot import Base, HybridRobot
 
 XACRO_WORD = re.compile(r"([A-Za-z_]\w*):=(.*)", re.DOTALL)
+#: A number as a word of a command.
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?,?", re.IGNORECASE)
 #: Letters of an option's name and value, beyond which a help explains it in the next line.
 MOST_LETTERS = 30
 
@@ -66,6 +69,12 @@ def _numbers(ctx: click.Context, param: click.Parameter, value: str | None) -> t
         return None if value is None else tuple(float(number) for number in value.split(","))
     except ValueError:
         raise click.BadParameter(f"'{value}' is not numbers with commas between", ctx, param) from None
+
+
+def _numbers_after(name: str, words: list[str]) -> list[str]:
+    """Return the words that are numbers right after an option."""
+    at = words.index(name) + 1 if name in words else len(words)
+    return list(itertools.takewhile(NUMBER.fullmatch, words[at:]))
 
 
 def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
@@ -129,6 +138,19 @@ class Shared(click.Option):
 
 class Command(click.Command):
     """A command whose help shows the shared options last."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the words of a call; numbers after an option are written with commas between."""
+        words = list(args)
+        for option in self.params:
+            for name in option.opts if "," in (getattr(option, "metavar", None) or "") else ():
+                numbers = _numbers_after(name, words)
+                if len(numbers) > 1:
+                    joined = ",".join(number.rstrip(",") for number in numbers)
+                    raise click.BadParameter(
+                        f"write numbers with commas between: {name} {joined}", ctx, option
+                    )
+        return super().parse_args(ctx, args)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the command's own options, then the shared ones."""
