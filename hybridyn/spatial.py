@@ -202,6 +202,13 @@ def rotation_vector(R: Array) -> Array:
     return quat[..., :3] * scale[..., None]
 
 
+def quaternion_from_vector(r: Array) -> Array:
+    """Compute unit quaternions x, y, z, w of the exp of rotation vectors (..., 3)."""
+    angle = np.linalg.norm(r, axis=-1, keepdims=True)
+    axis = r / np.where(angle > 0, angle, 1.0)
+    return np.concatenate([np.sin(angle / 2) * axis, np.cos(angle / 2)], axis=-1)
+
+
 def rotation_from_vector(r: Array) -> Array:
     """Compute the exp of rotation vectors (..., 3) as rotations (..., 3, 3)."""
     angle = np.linalg.norm(r, axis=-1)

@@ -4,14 +4,16 @@
     <joint>/position|velocity|acceleration   a joint with one freedom [m or rad, per s, per s^2]
     <joint>/effort                           [N or N m], of every motor, for the direct model
     <joint>/position/qx ...                  other joints, by the components in `signals.JOINT_COMPONENTS`
-    <link>/pose/x|y|z|qx|qy|qz|qw            pose of a link relative to the root link, all components,
-    <link>/pose/x|y|z|roll|pitch|yaw         or any of these coordinates: fixed-axis angles, as in URDF's rpy
+    <link>/pose/x|y|z                        some or all: the origin of a link in the root link's frame
+    <link>/pose/qx|qy|qz|qw                  its orientation, all components,
+    <link>/pose/rx|ry|rz                     or all of these: a unit axis times the angle about it,
+    <link>/pose/roll|pitch|yaw               or any of these: fixed-axis angles, as in URDF's rpy
     <link>/velocity/x|y|z|wx|wy|wz           of the link's origin, and angular, in the root link's axes
     <link>/acceleration/x|y|z|wx|wy|wz       classical: the time derivative of that velocity
     <link>@<other>/...                       the same relative to another link and in its axes
     <link>/wrench/fx|fy|fz|mx|my|mz          acts on the link, at its origin and in its axes [N, N m]
 
-The rates of a pose given by coordinates are the rates of the same coordinates. On a moving or floating base,
+The rates of roll, pitch and yaw are the rates of the same angles. On a moving or floating base,
 the pose of the root link is the pose of the base in the world. A table that names every joint is a *full
 state*; other tables name motors, platforms or a mixture, from which the posture is assembled. With efforts,
 the only acceleration that is read is that of a moving base, whose motion is prescribed.
@@ -189,10 +191,11 @@ def _faults(
             f"{root}/pose/{signal.components[0]}",
             f"'{root}' is the root link and the base is fixed; choose a moving base, or drop its pose",
         )
-    if base != "fixed" and (signal is None or signal.components != POSE):
+    lacking = "x" if signal is None else signal.lacks
+    if base != "fixed" and lacking:
         message = f"is missing: with a {base} base the table gives the whole pose of '{root}' in the world"
         message += FREE if base == "floating" else ""
-        yield f"{root}/pose/{'x' if signal is None else 'qx'}", message
+        yield f"{root}/pose/{lacking}", message
     yield from _input_faults(layout, movable, motors, root, passive)
     for signal in layout.signals if layout.time is None else ():
         if signal.missing:

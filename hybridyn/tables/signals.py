@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +10,11 @@ import numpy as np
 from ..description.records import Array, Joint
 from ..errors import TrajectoryError
 
-POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
-TWIST = ("x", "y", "z", "wx", "wy", "wz")
-COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
-ANGLES = ("roll", "pitch", "yaw")
+LENGTHS, ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
+COORDINATES = (*LENGTHS, *ANGLES)
+#: Complete orientations, whose rates are `SPIN`: by a quaternion, or by a unit axis times the angle about it.
+QUATERNION, VECTOR, SPIN = ("qx", "qy", "qz", "qw"), ("rx", "ry", "rz"), ("wx", "wy", "wz")
+POSE, TWIST = (*LENGTHS, *QUATERNION), (*LENGTHS, *SPIN)
 RATES = ("velocity", "acceleration")
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -25,7 +26,7 @@ UNITS = {
 
 #: Components of position and of velocity of the joints with several freedoms.
 JOINT_COMPONENTS = {
-    "spherical": (("qx", "qy", "qz", "qw"), ("wx", "wy", "wz")),
+    "spherical": (QUATERNION, SPIN),
     "planar": (("x", "y", "yaw"), ("x", "y", "wz")),
     "floating": (POSE, TWIST),
 }
@@ -70,6 +71,22 @@ class Signal(NamedTuple):
         given = {"velocity": self.velocity, "acceleration": self.acceleration}
         return tuple(name for name in self.wanted if given[name] is None)
 
+    @property
+    def turn(self) -> tuple[str, ...]:
+        """Names of a complete orientation whose rates are those of `SPIN`, or none."""
+        return next((names for names in (QUATERNION, VECTOR) if names[0] in self.components), ())
+
+    @property
+    def lacks(self) -> str:
+        """Component that a whole pose with an orientation of `turn` has and this one lacks, or ""."""
+        missing = (name for name in LENGTHS if name not in self.components)
+        return next(missing, "") if self.turn else "qx"
+
+    @property
+    def lengths(self) -> int:
+        """Number of components before those of the orientation, if its rates are those of `SPIN`."""
+        return len(self.components) - len(self.turn)
+
 
 def read_signal(
     name: str,
@@ -80,7 +97,7 @@ def read_signal(
     *,
     endless: bool = False,
 ) -> Signal:
-    """Build the signal of a joint, or of a pose: whole with a quaternion, or some of its coordinates.
+    """Build the signal of a joint, or of a pose: a complete orientation, some of its coordinates, or both.
 
     Args:
         name: The joint, or the link as in the header.
@@ -95,9 +112,9 @@ def read_signal(
     """
     pose = given.get("pose", {})
     places, rates = JOINT_COMPONENTS.get("floating" if joint is None else joint.kind, (("",), ("",)))
-    if pose and not set(pose) & set(POSE[3:]):  # no quaternion: any of the six coordinates
-        places = rates = tuple(part for part in COORDINATES if part in pose) or COORDINATES
-    by = "coordinates" if places == rates else "quaternion"
+    by = "quaternion"
+    if pose:
+        places, rates, by = _parts_of_pose(pose)
     what = f"the pose of '{name}' by its {by}" if joint is None else f"joint '{name}' ({joint.kind})"
     first = "pose" if joint is None else "position"
     at = {
@@ -115,6 +132,16 @@ def read_signal(
         message = f"is missing: rates of a {joint.kind} joint are not fitted"
         raise TrajectoryError(message, file=file, column=f"{name}/{signal.missing[0]}/{rates[0]}")
     return signal
+
+
+def _parts_of_pose(pose: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...], str]:
+    """Return the components of a pose that has some columns, those of its rates, and how it is given."""
+    lengths, angles = (tuple(name for name in names if name in pose) for names in (LENGTHS, ANGLES))
+    for turn, by in ((QUATERNION, "quaternion"), (VECTOR, "rotation vector")):
+        if set(turn) & set(pose):
+            return (*lengths, *turn), (*lengths, *SPIN), by
+    places = (*lengths, *angles) or COORDINATES
+    return places, places, "coordinates"
 
 
 def picked(

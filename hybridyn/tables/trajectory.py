@@ -10,11 +10,17 @@ import numpy as np
 
 from ..description.records import Array, Joint
 from ..errors import TrajectoryError
-from ..spatial import cross, rotate, rotate_back, rotation_from_quaternion
+from ..spatial import (
+    cross,
+    quaternion_from_vector,
+    rotate,
+    rotate_back,
+    rotation_from_quaternion,
+)
 from .columns import Layout
 from .opening import Block, Table
 from .rates import FEWEST_ROWS, HALO, Window, aligned, angular_rates, derivatives, turns, windows
-from .signals import POSE, Signal, on_circles
+from .signals import QUATERNION, SPIN, VECTOR, Signal, on_circles
 
 #: Largest deviation of a quaternion's length from one; seven digits in a file suffice.
 QUATERNION_TOLERANCE = 1e-6
@@ -153,19 +159,33 @@ def _joint(signal: Signal, window: Window, fits: Fits, file: str | None) -> Trip
 
 def _platform(signal: Signal, window: Window, fits: Fits, file: str | None) -> tuple[Parts, Parts, Parts]:
     pose, velocity, acceleration = _levels(signal, window, fits, file)
-    if signal.components != POSE:
-        return (
-            dict(zip(signal.components, pose.T, strict=True)),
-            dict(zip(signal.components, velocity.T, strict=True)),
-            dict(zip(signal.components, acceleration.T, strict=True)),
-        )
-    lengths = np.linalg.norm(pose[:, 3:], axis=1, keepdims=True)
-    return np.hstack([pose[:, :3], pose[:, 3:] / lengths]), velocity, acceleration
+    places = rates = signal.components
+    if signal.turn:
+        part = pose[:, signal.lengths :]
+        pose = np.hstack([pose[:, : signal.lengths], part / np.linalg.norm(part, axis=1, keepdims=True)])
+        if signal.lengths == 3:
+            return pose, velocity, acceleration
+        own = places[: signal.lengths]
+        places, rates = (*own, *QUATERNION), (*own, *SPIN)
+    return (
+        dict(zip(places, pose.T, strict=True)),
+        dict(zip(rates, velocity.T, strict=True)),
+        dict(zip(rates, acceleration.T, strict=True)),
+    )
+
+
+def _positions(signal: Signal, values: Array) -> Array:
+    """Return the positions of a signal, a rotation vector as a quaternion, shape (rows, n)."""
+    out: Array = values[:, list(signal.position)]
+    if signal.turn == VECTOR:
+        turned = quaternion_from_vector(out[:, signal.lengths :])
+        out = np.hstack([out[:, : signal.lengths], turned])
+    return out
 
 
 def _check_turns(signal: Signal, window: Window, file: str | None) -> None:
     """Check that orientations rotate little enough between two rows for a fit."""
-    angles = turns(window.values[:, list(signal.position[3:])])
+    angles = turns(_positions(signal, window.values)[:, signal.lengths :])
     index = int(np.argmax(angles))
     if angles[index] > LARGEST_TURN:
         row = window.first_row - window.core.start + index + 1
@@ -173,24 +193,25 @@ def _check_turns(signal: Signal, window: Window, file: str | None) -> None:
             f"'{signal.name}' turns by {np.degrees(angles[index]):.0f} degrees since the row before, too far "
             f"to fit its velocity ({np.degrees(LARGEST_TURN):.0f} at most); give velocities or more rows"
         )
-        raise TrajectoryError(message, file=file, row=row, column=f"{signal.name}/pose/qx")
+        raise TrajectoryError(message, file=file, row=row, column=f"{signal.name}/pose/{signal.turn[0]}")
 
 
 def _levels(signal: Signal, window: Window, fits: Fits, file: str | None) -> Triple:
     """Return position, velocity and acceleration of a block's own rows, fitted where columns are missing."""
-    levels: list[Any] = [
-        None if at is None else window.values[:, list(at)][window.core]
-        for at in (signal.position, signal.velocity, signal.acceleration)
-    ]
-    position, velocity, acceleration = levels
+    own = window.values[window.core]
+    position, (velocity, acceleration) = (
+        _positions(signal, own),
+        (None if at is None else own[:, list(at)] for at in (signal.velocity, signal.acceleration)),
+    )
     if signal.missing:
         first, second = fits[signal]
         if velocity is not None:
             second = first
-        elif signal.components == POSE:
-            quaternions = aligned(window.values[:, list(signal.position[3:])])[window.core]
-            omega, omega_dot = angular_rates(quaternions, first[:, 3:], second[:, 3:])
-            first, second = np.hstack([first[:, :3], omega]), np.hstack([second[:, :3], omega_dot])
+        elif signal.turn:
+            n = signal.lengths
+            quaternions = aligned(_positions(signal, window.values)[:, n:])[window.core]
+            omega, omega_dot = angular_rates(quaternions, first[:, n:], second[:, n:])
+            first, second = np.hstack([first[:, :n], omega]), np.hstack([second[:, :n], omega_dot])
         for row in np.flatnonzero(~np.isfinite(np.hstack([first, second])).all(axis=1)):
             message = f"no finite rates of '{signal.name}' can be fitted around here"
             raise TrajectoryError(message, file=file, row=window.first_row + int(row))
@@ -204,7 +225,7 @@ def _fits(layout: Layout, window: Window, time: Array | None) -> Fits:
     assert time is not None  # read_layout requires it where rates are missing
     signals = [signal for signal in layout.signals if signal.missing]
     for signal in signals:
-        if signal.components == POSE and signal.velocity is None:
+        if signal.turn and signal.velocity is None:
             _check_turns(signal, window, layout.file)
     samples = [_samples(signal, window.values) for signal in signals]
     try:
@@ -224,10 +245,10 @@ def _samples(signal: Signal, values: Array) -> Array:
     """Return the samples of a spline: a signal's rates, or positions without jumps, shape (rows, n)."""
     if signal.velocity is not None:
         return values[:, list(signal.velocity)]
-    out = values[:, list(signal.position)]
+    out = _positions(signal, values)
     out[:, list(signal.wraps)] = np.unwrap(out[:, list(signal.wraps)], axis=0)
-    if signal.components == POSE:
-        out[:, 3:] = aligned(out[:, 3:])
+    if signal.turn:
+        out[:, signal.lengths :] = aligned(out[:, signal.lengths :])
     return out
 
 

@@ -67,6 +67,20 @@ def test_whole_and_partial_poses() -> None:
     assert found.poses["tool@slider"].wraps == (1,)
 
 
+@pytest.mark.parametrize("lengths", [(), ("x",), ("x", "z"), ("x", "y", "z")])
+@pytest.mark.parametrize("turn", [("qx", "qy", "qz", "qw"), ("rx", "ry", "rz")])
+def test_a_complete_orientation_goes_with_any_lengths(lengths: tuple[str, ...], turn: tuple[str, ...]) -> None:
+    columns = ["time", *(f"tool/pose/{name}" for name in (*turn, *lengths))]
+    found = layout(columns).poses["tool"]
+    assert (found.components, found.turn, found.wraps) == ((*lengths, *turn), turn, ())
+    rates = [f"tool/velocity/{name}" for name in (*lengths, "wx", "wy", "wz")]
+    assert layout([*columns, *rates]).poses["tool"].missing == ("acceleration",)
+    refusal([*columns, *rates[:-1]], "tool/velocity/wz", "is missing")
+    refusal([*columns, *rates, "tool/velocity/yaw"], "tool/velocity/yaw", "does not belong")
+    refusal([*columns[:2], *columns[3:]], f"tool/pose/{turn[1]}", "is missing")
+    refusal([*columns, "tool/pose/yaw"], "tool/pose/yaw", "does not belong")
+
+
 @pytest.mark.parametrize("owner", ["ns/tip", "ns/tip@slider", "slider@ns/tip"])
 def test_names_with_separators_in_them(owner: str) -> None:
     assert owner in layout(["time", f"{owner}/pose/x"]).poses
@@ -135,6 +149,9 @@ def test_a_base_that_moves_has_its_pose_in_the_table(base: str) -> None:
     assert layout([*joints, *pose], base=base).full_state
     refusal(joints, "base/pose/x", base=base)
     refusal([*joints, "base/pose/x"], "base/pose/qx", base=base)
+    refusal([*joints, *pose[:2], *pose[3:]], f"{pose[2]}", base=base)
+    by_vector = [*(f"base/pose/{name}" for name in ("rx", "ry", "rz")), *pose[:3]]
+    assert layout([*joints, *by_vector], base=base).full_state
     refusal([*joints, *pose], "base/pose/x", "fixed")
 
 

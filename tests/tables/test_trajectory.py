@@ -117,6 +117,42 @@ def test_poses_give_twists_in_reference_axes(tmp_path: Path) -> None:
     assert acceleration[middle] == pytest.approx(differences, abs=1e-3)  # h^2 of plain differences
 
 
+@pytest.mark.parametrize("block_rows", [150, 2000])
+@pytest.mark.parametrize("kept", ["", "z", "xz", "xyz"])
+@pytest.mark.parametrize("turn", ["q", "r"])
+@pytest.mark.parametrize("given", [(), ("velocity",), ("velocity", "acceleration")])
+def test_an_orientation_goes_with_any_lengths_and_gives_the_rates_of_the_whole_pose(
+    tmp_path: Path, block_rows: int, kept: str, turn: str, given: tuple[str, ...]
+) -> None:
+    """Rotation vectors jump by whole turns, and quaternions to their opposites."""
+    time = TIME[:400]
+    pose = poses_of(time)
+    (whole,) = motions(tmp_path, {"time": time, **pose_columns("tool", pose)})
+    wanted = dict(zip(("velocity", "acceleration"), whole.platforms["tool"][1:], strict=True))
+    spin = np.array([pin.log3(pin.Quaternion(x).matrix()) for x in pose[:, 3:]])
+    spin[::7] *= 1 - 2 * np.pi / np.linalg.norm(spin[::7], axis=1, keepdims=True)
+    pose[::5, 3:] *= -1.0
+    at = [*("xyz".index(axis) for axis in kept), 3, 4, 5]
+    columns = {f"tool/pose/{axis}": pose[:, "xyz".index(axis)] for axis in kept}
+    parts = pose[:, 3:] if turn == "q" else spin
+    columns |= {f"tool/pose/{turn}{axis}": x for axis, x in zip("xyzw", parts.T, strict=False)}
+    names = [*kept, "wx", "wy", "wz"]
+    for rate in given:
+        columns |= {f"tool/{rate}/{n}": wanted[rate][:, i] for n, i in zip(names, at, strict=True)}
+    found = Motion.joined(motions(tmp_path, {"time": time, **columns}, block_rows=block_rows))
+    places, *rates = found.platforms["tool"]
+    if kept == "xyz":
+        places = dict(zip(("x", "y", "z", "qx", "qy", "qz", "qw"), places.T, strict=True))
+        rates = [dict(zip(names, rate.T, strict=True)) for rate in rates]
+    for level, rate in zip(rates, ("velocity", "acceleration"), strict=True):
+        one = np.column_stack([level[name] for name in names])
+        bound = FIT if rate == "velocity" or given else 100 * FIT  # the spline of other signs and vectors
+        assert np.abs(one - wanted[rate][:, at]).max() < bound
+    turned = np.column_stack([places[f"q{axis}"] for axis in "xyzw"])
+    assert np.abs(np.abs(np.sum(turned * pose[:, 3:], axis=1)) - 1).max() < ROUNDING
+    assert all(np.array_equal(places[axis], columns[f"tool/pose/{axis}"]) for axis in kept)
+
+
 @pytest.mark.parametrize("block_rows", [50, 199, 350])
 def test_blocks_do_not_change_the_numbers(tmp_path: Path, block_rows: int) -> None:
     noise = 1e-4 * np.random.default_rng(5).normal(size=len(TIME))
