@@ -1,10 +1,9 @@
 """Assembly: from given motor positions and platform poses to postures that close every loop.
 
-Read `requests` (the caller's input, checked), `module_request` (the same for one module), `task` (the problem
-that it states), `follow` (continuation from sample to sample on one branch), `spanning`, `assemble`; `chain`
-holds poses through several modules. `posture` takes a
-few joints only, `reach` closes each sample for itself; `motor_share` and `free_motions` find motions that
-motors do not drive.
+Read `poses` and `requests` (the caller's input, checked), `module_request` (the same for one module), `task`
+(the problem that it states), `follow` (continuation from sample to sample on one branch), `spanning`,
+`assemble`; `chain` holds poses through several modules. `posture` takes a few joints only; `motor_share` and
+`free_motions` find motions that motors do not drive.
 
 May import: `structure` and below.
 """

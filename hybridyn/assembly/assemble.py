@@ -22,7 +22,7 @@ from .chain.coupling import chains_of
 from .chain.solve import assemble_chain
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies
-from .requests import Requests, first_guess, gather_requests, home_requests
+from .requests import Requests, first_guess, gather_requests, home_requests, in_root
 from .spanning import settled, spanning_states
 from .task import check_agreement, check_bounded, module_task
 
@@ -49,16 +49,17 @@ def assemble(
             `robot.motors`, shape (motors,) or (T, motors), or a tuple of positions, rates and accelerations.
             Or a table with named columns (a DataFrame), `<motor>/position` or just the motor's name; its
             column `time` is not read.
-        platforms: "link" (relative to the root link) or "link@other" (relative to another link) to (pose,
-            twist, acceleration). The pose is x, y, z, qx, qy, qz, qw, shape (7,) or (T, 7), a matrix, shape
-            (4, 4) or (T, 4, 4), or a `pin.SE3`. The twist, shape (T, 6), holds the velocity of the link's
-            origin and its angular velocity relative to the other link, in the other link's axes. The
-            acceleration holds their time derivatives (classical). For a partial pose (the paper's v_r), each
-            is a mapping from some of x, y, z, roll, pitch, yaw to numbers or shapes (T,); an orientation may
-            also be qx, qy, qz, qw or rx, ry, rz (axis times angle), with rates wx, wy, wz. For a moving or
-            floating base, the root link's name stands for the pose of the base in the world (at rest by
-            default). A pose may go through several modules; where these have more freedoms than it
-            prescribes, their motors move least from row to row, each measured by its range.
+        platforms: "link" (relative to the root link), "link@other" (relative to another link) or "link@world"
+            (in the world, where a moving or floating base has its pose) to (pose, twist, acceleration). The
+            pose is x, y, z, qx, qy, qz, qw, shape (7,) or (T, 7), a matrix, shape (4, 4) or (T, 4, 4), or a
+            `pin.SE3`. The twist, shape (T, 6), holds the velocity of the link's origin and its angular
+            velocity relative to the other link, in the other link's axes. The acceleration holds their time
+            derivatives (classical). For a partial pose (the paper's v_r), each is a mapping from some of x,
+            y, z, roll, pitch, yaw to numbers or shapes (T,); an orientation may also be qx, qy, qz, qw or
+            rx, ry, rz (axis times angle), with rates wx, wy, wz. For a moving or floating base, the root
+            link's name stands for the pose of the base in the world (at rest by default). A pose may go
+            through several modules; where these have more freedoms than it prescribes, their motors move
+            least from row to row, each measured by its range.
         guess: Initial posture, shape (nq,). If it closes the loops to 1e-3 module lengths, all that is given
             moves straight from there to the first sample, on the guess's assembly branch. From another one,
             and from the home posture, which is the default, the first sample is on that branch if the branch
@@ -112,6 +113,7 @@ def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> t
     T = requests.samples
     q, v, a = np.tile(guess, (T, 1)), np.zeros((T, robot.nv)), np.zeros((T, robot.nv))
     place_base(robot, requests, q, v, a)
+    requests = in_root(robot, requests, guess)
     alone, chains = chains_of(robot, requests)
     coupled = {k for chain in chains for k in chain.modules}
     numbers = [k for k in range(1 if robot.base == "floating" else 0, len(robot.modules)) if k not in coupled]

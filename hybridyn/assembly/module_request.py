@@ -12,7 +12,8 @@ from ..spatial import Array, quaternion_from_rotation
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from .requests import PoseRequest, Requests
+from .poses import PoseRequest
+from .requests import Requests
 
 #: Angles of a limited joint beyond this [rad] are mistakes; beyond `BLUR`, any angle has lost its digits.
 WOUND_UP, BLUR = 1e4, 1e8

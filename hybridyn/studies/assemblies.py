@@ -13,7 +13,7 @@ import numpy as np
 from ..assembly.assemble import place_base
 from ..assembly.follow import follow
 from ..assembly.module_request import module_request, on_own_bases, place_bodies
-from ..assembly.requests import Requests, gather_requests
+from ..assembly.requests import Requests, gather_requests, in_root
 from ..assembly.spanning import settled, spanning_positions
 from ..assembly.task import Task, closure_residual, module_task
 from ..errors import AssemblyError, TrajectoryError
@@ -105,6 +105,7 @@ def search(robot: HybridRobot, requests: Requests, starts: int, seed: int) -> As
     """Find the postures of checked requests for one sample; errors are those of `assemblies`."""
     if starts < 1:
         raise TrajectoryError(f"starts must be at least 1, not {starts}")
+    requests = in_root(robot, requests, robot.home)
     q, counts, unseen = _search(robot, requests, starts, seed)
     return Assemblies(q, counts, closure_residual(robot, q), _within_limits(robot, q), starts, unseen)
 

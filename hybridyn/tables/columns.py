@@ -10,7 +10,8 @@
     <link>/pose/roll|pitch|yaw               or any of these: fixed-axis angles, as in URDF's rpy
     <link>/velocity/x|y|z|wx|wy|wz           of the link's origin, and angular, in the root link's axes
     <link>/acceleration/x|y|z|wx|wy|wz       classical: the time derivative of that velocity
-    <link>@<other>/...                       the same relative to another link and in its axes
+    <link>@<other>/...                       the same relative to another link and in its axes, or, with
+                                             `world`, in the world in which a moving or floating base moves
     <link>/wrench/fx|fy|fz|mx|my|mz          acts on the link, at its origin and in its axes [N, N m]
 
 The rates of roll, pitch and yaw are the rates of the same angles. On a moving or floating base,
@@ -47,6 +48,7 @@ from .signals import (
     POSE,
     RATES,
     TWIST,
+    WORLD,
     WRENCH,
     Signal,
     joint_columns,
@@ -131,7 +133,7 @@ def read_layout(
     """
     joints = {joint.name: joint for joint in description.joints}
     movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
-    of_joints, of_links = _sorted_columns(columns, joints, {link.name for link in description.links}, file)
+    of_joints, of_links = _sorted_columns(columns, joints, description, file)
     wanted = RATES[:1] if efforts else RATES
     of_base = RATES if base == "moving" else wanted
     layout = Layout(
@@ -247,9 +249,11 @@ def acceleration_columns(description: Description, joints: Iterable[str], base: 
 
 
 def _sorted_columns(
-    columns: Sequence[str], joints: dict[str, Joint], links: set[str], file: str | None
+    columns: Sequence[str], joints: dict[str, Joint], description: Description, file: str | None
 ) -> tuple[_Columns, _Columns]:
     """Sort columns by owner: joint, quantity, component; and link, quantity, component."""
+    links = {link.name for link in description.links}
+    base_in_world = f"{description.root}@{WORLD}" if WORLD not in links else ""
     of_joints: _Columns = {}
     of_links: _Columns = {}
     forms = {column: _FORM.fullmatch(column) for column in columns if column not in OTHERS}
@@ -264,7 +268,10 @@ def _sorted_columns(
         if wrong := (_wrong_joint if of_joint else _wrong_link)(owner, quantity, joints, links):
             raise TrajectoryError(wrong, file=file, column=column)
         owners = of_joints if of_joint else of_links
-        owners.setdefault(owner, {}).setdefault(quantity, {})[component] = at[column]
+        owner = description.root if owner == base_in_world else owner
+        if component in owners.setdefault(owner, {}).setdefault(quantity, {}):
+            raise TrajectoryError(f"is given twice, as '{owner}/...', too", file=file, column=column)
+        owners[owner][quantity][component] = at[column]
     return of_joints, of_links
 
 
@@ -288,9 +295,10 @@ def _wrong_joint(owner: str, quantity: str, joints: dict[str, Joint], links: set
 
 def _wrong_link(owner: str, quantity: str, joints: dict[str, Joint], links: set[str]) -> str:
     """Return what is wrong with a column of a link, or of a link relative to another one, or ""."""
-    for name in owner.split("@"):
-        if name not in links:
-            hint = did_you_mean(name, links) or (f" ('{name}' is a joint)" if name in joints else "")
+    link, *others = owner.split("@")
+    for name, known in ((link, links), *((other, {*links, WORLD}) for other in others)):
+        if name not in known:
+            hint = did_you_mean(name, known) or (f" ('{name}' is a joint)" if name in joints else "")
             return f"the robot has no link '{name}'{hint}"
     relative = "@" in owner and quantity == "wrench"
     return (

@@ -16,6 +16,8 @@ COORDINATES = (*LENGTHS, *ANGLES)
 QUATERNION, VECTOR, SPIN = ("qx", "qy", "qz", "qw"), ("rx", "ry", "rz"), ("wx", "wy", "wz")
 POSE, TWIST = (*LENGTHS, *QUATERNION), (*LENGTHS, *SPIN)
 RATES = ("velocity", "acceleration")
+#: The reference in which a moving or floating base moves: the root link's frame of a fixed one.
+WORLD = "world"
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
 #: Units of quantities of a joint that slides, and of one that turns.

@@ -199,10 +199,10 @@ def _check_turns(signal: Signal, window: Window, file: str | None) -> None:
 def _levels(signal: Signal, window: Window, fits: Fits, file: str | None) -> Triple:
     """Return position, velocity and acceleration of a block's own rows, fitted where columns are missing."""
     own = window.values[window.core]
-    position, (velocity, acceleration) = (
-        _positions(signal, own),
-        (None if at is None else own[:, list(at)] for at in (signal.velocity, signal.acceleration)),
-    )
+    rates: list[Any] = [
+        None if at is None else own[:, list(at)] for at in (signal.velocity, signal.acceleration)
+    ]
+    position, (velocity, acceleration) = _positions(signal, own), rates
     if signal.missing:
         first, second = fits[signal]
         if velocity is not None:

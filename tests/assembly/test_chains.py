@@ -9,7 +9,7 @@ import pytest
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, SingularityError, closure_residual
 from hybridyn.assembly.chain.coupling import ways_between
-from hybridyn.assembly.requests import PoseRequest
+from hybridyn.assembly.poses import PoseRequest
 from hybridyn.cli import main
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot

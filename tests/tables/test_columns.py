@@ -69,7 +69,9 @@ def test_whole_and_partial_poses() -> None:
 
 @pytest.mark.parametrize("lengths", [(), ("x",), ("x", "z"), ("x", "y", "z")])
 @pytest.mark.parametrize("turn", [("qx", "qy", "qz", "qw"), ("rx", "ry", "rz")])
-def test_a_complete_orientation_goes_with_any_lengths(lengths: tuple[str, ...], turn: tuple[str, ...]) -> None:
+def test_a_complete_orientation_goes_with_any_lengths(
+    lengths: tuple[str, ...], turn: tuple[str, ...]
+) -> None:
     columns = ["time", *(f"tool/pose/{name}" for name in (*turn, *lengths))]
     found = layout(columns).poses["tool"]
     assert (found.components, found.turn, found.wraps) == ((*lengths, *turn), turn, ())
@@ -180,6 +182,10 @@ def test_joints_with_several_freedoms() -> None:
         (["time", "tol/pose/x"], "tol/pose/x", "did you mean 'tool'"),
         (["time", "lift/pose/x"], "lift/pose/x", "'lift' is a joint"),
         (["time", "tool@tol/pose/x"], "tool@tol/pose/x", "no link 'tol'"),
+        (["time", "tool@wrld/pose/x"], "tool@wrld/pose/x", "did you mean 'world'"),
+        (["time", "world/pose/x"], "world/pose/x", "no link 'world'"),
+        (["time", "base@world/pose/x"], "base/pose/x", "the base is fixed"),
+        (["time", "base/pose/x", "base@world/pose/x"], "base@world/pose/x", "given twice"),
         (["time", "tool/pose"], "tool/pose", "lacks its component"),
         (["time", "lift/effort/x"], "lift/effort/x", "not known"),
         (["time", "lift/velocity", "elbow/position"], "lift/position", "is missing"),

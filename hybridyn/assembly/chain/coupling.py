@@ -9,7 +9,8 @@ from ...description.groups import Groups
 from ...errors import AssemblyError
 from ...structure.robot import HybridRobot
 from ..module_request import module_request
-from ..requests import PoseRequest, Requests
+from ..poses import PoseRequest
+from ..requests import Requests
 from ..task import module_task
 
 #: Modules with their body on the way from a link to the root, the outermost first.
@@ -46,9 +47,9 @@ def ways_between(robot: HybridRobot, pose: PoseRequest) -> tuple[Way, Way]:
     return link, other
 
 
-def is_own(ways: tuple[Way, Way]) -> bool:
+def is_own(pose: PoseRequest, ways: tuple[Way, Way]) -> bool:
     """Return whether a pose is that of a link in the base of the link's own module."""
-    return len(ways[0]) == 1 and not ways[1]
+    return pose.frame is None and len(ways[0]) == 1 and not ways[1]
 
 
 def own_request(robot: HybridRobot, requests: Requests, number: int) -> Requests:
@@ -56,7 +57,7 @@ def own_request(robot: HybridRobot, requests: Requests, number: int) -> Requests
     poses = [
         pose
         for pose in requests.poses
-        if is_own(ways := ways_between(robot, pose)) and ways[0][0][0] == number
+        if is_own(pose, ways := ways_between(robot, pose)) and ways[0][0][0] == number
     ]
     return requests._replace(poses=tuple(poses))
 
@@ -67,16 +68,17 @@ def chains_of(robot: HybridRobot, requests: Requests) -> tuple[Requests, list[Ch
     A whole pose of a link whose own module alone is open is met by that module alone.
     """
     known = [(ways_between(robot, pose), pose) for pose in requests.poses]
-    if all(is_own(way) for way, _ in known):
+    if all(is_own(pose, way) for way, pose in known):
         return requests, []
     known.sort(key=lambda pair: pair[0][0][0][0] if pair[0][0] else -1)  # the poses nearer to the root first
     ways, poses = [way for way, _ in known], [pose for _, pose in known]
-    between = {k for way in ways if not is_own(way) for side in way for k, _ in side}
+    own = [is_own(pose, way) for way, pose in known]
+    between = {k for way, alone in zip(ways, own, strict=True) if not alone for side in way for k, _ in side}
     still_open = {k for k in between if not _is_determined(robot, requests, k)}
     wanted: list[set[int]] = []
-    for way, pose in known:
-        wanted.append(_coupled(way, pose, still_open))
-        if not (wanted[-1] or is_own(way)):
+    for (way, pose), meets in zip(known, own, strict=True):
+        wanted.append(set() if meets else _coupled(way, pose, still_open))
+        if not (wanted[-1] or meets):
             still_open.discard(way[0][0][0])
     groups: Groups[int] = Groups()
     members: set[int] = set()
@@ -84,7 +86,7 @@ def chains_of(robot: HybridRobot, requests: Requests) -> tuple[Requests, list[Ch
         for modules in wanted:
             groups.join_all(sorted(modules))
             members |= modules
-        late = [i for i, way in enumerate(ways) if not (wanted[i] or is_own(way)) and way[0][0][0] in members]
+        late = [i for i, way in enumerate(ways) if not (wanted[i] or own[i]) and way[0][0][0] in members]
         if not late:
             break
         for i in late:  # a pose that its module meets alone, but for those that are open below it
@@ -100,8 +102,6 @@ def chains_of(robot: HybridRobot, requests: Requests) -> tuple[Requests, list[Ch
 def _coupled(ways: tuple[Way, Way], pose: PoseRequest, still_open: Collection[int]) -> set[int]:
     """Return the modules that a pose couples; none where the link's own module meets it alone."""
     link, other = ({k for k, _ in way} for way in ways)
-    if is_own(ways):
-        return set()
     left = (link | other) & set(still_open)
     owner = ways[0][0][0] if ways[0] else -1
     if pose.motion is not None and left <= {owner} and owner not in other and max(other, default=-1) < owner:

@@ -16,7 +16,8 @@ from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..follow import follow
 from ..module_request import ModuleRequest, module_request
-from ..requests import PoseRequest, Requests
+from ..poses import PoseRequest
+from ..requests import Requests
 from ..spanning import settled, spanning_states
 from ..task import module_task
 from .bodies import Carried, Place
@@ -118,7 +119,7 @@ def _chain_task(known: _Known, chain: Chain, own: Sequence[ModuleRequest], guess
     reach = _generic_reach(problem, [robot.modules[k] for k in numbers], guess)
     rank = decide_rank(reach, TOLERANCE).rank
     if not rank:
-        links = ", ".join(f"'{pose.link}' relative to '{pose.other}'" for pose in chain.poses)
+        links = ", ".join(f"'{pose.link}' relative to '{pose.reference}'" for pose in chain.poses)
         raise AssemblyError(
             f"the pose of {links} is given, and so is the motion of every module between them; leave one out",
             module=robot.modules[numbers[-1]].name,
@@ -144,9 +145,11 @@ def _generic_reach(problem: ChainProblem, modules: Sequence[Module], guess: Arra
 def _relatives(known: _Known, pose: PoseRequest, length: float) -> list[Relative]:
     """Return the targets of a pose between two links."""
     link, other = known.place(pose.link), known.place(pose.other)
+    if pose.frame is not None:
+        other = Place(other.part, other.body, other.inner.then(pose.frame))
     units, names, still = (
         np.array([length] * 3 + [1.0] * 3),
-        (pose.link, pose.other),
+        (pose.link, pose.reference),
         (np.eye(3), np.zeros(3)),
     )
     targets: list[Target] = []

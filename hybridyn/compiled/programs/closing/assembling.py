@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ....assembly.assemble import assemble_requests, place_base
-from ....assembly.requests import Requests
+from ....assembly.requests import Requests, in_root
 from ....errors import HybridynError
 from ....spatial import Array
 from ....structure.robot import HybridRobot
@@ -51,6 +51,7 @@ class Assembler:
 
     def assemble(self, requests: Requests, guess: Array) -> Rows:
         """Compute the postures of `assembly.assemble_requests`, with its results, errors and warnings."""
+        requests = in_root(self.robot, requests, guess)
         found = self._in_c(requests, guess)
         if found is None:
             self.recomputed += requests.samples

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from ....assembly.follow import MOST_TURNING
 from ....assembly.module_request import ModuleRequest, module_request, on_own_bases
-from ....assembly.requests import PoseRequest, Requests, gather_requests
+from ....assembly.poses import PoseRequest
+from ....assembly.requests import Requests, gather_requests
 from ....assembly.task import module_task
 from ....linkage.angles import angles_of, plain_heading
 from ....linkage.newton import LoopProblem
@@ -299,11 +300,14 @@ def modules_of(robot: HybridRobot) -> list[tuple[int, Module]]:
 def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleRequest] | None:
     """Build the request for each module; None if one depends on the posture of another module.
 
-    A pose relative to the base of its own module needs no motion of the base.
+    That also holds for the motion of a frame in which a pose is measured. A pose relative to the base of its
+    own module needs no motion of the base.
 
     Raises:
         HybridynError: As in `assembly.module_request`.
     """
+    if any(pose.frame is not None for pose in requests.poses):
+        return None
     still, out = Motion.at_rest(requests.samples), list[ModuleRequest]()
     placed, known = {0: still}, {0}  # the motions that are not known do not matter
     far = not on_own_bases(requests, robot)
