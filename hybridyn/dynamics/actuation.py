@@ -73,7 +73,7 @@ def motor_efforts(robot: HybridRobot, module: Module, need: Need, sharing: Shari
     if len(moving) > module.driven:
         share = load_share(robot, module, sharing.weights) * unit
     elif len(moving) == N:
-        _, tau, pivot = null_basis(B, -need.Q, N, motion_size(module, need.Psi))
+        _, tau, pivot, _ = null_basis(B, -need.Q, N, motion_size(module, need.Psi))
         hard = np.flatnonzero(pivot < SINGULAR_MOTOR_MAP * N)
     if len(moving) and len(hard):
         tau[hard] = least_norm(module, B, need, share, sharing, hard)

@@ -18,6 +18,7 @@ from .guards import (
     check,
     check_closure_rank,
     check_digits,
+    check_mode,
 )
 from .inverse_recursion import ModuleForces, needed_forces
 from .loads import Loads, all_loads
@@ -140,11 +141,11 @@ def module_motions(s: ModuleState, strict: bool) -> Basis:
     """Compute the motions of a module; if its closures lose rank, those of the branch of its velocity.
 
     Raises:
-        SingularityError: Closures lose rank and this is `strict`, or a velocity belongs to no branch.
+        SingularityError: Closures lose rank and this is `strict`, or have more than the module, or a velocity
+            belongs to no branch.
     """
     basis = s.mechanism.basis(s.K)
-    if strict:
-        check_closure_rank(s.module, basis)
+    (check_closure_rank if strict else check_mode)(s.module, basis)
     return along_motion(s, basis)
 
 

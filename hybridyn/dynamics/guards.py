@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import AT_SAMPLE, ActuationError, AssemblyError, HybridynError, SingularityError, warn
-from ..linkage.reduction import Basis
+from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..spatial import Array, Index
 from ..structure.module import Module
 
@@ -19,6 +19,8 @@ EPS = float(np.finfo(float).eps)
 NOISE = 8 * EPS
 #: A closure row is lost at a posture if its pivot is below this part of the largest: the pivot is rounding.
 LOST_PIVOT = 1e-13
+#: Parts of rows that no pivot removes are rounding of a file up to so many times the rounding in its loops.
+OF_ROUNDING = 25.0
 #: Below this pivot ratio, the correct digits of the efforts are checked.
 NEAR_LOST_PIVOT = 1e-6
 #: Motors whose least share in a motion is below this are at a parallel (type 2) singularity: the least
@@ -61,6 +63,14 @@ CLOSURES = Guard(
     "its closures lose rank{at} (constraint singularity; condition number {ratio:.1e}, limit "
     "{limit:.0e}): more motions than its {module.mobility} freedoms are instantaneously possible there. Move "
     'the posture away from it, or, for the inverse model, pass on_singular="least-norm"',
+)
+MORE_RANK = Guard(
+    1.0,
+    SingularityError,
+    SINGULAR,
+    "its closures have more than their rank of {rank}{at} (relative pivot {value:.1e}, limit {scale:.0e}): "
+    "this posture lies in another mode of the linkage, with fewer freedoms than {module.mobility}. Give "
+    "a home posture in this mode ([home] in model.toml)",
 )
 EFFORT_DIGITS = Guard(
     1.0,
@@ -172,13 +182,26 @@ def check(
 
 
 def check_closure_rank(module: Module, basis: Basis) -> None:
-    """Raise if the closures of a module lose rank at a sample.
+    """Raise if the closures of a module lose rank at a sample, or have more of it than the module.
 
     Raises:
         SingularityError: The message names module, sample and condition number.
     """
+    check_mode(module, basis)
     if module.mechanism.reduction.rank:
         check(CLOSURES, module, np.ones(len(basis.pivot)), basis.pivot, lambda t: {"what": "closures"})
+
+
+def check_mode(module: Module, basis: Basis) -> None:
+    """Raise if the closures of a module have more than its rank at a sample.
+
+    Raises:
+        SingularityError: The message names module and sample.
+    """
+    m = module.mechanism
+    most = max(m.rank_tolerance, RANK_TOLERANCE, OF_ROUNDING * m.rounding)
+    rank = {"what": "closures", "rank": m.reduction.rank}
+    check(MORE_RANK, module, basis.surplus, most, lambda t: rank | {"value": float(basis.surplus[t])})
 
 
 def check_digits(module: Module, what: str, unit: str, left: Array, size: Array, natural: float) -> None:

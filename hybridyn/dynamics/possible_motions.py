@@ -45,11 +45,11 @@ def motions_of(state: ModuleState, prescribed: Array | None, passing: bool) -> t
     S_Psi = basis.Psi[:, motors] / unit[:, None]
     miss = (basis.drift[:, motors] - wanted[:, motors]) / unit
     size = motion_size(state.module, basis.Psi)
-    Z, u_dot, pivot = null_basis(S_Psi, miss, min(S_Psi.shape[1:]), size)
+    Z, u_dot, pivot, _ = null_basis(S_Psi, miss, min(S_Psi.shape[1:]), size)
     check(MOTOR_ACCELERATIONS, state.module, np.ones(len(pivot)), pivot**2, lambda t: {"what": "motors"})
     Psi = np.matmul(basis.Psi, Z)
     drift = basis.drift + np.einsum("tij,tj->ti", basis.Psi, u_dot)
-    return Basis(Psi, drift, basis.pivot), unforced
+    return Basis(Psi, drift, basis.pivot, basis.surplus), unforced
 
 
 def along_motion(state: ModuleState, basis: Basis) -> Basis:

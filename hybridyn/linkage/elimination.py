@@ -82,7 +82,16 @@ def back_substitute(R: Array, rhs: Array) -> Array:
     return x
 
 
-def null_basis(K: Array, gamma: Array, rank: int, size: Array | None = None) -> tuple[Array, Array, Array]:
+def surplus(R: Array, columns: int, rank: int) -> Array:
+    """Compute the largest entry that is left after `rank` pivots over the first, shape (B,)."""
+    left = np.abs(R[:, rank:, rank:columns]).max(axis=(1, 2), initial=0.0)
+    out: Array = left / np.where(left > 0, np.abs(R[:, 0, 0]), 1.0) if rank else left
+    return out
+
+
+def null_basis(
+    K: Array, gamma: Array, rank: int, size: Array | None = None
+) -> tuple[Array, Array, Array, Array]:
     """Compute every solution x = Psi u + x0 of K x = -gamma, for K of the given rank.
 
     The free coordinates u are the non-pivot columns. Psi therefore contains an identity and stays bounded
@@ -95,7 +104,7 @@ def null_basis(K: Array, gamma: Array, rank: int, size: Array | None = None) -> 
         size: Reference size of the pivots, as in `pivot_ratio`.
 
     Returns:
-        Psi, shape (B, n, n - rank), x0, shape (B, n), and the ratio of the pivots, shape (B,).
+        Psi, shape (B, n, n - rank), x0, shape (B, n), the ratio of the pivots, and the `surplus`, shape (B,).
     """
     B, _, n = K.shape
     R, order = pivoted_qr(np.concatenate([K, gamma[..., None]], axis=-1), n, rank)
@@ -105,7 +114,7 @@ def null_basis(K: Array, gamma: Array, rank: int, size: Array | None = None) -> 
     Z[:, rank:, :-1] = np.eye(n - rank)
     out = np.empty_like(Z)
     np.put_along_axis(out, order[:, :, None], Z, axis=1)
-    return out[:, :, :-1], out[:, :, -1], pivot_ratio(R, rank, size)
+    return out[:, :, :-1], out[:, :, -1], pivot_ratio(R, rank, size), surplus(R, n, rank)
 
 
 def size_of_rows(s: Array, tolerance: float) -> Array:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..spatial import Array, Index, Mask
-from .elimination import back_substitute, null_basis, pivot_ratio, pivoted_qr, size_of_rows
+from .elimination import back_substitute, null_basis, pivot_ratio, pivoted_qr, size_of_rows, surplus
 
 #: Singular values of scaled rows below this, relative to the largest, are rounding of the file.
 RANK_TOLERANCE = 1e-4
@@ -35,11 +35,14 @@ class Basis(NamedTuple):
         Psi: Rates of leg joints and platform twists per unit u, shape (T, n, N), Eqs. (2), (15).
         drift: x_ddot_0, shape (T, n): the acceleration at u_dot = 0, Eqs. (6), (36).
         pivot: Smallest over largest pivot, shape (T,): near zero, the closures are close to losing rank.
+        surplus: Largest part of a row over that of the first pivot that no pivot removes, shape (T,): above
+            rounding, the closures have more than their rank.
     """
 
     Psi: Array
     drift: Array
     pivot: Array
+    surplus: Array
 
 
 @dataclass(eq=False)
@@ -176,21 +179,21 @@ class Reduction:
         K, gamma = self.scaled(K), gamma * self.row_scale
         T = len(K)
         Psi, drift = np.empty((T, self.n, self.mobility)), np.empty((T, self.n))
-        pivot = np.ones(T)
+        pivot, left = np.ones(T), np.zeros(T)
         easy = np.zeros(T, dtype=bool)
         if self._groups and self.rank:
-            Psi, drift, pivot, easy = self._by_legs(K, gamma)
+            (Psi, drift, pivot, left), easy = self._by_legs(K, gamma)
         hard = np.flatnonzero(~easy)
         if len(hard):
-            Psi[hard], drift[hard], pivot[hard] = null_basis(K[hard], gamma[hard], self.rank)
-        return Basis(Psi * self.col_scale[:, None], drift * self.col_scale, pivot)
+            Psi[hard], drift[hard], pivot[hard], left[hard] = null_basis(K[hard], gamma[hard], self.rank)
+        return Basis(Psi * self.col_scale[:, None], drift * self.col_scale, pivot, left)
 
-    def _by_legs(self, K: Array, gamma: Array) -> tuple[Array, Array, Array, Mask]:
-        """Eliminate each leg, then the remaining platform rows; return Psi, drift, pivot, valid samples."""
+    def _by_legs(self, K: Array, gamma: Array) -> tuple[Basis, Mask]:
+        """Eliminate each leg, then the remaining platform rows; return the scaled basis, valid samples."""
         T, P = len(K), len(self._shared)
         right = np.concatenate([K[:, :, self._shared], gamma[..., None]], axis=-1)
         reduced, left = [], [right[:, self._shared_rows]]
-        pivot, easy = np.ones(T), np.ones(T, dtype=bool)
+        pivot, over, easy = np.ones(T), np.zeros(T), np.ones(T, dtype=bool)
         for group in self._groups:
             rows, cols = np.array([b.rows for b in group]), np.array([b.cols for b in group])
             g, m, c, r = len(group), rows.shape[1], cols.shape[1], group[0].rank
@@ -199,15 +202,17 @@ class Reduction:
             ratio = pivot_ratio(R, r).reshape(T, g).min(axis=1)
             easy &= ratio > LEG_PIVOT
             pivot = np.minimum(pivot, ratio)
+            over = np.maximum(over, surplus(R, c, r).reshape(T, g).max(axis=1))
             left.append(R[:, r:, c:].reshape(T, g * (m - r), P + 1))
             reduced.append((cols, r, order.reshape(T, g, c), R[:, :r].reshape(T, g, r, c + P + 1)))
         platform = np.concatenate(left, axis=1)
         rank = self.rank - sum(b.rank for b in self._blocks)
-        free, x0, ratio = null_basis(platform[..., :-1], platform[..., -1], rank)
+        free, x0, ratio, rest = null_basis(platform[..., :-1], platform[..., -1], rank)
         Psi, drift = np.zeros((T, self.n, self.mobility)), np.zeros((T, self.n))
         Psi[:, self._shared, : P - rank], drift[:, self._shared] = free, x0
         self._back(reduced, Psi, drift, P - rank)
-        return Psi, drift, np.minimum(pivot, ratio), easy & (ratio > LEG_PIVOT)
+        basis = Basis(Psi, drift, np.minimum(pivot, ratio), np.maximum(over, rest))
+        return basis, easy & (ratio > LEG_PIVOT)
 
     def _back(
         self, reduced: list[tuple[Index, int, Index, Array]], Psi: Array, drift: Array, first: int

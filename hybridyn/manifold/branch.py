@@ -136,7 +136,7 @@ def along_branch(state: ModuleState, basis: Basis) -> Basis:
         found = _motions_at(state, int(t))
         if found is not None:
             Psi[t], drift[t], pivot[t] = found[0] * unit[:, None], found[1] * unit, 1.0
-    return Basis(Psi, drift, pivot)
+    return Basis(Psi, drift, pivot, basis.surplus)
 
 
 class _Path:

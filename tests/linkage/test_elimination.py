@@ -61,7 +61,8 @@ def test_back_substitution_gives_zero_where_a_pivot_is_exactly_zero() -> None:
 def test_null_basis_solves_the_rows(m: int, n: int, rank: int) -> None:
     K = matrices(m, n, rank)
     gamma = (K @ np.random.default_rng(3).normal(size=(BATCH, n, 1)))[..., 0]
-    Psi, x0, pivot = null_basis(K, gamma, rank)
+    Psi, x0, pivot, left = null_basis(K, gamma, rank)
+    assert (left < ROUNDING).all()
     assert Psi.shape == (BATCH, n, n - rank)
     assert np.abs(K @ Psi).max(initial=0.0) < ROUNDING * max(np.abs(Psi).max(initial=0.0), 1.0)
     assert (
@@ -79,7 +80,7 @@ def test_null_basis_stays_bounded_as_rank_falls(small: float) -> None:
     """The rank is kept, the basis grows no more than pivoting allows, and the rows stay satisfied."""
     U, V = np.linalg.qr(np.random.default_rng(5).normal(size=(2, BATCH, 6, 6)))[0]
     K = (U[:, :4, :4] * np.array([1, 0.8, 0.5, small])) @ np.swapaxes(V[:, :, :4], 1, 2)
-    Psi, x0, pivot = null_basis(K, np.zeros((BATCH, 4)), 4)
+    Psi, x0, pivot, _ = null_basis(K, np.zeros((BATCH, 4)), 4)
     assert np.isfinite(Psi).all()
     assert not x0.any()
     assert np.abs(Psi).max() < GROWTH
@@ -92,13 +93,25 @@ def test_equal_columns_and_empty_rows_are_no_obstacle() -> None:
     K = np.ones((2, 3, 4))
     K[:, 1] = 0.0
     K[:, 2] = -2.0
-    Psi, x0, _ = null_basis(K, np.array([[1.0, 0.0, -2.0]] * 2), 1)
+    Psi, x0, _, left = null_basis(K, np.array([[1.0, 0.0, -2.0]] * 2), 1)
     assert np.abs(K @ Psi).max() < ROUNDING
     close_to(np.einsum("tij,tj->ti", K, x0), np.array([[-1.0, 0.0, 2.0]] * 2), ROUNDING)
-    Psi, x0, pivot = null_basis(np.zeros((2, 0, 3)), np.zeros((2, 0)), 0)
+    assert (left < ROUNDING).all()
+    Psi, x0, pivot, left = null_basis(np.zeros((2, 0, 3)), np.zeros((2, 0)), 0)
+    assert not left.any()
     assert np.array_equal(Psi, np.tile(np.eye(3), (2, 1, 1)))
     assert not x0.any()
     assert (pivot == 1.0).all()
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3, 1e-6])
+def test_what_is_left_of_more_rank_is_told(size: float) -> None:
+    """The fourth singular value, seen after three pivots: within the growth of an elimination."""
+    U, V = np.linalg.qr(np.random.default_rng(6).normal(size=(2, BATCH, 6, 6)))[0]
+    K = (U[:, :, :4] * np.array([1, 0.8, 0.5, 0.5 * size])) @ np.swapaxes(V[:, :, :4], 1, 2)
+    left = null_basis(K, np.zeros((BATCH, 6)), 3)[3]
+    assert (size / GROWTH < left).all()
+    assert (left < GROWTH * size).all()
 
 
 @pytest.mark.parametrize(("m", "n", "rank"), SHAPES)

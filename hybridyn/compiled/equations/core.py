@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ...assembly.free_motions import IDLE
+from ...linkage.reduction import RANK_TOLERANCE
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
@@ -331,19 +332,26 @@ def own_inertia(plan: Plan, constant: tuple[float, ...], output: int) -> Express
 
 
 def rank_guard(plan: Plan, rows: Rows, guard: Any, Psi: Expression) -> Any:
-    """Return a guard that is also above 1 where arguments change the rank of the core's closures.
+    """Return a guard that is also above 1 where the core's closures have more than their rank.
+
+    Arguments may give them more at every posture, which every motion tells to rounding. Without arguments
+    only other modes of the linkage have more, and one motion, a combination of all, tells.
 
     Args:
         rows: Rows of its closures.
         guard: The guard so far.
         Psi: Motions of the core that the rows with pivots allow, shape (n, motions).
     """
-    if plan.column is None or len(rows.K) == len(plan.loop_pivots.rows):
+    rest = [row for row in range(len(rows.K)) if row not in plan.loop_pivots.rows]
+    if not rest or not Psi.shape[1]:
         return guard
     r, unit = plan.mechanism.reduction, plan.mechanism.reduction.col_scale[plan.parts.tree_v]
-    K = rows.K[:, 6:] * r.row_scale[list(plan.parts.closure_rows)][:, None] * unit
-    without_units = Psi / unit[:, None]
-    left = largest(dot(K, without_units)) / (plan.scale.closed * (1.0 + largest(without_units)))
+    K = rows.K[rest, 6:] * r.row_scale[np.array(plan.parts.closure_rows)[rest]][:, None] * unit
+    without_units, limit = Psi / unit[:, None], plan.scale.closed
+    if plan.column is None:
+        weights = np.sqrt(np.arange(2.0, 2.0 + Psi.shape[1]))
+        without_units, limit = dot(without_units, weights)[:, None], max(10.0 * limit, RANK_TOLERANCE)
+    left = largest(dot(K, without_units)) / (limit * (1.0 + largest(without_units)))
     return ca.fmax(guard, left)
 
 

@@ -198,7 +198,7 @@ def module_motions(
         drift = drift - np.einsum("tij,tj->ti", Psi, miss)
         E_drift = E_drift - np.einsum("tij,tj->ti", E, miss)
         E_drift[:, freedoms] = 0.0
-    return Basis(Psi, drift, basis.pivot), E, E_drift
+    return Basis(Psi, drift, basis.pivot, basis.surplus), E, E_drift
 
 
 def _spanning_rates(s: ModuleState, X: Array) -> Array:
