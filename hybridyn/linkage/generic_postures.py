@@ -25,6 +25,8 @@ from .walking import CLOSED, Level, ranks, relative_values, walk, widest
 #: Scatter of starts about the home posture, increasing [rad, module lengths], and starts per posture wanted.
 SPREADS = ((0.15, 2), (0.5, 4), (1.5, 8), (3.0, 16))
 
+#: Freedoms from which on walks from home are tried first, which take a tenth of the time of scattered starts.
+LARGE = 48
 #: Freedoms from which on a search takes longer than reading its result, several times.
 WORTH_KEEPING = 12
 #: Folder of the entries in the cache folder.
@@ -39,7 +41,6 @@ def generic_postures(
     tolerance: float,
     *,
     count: int = 24,
-    rank_tolerance: float = RANK_TOLERANCE,
 ) -> tuple[Array, float]:
     """Find assembled postures, away from singular ones, from which rank and mobility are determined.
 
@@ -54,11 +55,14 @@ def generic_postures(
     Returns:
         Postures, shape (at most count, nq), empty if none closed, and the smallest residual reached.
     """
-    postures, best = scattered_postures(closures, home, row_scale, col_scale, tolerance, count=count)
-    if not len(postures):
-        return postures, best
     problem = LoopProblem(closures, row_scale, col_scale, np.ones(closures.tree.nv, dtype=bool))
-    return _away_from_singular(problem, home, postures, tolerance, count), best
+    walked = _walked(problem, home, tolerance, count) if closures.tree.nv >= LARGE else None
+    if walked is not None and len(walked):
+        return walked, float(_residuals(problem, walked).min())
+    postures, best = scattered_postures(closures, home, row_scale, col_scale, tolerance, count=count)
+    if len(postures):
+        postures = _away_from_singular(problem, home, postures, tolerance, count)
+    return postures, best
 
 
 def _away_from_singular(
@@ -75,30 +79,56 @@ def _away_from_singular(
         tolerance: Largest scaled residual of a closed posture.
         count: Number of postures wanted.
     """
-    home, level, at_home = _closed(problem, home, tolerance)
+    _, level, at_home = _closed(problem, home, tolerance)
     values = relative_values(problem, scattered)
     seen, report = ranks(values, RANK_TOLERANCE), report_on(values, problem.closures.rows, RANK_TOLERANCE)
     clear = report.clear and report.doubted is None and report.dropped <= level.rounding
     if clear and len(scattered) == count and seen.min() == seen.max() >= at_home:
         return scattered
-    walked = walk(problem, home, level) if at_home else None
-    if walked is None or (ranks(walked.values, level.rounding) > at_home).any() or not len(walked.q):
-        best = max(range(len(seen)), key=lambda i: (seen[i], values[i, : seen[i]].min(initial=1.0)))
-        home, level, _ = _closed(problem, scattered[best], tolerance)
-        walked = walk(problem, home, level)
+    best = max(range(len(seen)), key=lambda i: (seen[i], values[i, : seen[i]].min(initial=1.0)))
+    for start in (home, scattered[best]):
+        walked = _walked(problem, start, tolerance, count)
+        if walked is not None:
+            return walked if len(walked) else scattered
+    return scattered
+
+
+def _walked(problem: LoopProblem, start: Array, tolerance: float, count: int) -> Array | None:
+    """Walk from the nearest closed posture to where the gap in the singular values is open.
+
+    Args:
+        problem: The rows, and all freedoms of their tree.
+        start: Shape (nq,).
+        tolerance: Largest scaled residual of a closed posture.
+        count: Number of postures wanted.
+
+    Returns:
+        At most `count` postures, none if the gap opens at less than half as many; None if the start does not
+        close, is singular, or has no motion.
+    """
+    q, level, rank = _closed(problem, start, tolerance)
+    walked = walk(problem, q, level) if rank else None
+    if walked is None or not len(walked.q) or (ranks(walked.values, level.rounding) > rank).any():
+        return None
     found = widest(walked, level, count)
-    return found if 2 * len(found) >= count else scattered
+    return found if 2 * len(found) >= count else found[:0]
 
 
 def _closed(problem: LoopProblem, q: Array, tolerance: float) -> tuple[Array, Level, int]:
     """Return the nearest closed posture, how precisely it is closed, and its rank: zero if it is open."""
-    residual = np.abs(problem.residual(q[None], np.zeros(1, dtype=int))).max()
+    residual = _residuals(problem, q[None])[0]
     if residual > CLOSED:
         closed = close(problem, q[None], least=True)
         q, residual = closed.q[0], closed.residual[0]
     level = Level.of(float(residual), tolerance)
     values = relative_values(problem, q[None])
     return q, level, int(ranks(values, level.rounding)[0]) if residual <= tolerance else 0
+
+
+def _residuals(problem: LoopProblem, q: Array) -> Array:
+    """Compute the largest scaled residual of each posture, shape (T,)."""
+    out: Array = np.abs(problem.residual(q, np.zeros(len(q), dtype=int))).max(axis=1)
+    return out
 
 
 def scattered_postures(

@@ -21,7 +21,7 @@ CLOSED = 1e-11
 #: A singular value this many times as large as the residual does not come from the same rounding.
 EVIDENT = 1e3
 #: Number of walks and of their steps; first and longest step [rad, module lengths].
-WALKS, STEPS, FIRST, LONGEST = 8, 8, 0.1, 0.4
+WALKS, STEPS, FIRST, LONGEST = 6, 8, 0.1, 0.4
 #: Newton's method closes a step within so many iterations, and moves it aside by less than this part of its
 #: length. If it needs more, the walk has come close to another mode, and tries a step of a quarter.
 ITERATIONS, ASIDE, SHORTER = 12, 0.5, 0.25

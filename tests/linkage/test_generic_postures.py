@@ -14,9 +14,11 @@ from hybridyn.linkage import newton
 from hybridyn.linkage.generic_postures import FOLDER, generic_postures, kept_generic_postures
 from hybridyn.linkage.newton import LoopProblem, close
 from hybridyn.structure import mechanism
+from hybridyn.structure.building import build_robot
 from hybridyn.threads import VARIABLES, _controller, one_thread
 from tests.comparing import refused
 from tests.files import save
+from tests.hard.degenerate import parallelograms
 from tests.jansen import walker
 
 COUNT = 24
@@ -62,6 +64,15 @@ def test_a_walker_far_from_home_finds_neighbours(tmp_path: Path, solved: list[in
     assert robot.mobility == 1
     assert len(m.postures) == COUNT
     assert np.abs(m.closures.residual(m.postures, m.tree.sweep(m.postures))).max() < 1e-12
+
+
+@pytest.mark.parametrize("angle", [1.0, 0.1, 1e-3])
+def test_a_long_row_of_parallelograms_loads_soon(angle: float, solved: list[int]) -> None:
+    """The flatter, the longer it took: 5,908 systems at the last. Steps of walks close in a few each."""
+    robot = build_robot(parallelograms(8, angle))
+    assert robot.modules[0].mechanism.tree.nv >= searching.LARGE
+    assert robot.mobility == 1
+    assert sum(solved) < 6 * 8 * 6
 
 
 @pytest.mark.parametrize("name", ["five_bar", "delta", "scara_delta", "tanev"])

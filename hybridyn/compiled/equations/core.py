@@ -16,7 +16,7 @@ from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import Wrist
 from .chains import Chain, Placed, own_columns, split_positions, sweep
-from .expressions import Expression, dot, plain, sampled, scalar, symbols, zeros
+from .expressions import Expression, dot, is_zero, plain, sampled, scalar, symbols, zeros
 from .guarded_elimination import (
     GUARD_CLOSED,
     OF_ROUNDED,
@@ -346,12 +346,15 @@ def rank_guard(plan: Plan, rows: Rows, guard: Any, Psi: Expression) -> Any:
     if not rest or not Psi.shape[1]:
         return guard
     r, unit = plan.mechanism.reduction, plan.mechanism.reduction.col_scale[plan.parts.tree_v]
-    K = rows.K[rest, 6:] * r.row_scale[np.array(plan.parts.closure_rows)[rest]][:, None] * unit
-    without_units, limit = Psi / unit[:, None], plan.scale.closed
+    row_scale = r.row_scale[np.array(plan.parts.closure_rows)[rest]]
     if plan.column is None:
-        weights = np.sqrt(np.arange(2.0, 2.0 + Psi.shape[1]))
-        without_units, limit = dot(without_units, weights)[:, None], max(10.0 * limit, RANK_TOLERANCE)
-    left = largest(dot(K, without_units)) / (limit * (1.0 + largest(without_units)))
+        one = dot(Psi, np.arange(1.0, 1.0 + Psi.shape[1]))
+        limit = max(10.0 * plan.scale.closed, RANK_TOLERANCE)
+        left = dot(rows.K[rest, 6:], one) * (row_scale / limit)
+        return guard if all(map(is_zero, left)) else ca.fmax(guard, largest(left))
+    without_units = Psi / unit[:, None]
+    K = rows.K[rest, 6:] * row_scale[:, None] * unit
+    left = largest(dot(K, without_units)) / (plan.scale.closed * (1.0 + largest(without_units)))
     return ca.fmax(guard, left)
 
 
