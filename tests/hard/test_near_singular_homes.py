@@ -4,17 +4,12 @@ Home's own loss of rank is a singular posture, no mobility. Starts scattered abo
 the modes that meet there: three stages of a lift with bars at 89.9 degrees had mobility 3.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import SingularityError
-from hybridyn.description.records import Description
 from hybridyn.structure.building import build_robot
-from tests.comparing import refused
-from tests.hard.degenerate import FAMILIES, mobility_far_from, scissors
+from tests.hard.degenerate import FAMILIES, mobility_far_from
 from tests.oracle import Oracle
 from tests.samples import slow
 from tests.sketch import rounded
@@ -54,54 +49,6 @@ def test_a_file_of_few_digits_keeps_its_mobility(family: str, digits: int, dista
     """Home is farther from singular than its numbers are rounded, also in the smallest singular values."""
     make, mobility = FAMILIES[family]
     assert build_robot(rounded(make(distance), digits)).mobility == mobility
-
-
-def two_modes(turns: tuple[float, float], spread: float) -> tuple[Description, np.ndarray]:
-    """Return a lift whose bars lie on each other, two bars in a row, and a posture that spreads them instead.
-
-    Args:
-        turns: How far each stage is turned from upright, against the one below [rad].
-        spread: How far the bars of the posture are from upright [rad].
-    """
-    upright = scissors(2, np.pi / 2)
-    names = sorted(upright.home, key=lambda name: int(name[1 : name.index("_")]))
-
-    def moved(*by: float) -> dict[str, tuple[float, ...]]:
-        return {name: (upright.home[name][0] + x,) for name, x in zip(names, by, strict=True)}
-
-    first, second = turns
-    folded, spread_out = (
-        moved(0, first, first, second, second),
-        moved(np.sin(spread), -spread, spread, -2 * spread, 2 * spread),
-    )
-    q = np.concatenate([spread_out[name] for name in Oracle(upright).joint_names])
-    return replace(upright, home=folded), q
-
-
-def test_a_posture_in_a_mode_of_fewer_freedoms_is_refused() -> None:
-    """Home's mode counts; in another one its two freedoms would be wrong."""
-    description, q = two_modes((0.4, 0.5), 0.3)
-    robot, oracle = build_robot(description), Oracle(description)
-    assert np.abs(oracle.residual(q)).max() < 1e-14
-    assert robot.mobility == 2
-    assert oracle.motions(q).shape[1] == 1
-    rest = np.zeros(robot.nv)
-    for call in (
-        lambda: hybridyn.idm(robot, q, rest, rest),
-        lambda: hybridyn.idm(robot, q, rest, rest, on_singular="least-norm"),
-        lambda: hybridyn.ddm(robot, q, rest, np.zeros(1)),
-        lambda: hybridyn.mass_matrix(robot, q, joints=["w2_revolute", "t4_revolute"]),
-    ):
-        error = refused(call, SingularityError, "another mode of the linkage")
-        assert error.what == "closures"
-
-
-@pytest.mark.slow
-def test_compiled_models_refuse_it_too() -> None:
-    description, q = two_modes((0.4, 0.5), 0.3)
-    model, rest = hybridyn.compile(build_robot(description)), np.zeros(5)
-    for call in (lambda: model.idm(q, rest, rest), lambda: model.ddm(q, rest, np.zeros(1))):
-        refused(call, SingularityError, "another mode of the linkage")
 
 
 def test_a_lift_raised_to_its_end_moves_as_one_freedom_does() -> None:
