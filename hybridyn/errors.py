@@ -67,6 +67,13 @@ def warn(text: str, *words: object, log: str = "hybridyn") -> None:
     logging.getLogger(log).warning(text, *words)
 
 
+def inform(text: str, *, log: str) -> None:
+    """Write what is good to know to a log."""
+    import logging
+
+    logging.getLogger(log).info(text)
+
+
 class PerformanceWarning(UserWarning):
     """The program calls hybridyn in a way that is much slower than another one."""
 
@@ -151,6 +158,7 @@ class AssemblyError(HybridynError):
         residual: Closure residual reached, relative to the module's length, or None.
         iterations: Newton iterations spent, or None.
         open_freedoms: Number of freedoms that the given positions and poses do not determine, or None.
+        undriven: Number of the module's freedoms that no motor drives, if freedoms are open.
     """
 
     def __init__(
@@ -163,10 +171,12 @@ class AssemblyError(HybridynError):
         residual: float | None = None,
         iterations: int | None = None,
         open_freedoms: int | None = None,
+        undriven: int = 0,
     ) -> None:
         super().__init__(message, sample=sample)
         self.module, self.leg = module, leg
         self.residual, self.iterations, self.open_freedoms = residual, iterations, open_freedoms
+        self.undriven = undriven
 
 
 class SingularityError(HybridynError):

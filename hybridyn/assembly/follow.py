@@ -173,12 +173,13 @@ def _unreachable(task: AnyTask, result: Closed, sample: int, lacking: float = 0.
         why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
     if lacking:
         why += f" (a loop lacks {lacking:.2g} m in any posture)"
+    what = "the loops do not close" if task.problem.has_loops else "no posture has what is given"
     rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
     worst = task.row_names[int(np.argmax(np.abs(rows)))]
     return AssemblyError(
-        f"{task.label}, {worst}: the loops do not close{AT_SAMPLE}: {why} after "
-        f"{result.iterations} iterations. The target is out of reach, or contradicts another one; move it, "
-        "or give a better guess",
+        f"{task.label}, {worst}: {what}{AT_SAMPLE}: {why} after {result.iterations} iterations"
+        f"{task.surplus(result.q[at : at + 1])}. The target is out of reach, or contradicts another one; "
+        "move it, or give a better guess",
         module=task.module,
         leg=worst,
         residual=best,

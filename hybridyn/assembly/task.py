@@ -6,7 +6,7 @@ Read `module_task` first: what is given must determine the posture, and rates mu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from ..description.groups import Groups
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from ..linkage.reduction import Block, decide_rank
-from ..linkage.targets import CoordinateTarget, pairwise
+from ..linkage.targets import CoordinateTarget, named_rows, pairwise
 from ..spatial import Array, Index, Mask, indices
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
@@ -39,6 +39,12 @@ CONTRADICTION = 1e-2
 #: Rows that contradict one another within the tolerance are accepted if their reciprocal condition number
 #: is above this.
 CONTRADICTING_RANK = 1e-9
+
+
+def too_many(wanted: int, left: Mapping[str, int]) -> str:
+    """Return how many numbers poses prescribe, and how many freedoms they find, by module."""
+    each = ", ".join(f"{count} of '{module}'" for module, count in left.items())
+    return f"; poses prescribe {wanted} numbers, and find {sum(left.values())} freedoms ({each})"
 
 
 class Task(NamedTuple):
@@ -91,6 +97,18 @@ class Task(NamedTuple):
     def redundant(self) -> bool:
         """Whether what is given leaves freedoms to a rule: never in a module of its own."""
         return False
+
+    def surplus(self, q: Array) -> str:
+        """Return what to say of poses that prescribe more than what else is given leaves, or "".
+
+        Args:
+            q: A posture, shape (1, nq).
+        """
+        problem = self.problem
+        wanted = sum(len(target.units) for target in problem.targets)
+        K = problem.matrix(problem.tree.sweep(q))[:, : problem.closures.rows, problem.free]
+        left = int(problem.free.sum()) - decide_rank(K, problem.rank_tolerance).rank
+        return too_many(wanted, {self.module: left}) if wanted > left else ""
 
     def open_by(self, q: Array) -> float:
         """Return the largest scaled residual of the closures at postures, whatever is given."""
@@ -180,18 +198,18 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest, *, a
             request.given.append(joint)
             free[m.tree.v_slices[joint]] = False
     if alone:
-        rank = check_determined(module, problem, generic)
+        rank = check_determined(robot, module, problem, generic)
         blocks = full_rank_blocks(generic, free, m.rank_tolerance)
     else:
         rank, blocks = decide_rank(generic[:, :, free], m.rank_tolerance).rank, []
     problem = replace(problem, rank=rank, blocks=blocks)
     names = [f"closure '{name}'" for name, at in module.named_rows() for _ in range(at.stop - at.start)]
-    names += [f"target on '{link}'" for link, target in request.targets for _ in target.units]
+    names += [name for link, target in request.targets for name in named_rows(target, link)]
     tolerance = max(robot.closure_tolerance, 1e-12)
     return Task(problem, request.known, request.given, tolerance, module.name, names)
 
 
-def check_determined(module: Module, problem: LoopProblem, generic: Array) -> int:
+def check_determined(robot: HybridRobot, module: Module, problem: LoopProblem, generic: Array) -> int:
     """Compute the generic rank of a problem's rows over its free freedoms, and check that it suffices.
 
     Args:
@@ -202,7 +220,7 @@ def check_determined(module: Module, problem: LoopProblem, generic: Array) -> in
     """
     motion = _open_motions(problem, generic)
     if motion.shape[1]:
-        _check_idle(module, problem, motion)
+        _check_idle(robot, module, problem, motion)
     return int(problem.free.sum()) - int(motion.shape[1])
 
 
@@ -261,19 +279,24 @@ def _moved(module: Module, problem: LoopProblem, motion: Array) -> tuple[Array, 
     return np.concatenate([motion[module.motor_columns], rates]), names
 
 
-def _check_idle(module: Module, problem: LoopProblem, motion: Array) -> None:
+def _check_idle(robot: HybridRobot, module: Module, problem: LoopProblem, motion: Array) -> None:
     """Check that free motions, shape (nv, count), move no motor, no output, and no leg's centre of mass."""
     moved, names = _moved(module, problem, motion)
     sizes = np.abs(moved).max(axis=1)
     if sizes.max(initial=0.0) <= IDLE:
         return
     worst = names[int(np.argmax(sizes))]
+    motors = f"positions of its motors (motors: {', '.join(module.motors)}) or " if module.motors else ""
+    own = robot.modules.index(module)
+    upper = [one.name for one in robot.modules if one.parent == own]
+    carried = f", or the pose of a link further out, such as '{upper[0]}'" if upper else ""
     raise AssemblyError(
         f"module '{module.name}': what is given leaves {motion.shape[1]} of its {module.mobility} freedoms "
-        f"open; {worst} could still move. Give {module.mobility} positions of its motors or coordinates of "
-        "its platform" + (f" (motors: {', '.join(module.motors)})" if module.motors else ""),
+        f"open; {worst} could still move. Give {motors}coordinates of its links, {module.mobility} in "
+        f"all{carried}",
         module=module.name,
         open_freedoms=motion.shape[1],
+        undriven=module.mobility - module.driven,
     )
 
 
@@ -347,7 +370,7 @@ def check_agreement(
     raise AssemblyError(
         f"module '{module.name}': the {what} given{AT_SAMPLE} contradict one another: {name} {there}, which "
         f"is {off[t, i] / largest[t]:.2g} of the largest apart (limit {CONTRADICTION:g}). Give "
-        f"{module.mobility} motors or coordinates of its platform only, or {what} that keep the loops closed",
+        f"{module.mobility} motors or coordinates of its links only, or {what} that keep the loops closed",
         module=module.name,
         sample=t,
     )

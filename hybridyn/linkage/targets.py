@@ -313,6 +313,14 @@ class CoordinateTarget(NamedTuple):
 Target = PoseTarget | TurnTarget | CoordinateTarget
 
 
+def named_rows(target: Target, link: str) -> tuple[str, ...]:
+    """Return what each row of a target of a link prescribes, for messages."""
+    if isinstance(target, CoordinateTarget):
+        return tuple(f"{name} of '{link}'" for name in target.names)
+    place = (f"the position of '{link}'",) * (len(target.units) - 3)
+    return (*place, *(f"the orientation of '{link}'",) * 3)
+
+
 def pairwise(here: Array, there: Array) -> Array:
     """Return the rows of two arrays, shape (n, ...), in turn, shape (2 n, ...)."""
     return np.stack([here, there], axis=1).reshape(-1, *here.shape[1:])

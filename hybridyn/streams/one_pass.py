@@ -14,7 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..assembly.chain.solve import LeftToRule, left_to_rule
 from ..assembly.posture import check_joints, holding
+from ..assembly.requests import gather_requests
 from ..assembly.task import closure_residual
 from ..dynamics.inverse import idm
 from ..dynamics.quantities.joint_map import motors_beside
@@ -95,6 +97,7 @@ class Pass:
         robot: The robot. It is the one given, or one with the same q in which the outputs are not cut away.
         table: The table.
         layout: The meaning of its columns.
+        left: What the table leaves to the least motion of the motors, once rows have been read.
     """
 
     def __init__(
@@ -115,7 +118,7 @@ class Pass:
             replaced, robot = motors_beside(robot, outputs), holding(robot, outputs)
             if any(column.startswith(f"{joint}/") for column in table.columns for joint in outputs):
                 motors = (*(motor for motor in motors if motor not in replaced), *outputs)
-        self.robot, self.table = robot, table
+        self.robot, self.table, self.left = robot, table, list[LeftToRule]()
         self.layout: Layout = read_layout(
             table.columns, robot.description, motors=motors, base=robot.base, file=table.file,
             efforts=efforts, passive=robot.mobility - 6 * (robot.base == "floating") - len(robot.motors),
@@ -146,6 +149,9 @@ class Pass:
                 with np.errstate(all="ignore"):  # overflow shows in the results, which are checked
                     part = motion.part(start, start + rows)
                     block = postures(self.robot, part, self.layout, guess, assemble)
+                if part.first_row == 1 and part.platforms and not self.layout.full_state:
+                    requests = gather_requests(self.robot, part.joints, part.platforms)
+                    self.left = left_to_rule(self.robot, requests, block.q[0])
                 yield block
                 guess = block.q[-1] if connected else None
 

@@ -130,7 +130,7 @@ def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
     try:
         yield
     except HybridynError as error:
-        if isinstance(error, AssemblyError) and error.open_freedoms:
+        if isinstance(error, AssemblyError) and error.undriven:
             error.advice += f". {HISTORY}"
         if error.sample is not None:
             time = "" if motion.time is None else f" (t = {motion.time[error.sample]:.6g} s)"

@@ -180,6 +180,34 @@ def test_poses_may_be_mixed_with_motors_and_platforms_between(tmp_path: Path) ->
     assert closure_residual(robot, q).max() < REACHED
 
 
+@pytest.mark.parametrize(
+    ("names", "motors", "told"),
+    [
+        (("x", "z", "pitch"), (), ""),
+        (("x", "z"), (), "leaves 1 freedom of 'boom', 'stick', 'rocker' open"),
+        (("z",), (), "leaves 2 freedoms of 'boom', 'stick', 'rocker' open"),
+        (("z",), ("stick_rod",), "leaves 1 freedom of 'boom', 'rocker' open"),
+        (("x", "z"), ("boom_rod",), ""),
+    ],
+)
+def test_freedoms_that_are_left_to_the_rule_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str],
+    names: tuple[str, ...], motors: tuple[str, ...], told: str,
+) -> None:  # fmt: skip
+    """By the log of `assemble`, and in the summary of a table."""
+    path = excavator(tmp_path)
+    t, there = np.linspace(0, 1, 7), dict(zip(("x", "z", "pitch"), teeth(HOME), strict=True))
+    columns = {f"{motor}/position": 0.01 * t for motor in motors}
+    columns |= {f"teeth/pose/{name}": there[name] + 0.01 * t for name in names}
+    rows, files = np.column_stack([t, *columns.values()]), [str(tmp_path / x) for x in ("t.csv", "tau.csv")]
+    np.savetxt(files[0], rows, "%.17g", ",", header=",".join(["time", *columns]), comments="")
+    with caplog.at_level("INFO", logger="hybridyn.assembly"):
+        assert main(["idm", str(path), files[0], "-o", files[1]]) == 0
+    lines = [line for line in capsys.readouterr().err.splitlines() if "the motors move least" in line]
+    assert [told in line for line in lines] == [True] * bool(told)
+    assert [record.getMessage() for record in caplog.records if record.levelname == "INFO"] == lines
+
+
 # -------------------------------------------------------------------- wrong
 
 
@@ -202,3 +230,28 @@ def test_what_cannot_be_met_is_refused(tmp_path: Path) -> None:
     stretched = {"l2": ({"x": 1.0, "z": 0.0}, {"x": 1.0, "z": 0.0})}
     moved = partial(hybridyn.assemble, two, motors={"j2": 0.0}, platforms=stretched, guess=np.zeros(3))
     refused(moved, SingularityError, "lose a direction there")
+
+
+@pytest.mark.parametrize(
+    ("motors", "coordinates", "words"),
+    [
+        (("boom_rod", "bucket_rod"), {}, r"'stick'.* leaves 1 of its 1 .*further out, such as 'rocker'"),
+        (("boom_rod", "stick_rod"), {}, r"'rocker'.* leaves 1 of its 1 .*: bucket_rod.*links, 1 in all$"),
+        (
+            ("stick_rod",), {"x": (0.0, 1.0), "z": (0.0, 0.0), "y": (0.0, 1.0)},
+            r"the rates of .* poses prescribe 3 numbers, and find 2 freedoms .1 of 'boom', 1 of 'rocker'.\. "
+            r"y of 'teeth' is missed most",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_too_little_or_too_much_is_counted_by_module(
+    tmp_path: Path, motors: tuple[str, ...], coordinates: dict[str, tuple[float, float]], words: str
+) -> None:
+    robot, (x, z, _) = hybridyn.load(excavator(tmp_path)), teeth(HOME)
+    home = {"x": x, "y": 0.0, "z": z}
+    pose = tuple({name: home[name] * (k == 0) + one[k] for name, one in coordinates.items()} for k in (0, 1))
+    given = partial(
+        hybridyn.assemble, robot, motors=dict.fromkeys(motors, 0.0),
+        platforms={"teeth": pose} if coordinates else {},
+    )  # fmt: skip
+    refused(given, AssemblyError, words)

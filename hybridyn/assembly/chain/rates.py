@@ -128,13 +128,18 @@ class ChainRates:
                     condition=condition,
                     sample=int(suspect[i]),
                 )
-        bad = np.flatnonzero(missed > CONTRADICTION * np.maximum(1.0, np.maximum(large, size)))
+        limit = CONTRADICTION * np.maximum(1.0, np.maximum(large, size))
+        bad = np.flatnonzero(missed > limit)
         if len(bad) and not nearest:
+            t = int(bad[0])
+            off = _times(self.split.rows, task.problem, x)[t, -right.shape[1] :] - right[t]
+            worst = task.row_names[int(np.argmax(np.abs(off))) - right.shape[1]]
             raise AssemblyError(
                 f"{task.label}: the {what} of {self._links()} given{AT_SAMPLE} contradict what else is "
-                f"given: the modules follow {task.problem.rank} of {reach.shape[1]}. Leave some out",
+                f"given{task.surplus(self.x)}. {worst} is missed most, by {missed[t]:.3g} rad or module "
+                f"lengths (limit {limit[t]:.2g}). Leave some out",
                 module=self.modules[-1].name,
-                sample=int(bad[0]),
+                sample=t,
             )
 
     def _links(self) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...errors import AssemblyError
+from ...description.names import listed
+from ...errors import AssemblyError, inform
 from ...linkage.reduction import decide_rank
-from ...linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target, TurnTarget
+from ...linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target, TurnTarget, named_rows
 from ...linkage.tree import Motion
 from ...spatial import Array
 from ...structure.module import Module
@@ -17,11 +18,11 @@ from ...structure.robot import HybridRobot
 from ..follow import follow
 from ..module_request import ModuleRequest, module_request
 from ..poses import PoseRequest
-from ..requests import Requests
+from ..requests import Requests, in_root
 from ..spanning import settled, spanning_states
 from ..task import module_task
 from .bodies import Carried, Place
-from .coupling import Chain, own_request, way_to_root
+from .coupling import Chain, chains_of, own_request, way_to_root
 from .least import ease_of
 from .problem import ChainProblem, Relative
 from .rates import ChainRates
@@ -49,8 +50,9 @@ def assemble_chain(
     """
     modules = [robot.modules[k] for k in chain.modules]
     own = [module_request(own_request(robot, requests, k), robot, k, {}) for k in chain.modules]
-    guess = np.concatenate([m.mechanism.cut.positions(q[:1, m.q_index]) for m in modules], axis=1)
-    task = _chain_task(_Known(robot, chain.modules, q, v, a), chain, own, guess)
+    guess, task = _guess_and_task(robot, chain, own, (q, v, a))
+    if task.redundant:
+        inform(str(LeftToRule(task.left, tuple(part.module for part in task.parts))), log="hybridyn.assembly")
     x, task = follow(task, guess, strict=requests.strict)
     at, to = task.problem.tree.q_of, task.problem.tree.v_of
     x = np.concatenate([settled(m.mechanism, x[:, i]) for m, i in zip(modules, at, strict=True)], axis=1)
@@ -62,6 +64,48 @@ def assemble_chain(
         states = levels[0][:, i], levels[1][:, j], levels[2][:, j]
         found = spanning_states(module, states, moved, q[0, module.q_index])
         q[:, module.q_index], v[:, module.v_index], a[:, module.v_index] = found
+
+
+def _guess_and_task(
+    robot: HybridRobot, chain: Chain, own: Sequence[ModuleRequest], states: tuple[Array, Array, Array]
+) -> tuple[Array, ChainTask]:
+    """Return the guess of a chain, shape (1, its nq), and its task, from states of the robot as given."""
+    modules = [robot.modules[k] for k in chain.modules]
+    guess = np.concatenate([m.mechanism.cut.positions(states[0][:1, m.q_index]) for m in modules], axis=1)
+    return guess, _chain_task(_Known(robot, chain.modules, *states), chain, own, guess)
+
+
+@dataclass(frozen=True)
+class LeftToRule:
+    """Freedoms that what is given leaves to the least motion.
+
+    Attributes:
+        count: Their number.
+        modules: Names of the modules that share them.
+    """
+
+    count: int
+    modules: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Return the sentence for a log or a summary."""
+        freedoms = "1 freedom" if self.count == 1 else f"{self.count} freedoms"
+        return (
+            f"what is given leaves {freedoms} of {listed(self.modules)} open: the motors move least from row "
+            "to row, each measured by its range"
+        )
+
+
+def left_to_rule(robot: HybridRobot, requests: Requests, q: Array) -> list[LeftToRule]:
+    """Return what requests leave to the rule, by chain, at a posture that meets the first sample, (nq,)."""
+    first = in_root(robot, requests.part(0, 1), q)
+    states, out = (q[None], *np.zeros((2, 1, robot.nv))), []
+    for chain in chains_of(robot, first)[1]:
+        own = [module_request(own_request(robot, first, k), robot, k, {}) for k in chain.modules]
+        task = _guess_and_task(robot, chain, own, states)[1]
+        if task.redundant:
+            out.append(LeftToRule(task.left, tuple(part.module for part in task.parts)))
+    return out
 
 
 class _Known:
@@ -125,7 +169,7 @@ def _chain_task(known: _Known, chain: Chain, own: Sequence[ModuleRequest], guess
             module=robot.modules[numbers[-1]].name,
         )
     problem = replace(problem, rank=rank)
-    return ChainTask(problem, parts, rank < reach.shape[2])
+    return ChainTask(problem, parts, reach.shape[2] - rank)
 
 
 def _generic_reach(problem: ChainProblem, modules: Sequence[Module], guess: Array) -> Array:
@@ -163,4 +207,4 @@ def _relatives(known: _Known, pose: PoseRequest, length: float) -> list[Relative
         targets.append(
             CoordinateTarget(1, names, some, np.eye(3), np.zeros(3), still, value, rate, acceleration, own)
         )
-    return [Relative(link, other, t, (f"the pose of '{pose.link}'",) * len(t.units)) for t in targets]
+    return [Relative(link, other, target, named_rows(target, pose.link)) for target in targets]

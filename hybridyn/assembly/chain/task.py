@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...description.names import listed
 from ...linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, close
 from ...linkage.targets import CoordinateTarget, PoseTarget, pairwise
 from ...linkage.tree import Motion
 from ...spatial import Array, Index, Mask
-from ..task import CONTRADICTING_RANK, Task
+from ..task import CONTRADICTING_RANK, Task, too_many
 from .bodies import Carried, Place
 from .problem import ChainProblem, Relative
 
@@ -23,12 +24,23 @@ class ChainTask:
     Attributes:
         problem: Rows and free freedoms.
         parts: The tasks of the modules, by what is given in them alone.
-        redundant: Whether what is given leaves freedoms: each row then moves least from the one before.
+        left: Number of freedoms that what is given leaves: each row then moves least from the one before.
     """
 
     problem: ChainProblem
     parts: tuple[Task, ...]
-    redundant: bool
+    left: int
+
+    @property
+    def redundant(self) -> bool:
+        """Whether what is given leaves freedoms to the rule."""
+        return self.left > 0
+
+    def surplus(self, q: Array) -> str:
+        """Return what to say of poses that prescribe more than is left, as `Task.surplus`."""
+        wanted = sum(len(one.target.units) for one in self.problem.relatives)
+        left = {part.module: self.problem.left(part.problem) for part in self.parts}
+        return too_many(wanted, left) if wanted > (self.problem.rank or 0) else ""
 
     @property
     def known(self) -> Array:
@@ -42,13 +54,13 @@ class ChainTask:
 
     @property
     def module(self) -> str:
-        """The modules' names, for messages."""
-        return "', '".join(part.module for part in self.parts)
+        """The name of the outermost module, for messages."""
+        return self.parts[-1].module
 
     @property
     def label(self) -> str:
         """The modules, for messages."""
-        return f"module{'s' * (len(self.parts) > 1)} '{self.module}'"
+        return f"module{'s' * (len(self.parts) > 1)} {listed(part.module for part in self.parts)}"
 
     @property
     def row_names(self) -> Sequence[str]:

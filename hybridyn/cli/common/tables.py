@@ -163,7 +163,7 @@ def run(
     if not tables.quiet:
         shared = f" in {workers.count} processes" if workers.count > 1 else ""
         speed = f"{samples / max(finished - loaded, 1e-9):,.0f} samples/s{shared}"
-        lines = [*planned.remarks, str(planned.engine)]
+        lines = [*map(str, given.left), *planned.remarks, str(planned.engine)]
         lines.append(f"{counted(samples, 'sample')}, {speed}, wall time {finished - started:.2f} s")
         lines += shared_wrenches(given.robot) if tables.reactions else []
         click.echo("\n".join(lines), err=True)
