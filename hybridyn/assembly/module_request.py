@@ -190,11 +190,9 @@ def module_request(
             endless = joint in robot.description.endless_gears
             request.give_joint(tree_joint[i], requests.joints[joint], joint, endless=endless)
     for pose in requests.poses:
-        body, R, p = robot.bodies.place[pose.link]
-        owner, local = robot.body_owner[body]
-        if owner != number:
+        if robot.body_owner[robot.bodies.place[pose.link][0]][0] != number:
             continue
-        place = (m.cut.tree_body(local), R, p)
+        place = place_in_tree(robot, pose.link)
         if pose.motion is None:
             request.targets += [
                 (pose.link, t) for t in _partial_targets(robot, module, base_body, pose, place)
@@ -205,6 +203,39 @@ def module_request(
     if followers:
         request.give_followers()
     return request
+
+
+def place_in_tree(robot: HybridRobot, link: str) -> tuple[int, Array, Array]:
+    """Return the body of a module's tree after the cuts that has a link, and the link's placement R, p in it.
+
+    Raises:
+        AssemblyError: As in `body_in_tree`.
+    """
+    body, R, p = robot.bodies.place[link]
+    number, R_end, p_end = body_in_tree(robot, robot.body_owner[body], link)
+    return number, R_end @ R, p_end + R_end @ p
+
+
+def body_in_tree(robot: HybridRobot, owner: tuple[int, int], link: str) -> tuple[int, Array, Array]:
+    """Return the body of a module's tree after the cuts that has a body, and the body's placement R, p in it.
+
+    Args:
+        robot: The robot.
+        owner: Number of the module, and of the body in its spanning tree.
+        link: A link on the body, for messages.
+
+    Raises:
+        AssemblyError: The body is between the joints of a wrist that was cut.
+    """
+    module = robot.modules[owner[0]]
+    found = module.mechanism.cut.place(owner[1])
+    if found is None:
+        raise AssemblyError(
+            f"link '{link}' is between the joints of a wrist, which follows the platform of module "
+            f"'{module.name}'; give the platform's pose instead",
+            module=module.name,
+        )
+    return found
 
 
 def units_of_pose(m: Mechanism) -> Array:

@@ -17,6 +17,15 @@ from ..errors import ModelError
 from ..linkage.joints import NQ
 from ..spatial import LARGEST, Array
 
+#: Extents below this part of the largest are zero, but for the rounding of placements.
+NO_EXTENT = 1e-12
+
+
+def first_extent(*extents: float) -> float:
+    """Return the first extent that is more than rounding, 1 if there is none [m]."""
+    least = NO_EXTENT * max(extents)
+    return next((extent for extent in extents if extent > least), 1.0)
+
 
 @dataclass(eq=False)
 class Body:
@@ -102,7 +111,7 @@ class Bodies:
         offsets = [float(np.abs(j.p).max()) for j in self.joints]
         spreads = [float(np.sqrt(max(np.trace(b.inertia), 0.0) / b.mass)) for b in self.bodies if b.mass]
         centres = [float(np.abs(b.com).max()) for b in self.bodies]
-        return max(offsets, default=0.0) or max([*centres, *spreads], default=0.0) or 1.0
+        return first_extent(max(offsets, default=0.0), max([*centres, *spreads], default=0.0))
 
     def path(self, a: int, b: int) -> list[int]:
         """Return the numbers of the joints between two bodies."""

@@ -108,6 +108,17 @@ class Cut:
                 body = wrist.target
         return int(np.flatnonzero(self.bodies == body)[0])
 
+    def place(self, body: int) -> tuple[int, Array, Array] | None:
+        """Return where a body of the spanning tree is in `tree`; None for a link between a wrist's joints.
+
+        Returns:
+            The body of `tree` that it is part of, and its placement there, R (3, 3) and p (3,).
+        """
+        ends = (wrist for wrist in self._spec.wrists if wrist.end == body and not wrist.carries)
+        if (wrist := next(ends, None)) is not None:
+            return self.tree_body(wrist.target), wrist.R, wrist.p
+        return (self.tree_body(body), np.eye(3), np.zeros(3)) if body in self.bodies else None
+
 
 #: A wrist whose reciprocal condition falls below this is in gimbal lock.
 GIMBAL_LOCK = 1e-9

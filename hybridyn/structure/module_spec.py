@@ -17,7 +17,7 @@ from ..linkage.joints import TreeJoint
 from ..linkage.reduction import Block, Reduction
 from ..linkage.tree import Tree
 from ..spatial import Array, indices
-from .bodies import Bodies, Body
+from .bodies import Bodies, Body, first_extent
 from .graph import ModuleGraph
 from .wrists import Cutting, Wrist
 
@@ -168,7 +168,8 @@ def module_length(spec: ModuleSpec, spanning: Tree, robot_size: float) -> float:
     Args:
         spec: Numbers of the module.
         spanning: Spanning tree of the module.
-        robot_size: Characteristic length of the robot [m], for modules that have no extent themselves.
+        robot_size: Characteristic length of the robot [m], for modules that have no extent themselves: one
+            joint, or joints that meet in a point.
     """
     motion = spanning.sweep(spec.home[None])
     points = [motion.p[0, b] for b in range(len(spanning.joints) + 1)]
@@ -177,8 +178,7 @@ def module_length(spec: ModuleSpec, spanning: Tree, robot_size: float) -> float:
         points.append(motion.p[0, c.body_a] + motion.R[0, c.body_a] @ c.p_a)
         points.append(motion.p[0, c.body_b] + motion.R[0, c.body_b] @ c.p_b)
     extent = float(np.linalg.norm(np.ptp(np.array(points), axis=0)))
-    extent = extent or float(np.linalg.norm(points[0])) or robot_size
-    return float(2.0 ** np.round(np.log2(extent)))
+    return float(2.0 ** np.round(np.log2(first_extent(extent, robot_size))))
 
 
 def freedom_units(tree: Tree, length: float) -> Array:

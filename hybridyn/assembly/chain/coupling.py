@@ -75,22 +75,28 @@ def chains_of(robot: HybridRobot, requests: Requests) -> tuple[Requests, list[Ch
     own = [is_own(pose, way) for way, pose in known]
     between = {k for way, alone in zip(ways, own, strict=True) if not alone for side in way for k, _ in side}
     still_open = {k for k in between if not _is_determined(robot, requests, k)}
-    wanted: list[set[int]] = []
+    coupled: list[set[int]] = []
     for (way, pose), meets in zip(known, own, strict=True):
-        wanted.append(set() if meets else _coupled(way, pose, still_open))
-        if not (wanted[-1] or meets):
+        coupled.append(set() if meets else _coupled(way, pose, still_open))
+        if not (coupled[-1] or meets):
             still_open.discard(way[0][0][0])
+    passed = [
+        set() if meets else {k for side in way for k, _ in side} for way, meets in zip(ways, own, strict=True)
+    ]
     groups: Groups[int] = Groups()
-    members: set[int] = set()
+    members, wanted = set[int](), coupled
     while True:
         for modules in wanted:
             groups.join_all(sorted(modules))
             members |= modules
-        late = [i for i, way in enumerate(ways) if not (wanted[i] or own[i]) and way[0][0][0] in members]
-        if not late:
+        # A pose through a module of a chain belongs to it, also if its link's own module could meet it alone.
+        grown = [
+            one | (modules & members) | ({way[0][0][0]} if modules & members and not one else set())
+            for one, modules, way in zip(coupled, passed, ways, strict=True)
+        ]
+        if grown == wanted:
             break
-        for i in late:  # a pose that its module meets alone, but for those that are open below it
-            wanted[i] = {ways[i][0][0][0]}
+        wanted = grown
     alone = tuple(pose for pose, modules in zip(poses, wanted, strict=True) if not modules)
     chains = [
         Chain(tuple(modules), tuple(_within(modules, poses, wanted)))

@@ -16,7 +16,7 @@ from ...spatial import Array
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..follow import follow
-from ..module_request import ModuleRequest, module_request
+from ..module_request import ModuleRequest, body_in_tree, module_request
 from ..poses import PoseRequest
 from ..requests import Requests, in_root
 from ..spanning import settled, spanning_states
@@ -122,8 +122,8 @@ class _Known:
         inner = Motion.at_rest(len(self.q), R, p)
         for k, local in way_to_root(self.robot, body):
             if k in self.parts:
-                m = self.robot.modules[k].mechanism
-                return Place(self.parts[k], m.cut.tree_body(local), inner)
+                number, *end = body_in_tree(self.robot, (k, local), link)
+                return Place(self.parts[k], number, Motion.at_rest(len(self.q), *end).then(inner))
             inner = self._motion(k).of_body(local).then(inner)
         return Place(-1, 0, inner)
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...assembly.module_request import place_in_tree
 from ...assembly.motor_share import SINGULAR_POSTURE
 from ...dynamics.inverse import idm
 from ...errors import ActuationError
@@ -47,8 +48,7 @@ class Measures:
     def _twists(self, motion: Motion, Psi: Array) -> Array:
         """Compute the platform's twists of the motions Psi, linear over L, shape (T, 6, N), base axes."""
         m = self.robot.modules[self.sweep.module].mechanism
-        body, _, p = self.robot.bodies.place[self.sweep.link]
-        number = m.cut.tree_body(self.robot.body_owner[body][1])
+        number, _, p = place_in_tree(self.robot, self.sweep.link)
         point = motion.p[:, number] + np.matmul(motion.R[:, number], p)
         out: Array = np.matmul(m.tree.jacobian(motion, number, point), Psi)
         out[:, :3] /= m.length

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...assembly.module_request import units_of_pose
+from ...assembly.module_request import place_in_tree, units_of_pose
 from ...description.names import did_you_mean
 from ...errors import TrajectoryError
 from ...linkage.targets import COORDINATES, CoordinateTarget
@@ -114,10 +114,12 @@ def find_sweep(
 
 def coordinate_target(robot: HybridRobot, link: str, module: Module) -> CoordinateTarget:
     """Return a target of all coordinates of a link in the base link of its module, with zero values."""
-    (body, *shift), (_, R, p) = robot.bodies.place[link], robot.bodies.place[module.base]
-    number, zero = module.mechanism.cut.tree_body(robot.body_owner[body][1]), np.zeros((1, 6))
-    place, units = (shift[0], shift[1]), units_of_pose(module.mechanism)
-    return CoordinateTarget(number, (link, module.base), COORDINATES, R, p, place, zero, zero, zero, units)
+    _, R, p = robot.bodies.place[module.base]
+    number, *place = place_in_tree(robot, link)
+    zero, units = np.zeros((1, 6)), units_of_pose(module.mechanism)
+    return CoordinateTarget(
+        number, (link, module.base), COORDINATES, R, p, (place[0], place[1]), zero, zero, zero, units
+    )
 
 
 def _platform(robot: HybridRobot, number: int) -> str:

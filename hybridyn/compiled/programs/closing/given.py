@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ....assembly.follow import MOST_TURNING
-from ....assembly.module_request import ModuleRequest, module_request, on_own_bases
+from ....assembly.module_request import ModuleRequest, module_request, on_own_bases, place_in_tree
 from ....assembly.poses import PoseRequest
 from ....assembly.requests import Requests, gather_requests
 from ....assembly.task import module_task
@@ -323,8 +323,7 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
         # Kernels take the motors' numbers alone, and find what follows by gears among the unknowns.
         request = module_request(requests._replace(poses=others), robot, k, placed, followers=False)
         for pose in own:
-            body = robot.body_owner[robot.bodies.place[pose.link][0]][1]
-            request.give_floating(module.mechanism.cut.tree_body(body) - 1, _of_platform(robot, pose))
+            request.give_floating(place_in_tree(robot, pose.link)[0] - 1, _of_platform(robot, pose))
         out.append(request)
         placed |= dict.fromkeys((robot.body_of_joint[joint] for joint in module.joints), still)
         for pose in poses if far else ():
@@ -339,15 +338,15 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
 def _is_own(robot: HybridRobot, pose: PoseRequest, base: int) -> bool:
     """Return whether a pose is the whole pose of a platform in the base of its own module."""
     body, other = (robot.bodies.place[link][0] for link in (pose.link, pose.other))
-    owner, local = robot.body_owner[body]
-    m = robot.modules[owner].mechanism
-    joint = m.cut.tree_body(local) - 1
-    return pose.motion is not None and other == base and joint in m.spec.platforms
+    if pose.motion is None or other != base:
+        return False
+    m = robot.modules[robot.body_owner[body][0]].mechanism
+    return place_in_tree(robot, pose.link)[0] - 1 in m.spec.platforms
 
 
 def _of_platform(robot: HybridRobot, pose: PoseRequest) -> Motion:
     """Compute the motion of a platform's body in its base from that of a link of it in a link of the base."""
-    _, R_link, p_link = robot.bodies.place[pose.link]
+    _, R_link, p_link = place_in_tree(robot, pose.link)
     _, R_other, p_other = robot.bodies.place[pose.other]
     m = pose.motion
     assert m is not None
