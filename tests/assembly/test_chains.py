@@ -30,7 +30,7 @@ DRIFTED = 2e-2  # of positions, whose rule goes from row to row: error STEP
 #: Kinds of stacks, with the links between which a pose is given: of the last module's output, or of others.
 STACKS = ("stack", "stewart_arm", "scara_delta", "branched", "legged", "chain_of_bars", "serial")
 #: Those whose last link moves in all directions.
-NUDGED = ("stack", "stewart_arm", "serial")
+NUDGED = ("stack", "stewart_arm")
 
 
 def stacked(kind: str, seed: int, count: int = 2) -> tuple[HybridRobot, tuple[Array, Array, Array]]:
