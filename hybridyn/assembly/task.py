@@ -161,6 +161,17 @@ class Task(NamedTuple):
         targets = [target.headed(motion, samples, on=on) for target in self.problem.targets]
         return self._replace(problem=replace(self.problem, targets=targets))
 
+    def headed_at(self, q: Array, values: Array) -> Task:
+        """Return the task of one pose with the headings of its coordinates at postures.
+
+        Args:
+            q: A posture for each sample, shape (T, nq).
+            values: Coordinates of the pose there, see `CoordinateTarget.headed_at`.
+        """
+        motion = self.problem.tree.sweep(q)
+        targets = [target.headed_at(motion, values) for target in self.problem.targets]
+        return self._replace(problem=replace(self.problem, targets=targets))
+
     def between(self, sample: int, fractions: Array) -> Task:
         """Interpolate the task from a sample to the next, one new sample per fraction, shape (n,)."""
         tree = self.problem.tree

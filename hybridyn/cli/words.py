@@ -490,12 +490,14 @@ compare = RobotCommand(
 workspace = RobotCommand(
     "workspace",
     callback=partial(_run, "workspace"),
-    short_help="Find the poses that a module reaches, and their efforts.",
+    short_help="Find the poses that a link reaches, and their efforts.",
     help="""\
-    Find the poses that a module of ROBOT reaches from home on its assembly branch, within joint limits.
+    Find the poses that a link of ROBOT reaches from home on its assembly branch, within joint limits.
+
+    With --link, all modules that move this link in the other one move; else one module.
 
     The poses form a lattice, which is searched from the home pose to neighbours that can be reached. The
-    table has a row per reached pose: '<link>@<base>/pose/...', '<motor>/position' of the module's motors,
+    table has a row per reached pose: '<link>@<base>/pose/...', '<motor>/position' of the modules' motors,
     'conditioning' (0 singular, 1 isotropic), 'effort_per_force' and 'effort_per_torque' (the largest effort
     of any motor against 1 N or 1 N m in the worst direction), '<motor>/effort' (against gravity, with the
     other modules at home). Efforts of singular postures are inf.
@@ -508,10 +510,13 @@ workspace = RobotCommand(
         _jobs_option("1"),
         option(
             "-m", "--module", metavar="NUMBER|NAME",
-            help="Number (from 1) or name of the module.  [default: the only one with loops]",
+            help="Number (from 1) or name of the only module that moves.  [default: all that move --link, or "
+            "the only one with loops]",
         ),
         option(
-            "--link", metavar="LINK", help="The link of the module that is moved.  [default: its platform]"
+            "--link", metavar="LINK[@OTHER]",
+            help="The link that is moved, and the link in which it is measured.  [default: the module's "
+            "platform; in the module's base, or the root]",
         ),
         option(
             "--sweep", metavar="X,Y,...", callback=split_names,

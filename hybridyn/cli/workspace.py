@@ -1,4 +1,4 @@
-"""`hybridyn workspace`: find the poses that a module reaches, and the efforts that hold them."""
+"""`hybridyn workspace`: find the poses that a link reaches, and the efforts that hold them."""
 
 import time
 from collections.abc import Sequence
@@ -8,6 +8,7 @@ import numpy as np
 
 from ..figures.workspace import figure_of_workspace
 from ..streams.workers import Workers, keep_freed_memory
+from ..structure.robot import HybridRobot
 from ..studies.workspace.workspace import Workspace, workspace
 from ..tables.results import open_results
 from .common.figures import save
@@ -34,7 +35,7 @@ def run(
     outputs: Sequence[str] | None,
     grid: Grid | None,
 ) -> None:
-    """Find the poses that a module reaches, or the map over a grid."""
+    """Find the poses that a link reaches, or the map over a grid."""
     others = any((module, link, sweep, at, steps, no_limits, plot, jobs))
     refuse(
         (
@@ -63,12 +64,14 @@ def run(
         )
     _write(found, output)
     if plot:
-        units = dict.fromkeys(robot.effort_units[i] for i in robot.modules[found.sweep.module].motor_index)
+        units = dict.fromkeys(
+            robot.effort_units[i] for k in found.sweep.modules for i in robot.modules[k].motor_index
+        )
         title = f"{robot.name}: {found.sweep.link}"
         swept = [*found.sweep.axes, *(name for name in found.sweep.names if name not in found.sweep.axes)]
         poses = {name: found.coordinates[:, found.sweep.names.index(name)] for name in swept}
         save(figure_of_workspace(poses, found.measures, title=title, unit=" or ".join(units)), plot)
-    for line in _summary(found, time.perf_counter() - started):
+    for line in _summary(robot, found, time.perf_counter() - started):
         click.echo(line, err=True)
 
 
@@ -82,11 +85,11 @@ def _write(found: Workspace, output: str | None) -> None:
         write(np.column_stack(list(columns.values())))
 
 
-def _summary(found: Workspace, seconds: float) -> list[str]:
-    sweep = found.sweep
-    lines = [
-        f"module {sweep.module + 1}: {counted(len(found.index), 'pose')} of '{sweep.link}' in '{sweep.base}'"
-    ]
+def _summary(robot: HybridRobot, found: Workspace, seconds: float) -> list[str]:
+    sweep, several = found.sweep, len(found.sweep.modules) > 1
+    numbers = ", ".join(str(k + 1) for k in sweep.modules)
+    poses = f"{counted(len(found.index), 'pose')} of '{sweep.link}' in '{sweep.base}'"
+    lines = [f"module{'s' * several} {numbers}: {poses}"]
     rows = [["coordinate", "from", "to", "step", "unit"]]
     for i, name in enumerate(sweep.names):
         values, linear = np.round(found.coordinates[:, i], 12) + 0.0, name in "xyz"  # no -0, no 6e-17
@@ -100,9 +103,14 @@ def _summary(found: Workspace, seconds: float) -> list[str]:
             note = f", {counted(lost, 'singular pose')}" if lost else ""
             lines.append(f"{name}: {finite.min():.4g} to {finite.max():.4g}{note}")
     stops = sorted(found.blocked.items(), key=lambda item: (-item[1], item[0]))
-    named = [
-        f"{'reach of the loops' if name == 'reach' else name} ({count:,})" for name, count in stops[:BLOCKS]
-    ]
+    looped = any(robot.modules[k].closures for k in sweep.modules)
+    reach = "reach" if several or not looped else "reach of the loops"
+    named = [f"{reach if name == 'reach' else name} ({count:,})" for name, count in stops[:BLOCKS]]
     more = f" and {len(stops) - BLOCKS} more joints" if len(stops) > BLOCKS else ""
     stopped = f"steps stopped by: {', '.join(named) or 'nothing'}{more}"
+    if found.spare:
+        lines.append(
+            f"{counted(found.spare, 'further freedom')} of the motors: these move least from pose to "
+            "pose, and another motion may reach more"
+        )
     return [*lines, stopped, f"wall time {seconds:.2f} s"]

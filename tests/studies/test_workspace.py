@@ -10,9 +10,10 @@ import hybridyn
 from hybridyn.spatial import Array
 from hybridyn.studies.map_table import postures_on_grid
 from hybridyn.studies.sweep.evaluation import status_of
+from hybridyn.studies.workspace.closing import OUT_OF_REACH, Closing
 from hybridyn.studies.workspace.measures import Measures
 from hybridyn.studies.workspace.sweep import find_sweep
-from hybridyn.studies.workspace.workspace import OUT_OF_REACH, Closing, Workspace, workspace
+from hybridyn.studies.workspace.workspace import Workspace, workspace
 from tests.command_line import call, read_table
 from tests.comparing import ROUNDING, SOLVED, close_to, refused
 from tests.files import save
@@ -151,7 +152,7 @@ def test_what_is_swept(name: str, module: int | str | None, names: str | None, a
     robot = hybridyn.load(name)
     sweep = find_sweep(robot, module, None, None, robot.home)
     if names is None:
-        assert 0 < len(sweep.axes) <= robot.modules[sweep.module].mobility
+        assert 0 < len(sweep.axes) <= sum(robot.modules[k].mobility for k in sweep.modules)
     else:
         assert (" ".join(sweep.names), " ".join(sweep.axes)) == (names, axes)
 
@@ -189,7 +190,10 @@ def test_no_step_changes_the_branch() -> None:
         ({"module": "m2"}, "there is no module 'm2'"),
         ({"module": 7}, "there is no module '7'; there are 1"),
         ({"link": "m1_tol"}, "did you mean 'm1_tool'"),
-        ({"link": "m1_base"}, "does not belong to module"),
+        ({"link": "m1_base"}, "no module moves link 'm1_base' relative to 'm1_base'"),
+        ({"module": 2, "link": "m1_platform", "robot": "lx4"}, "does not belong to module"),
+        ({"module": 1, "link": "m1_tool@m1_base"}, "between 'm1_tool' and 'm1_base' move; name no module"),
+        ({"link": "m1_tool@m1_bas"}, "did you mean 'm1_base'"),
         ({"axes": ["q"]}, "there is no coordinate 'q'"),
         ({"axes": ["y"]}, "'y' of link 'm1_tool' is not independent"),
         ({"at": {"yaw": 0.1}}, "'yaw' of link 'm1_tool' cannot be chosen"),

@@ -13,15 +13,14 @@ from ...linkage.reduction import decide_rank
 from ...linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target, TurnTarget, named_rows
 from ...linkage.tree import Motion
 from ...spatial import Array
-from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..follow import follow
 from ..module_request import ModuleRequest, body_in_tree, module_request
 from ..poses import PoseRequest
 from ..requests import Requests, in_root
 from ..spanning import settled, spanning_states
-from ..task import module_task
-from .bodies import Carried, Place
+from ..task import Task, module_task
+from .bodies import Carried, ChainMotion, Place
 from .coupling import Chain, chains_of, own_request, way_to_root
 from .least import ease_of
 from .problem import ChainProblem, Relative
@@ -49,8 +48,8 @@ def assemble_chain(
         HybridynError: As in `assemble`.
     """
     modules = [robot.modules[k] for k in chain.modules]
-    own = [module_request(own_request(robot, requests, k), robot, k, {}) for k in chain.modules]
-    guess, task = _guess_and_task(robot, chain, own, (q, v, a))
+    own, guess = own_requests(robot, requests, chain), cut_positions(robot, chain.modules, q[:1])
+    task = chain_task(robot, chain, own, (q, v, a))
     if task.redundant:
         inform(str(LeftToRule(task.left, tuple(part.module for part in task.parts))), log="hybridyn.assembly")
     x, task = follow(task, guess, strict=requests.strict)
@@ -64,15 +63,6 @@ def assemble_chain(
         states = levels[0][:, i], levels[1][:, j], levels[2][:, j]
         found = spanning_states(module, states, moved, q[0, module.q_index])
         q[:, module.q_index], v[:, module.v_index], a[:, module.v_index] = found
-
-
-def _guess_and_task(
-    robot: HybridRobot, chain: Chain, own: Sequence[ModuleRequest], states: tuple[Array, Array, Array]
-) -> tuple[Array, ChainTask]:
-    """Return the guess of a chain, shape (1, its nq), and its task, from states of the robot as given."""
-    modules = [robot.modules[k] for k in chain.modules]
-    guess = np.concatenate([m.mechanism.cut.positions(states[0][:1, m.q_index]) for m in modules], axis=1)
-    return guess, _chain_task(_Known(robot, chain.modules, *states), chain, own, guess)
 
 
 @dataclass(frozen=True)
@@ -101,8 +91,7 @@ def left_to_rule(robot: HybridRobot, requests: Requests, q: Array) -> list[LeftT
     first = in_root(robot, requests.part(0, 1), q)
     states, out = (q[None], *np.zeros((2, 1, robot.nv))), []
     for chain in chains_of(robot, first)[1]:
-        own = [module_request(own_request(robot, first, k), robot, k, {}) for k in chain.modules]
-        task = _guess_and_task(robot, chain, own, states)[1]
+        task = chain_task(robot, chain, own_requests(robot, first, chain), states)
         if task.redundant:
             out.append(LeftToRule(task.left, tuple(part.module for part in task.parts)))
     return out
@@ -144,23 +133,35 @@ class _Known:
         return self._motions[number]
 
 
-def _chain_task(known: _Known, chain: Chain, own: Sequence[ModuleRequest], guess: Array) -> ChainTask:
+def own_requests(robot: HybridRobot, requests: Requests, chain: Chain) -> list[ModuleRequest]:
+    """Return what is given in each module of a chain alone."""
+    return [module_request(own_request(robot, requests, k), robot, k, {}) for k in chain.modules]
+
+
+def cut_positions(robot: HybridRobot, modules: Sequence[int], q: Array) -> Array:
+    """Return positions of the trees of modules, one after the other, shape (T, their nq), from q (T, nq)."""
+    own = [robot.modules[k] for k in modules]
+    return np.concatenate([m.mechanism.cut.positions(q[:, m.q_index]) for m in own], axis=1)
+
+
+def chain_task(
+    robot: HybridRobot, chain: Chain, own: Sequence[ModuleRequest], states: tuple[Array, Array, Array]
+) -> ChainTask:
     """Build the task of a chain, and decide how many of its targets are independent.
+
+    Args:
+        robot: The robot.
+        chain: The modules and the poses that couple them.
+        own: What is given in each module alone.
+        states: Positions, rates and accelerations of the robot at all samples; those of the chain's modules
+            are not read, but for the first posture.
 
     Raises:
         AssemblyError: Its modules cannot move what is prescribed at all.
     """
-    robot, numbers = known.robot, chain.modules
-    parts = tuple(
-        module_task(robot, robot.modules[k], request, alone=False)
-        for k, request in zip(numbers, own, strict=True)
-    )
-    length = max(robot.modules[k].mechanism.length for k in numbers)
-    relatives = tuple(one for pose in chain.poses for one in _relatives(known, pose, length))
-    carried = Carried(tuple(known.base(k) for k in numbers))
-    ease = tuple(ease_of(robot, robot.modules[k]) for k in numbers)
-    problem = ChainProblem(tuple(part.problem for part in parts), carried, relatives, ease)
-    reach = _generic_reach(problem, [robot.modules[k] for k in numbers], guess)
+    numbers = chain.modules
+    problem, parts = chain_problem(robot, chain, own, states)
+    reach = generic_reach(problem, robot, numbers, states[0][:1])
     rank = decide_rank(reach, TOLERANCE).rank
     if not rank:
         links = ", ".join(f"'{pose.link}' relative to '{pose.reference}'" for pose in chain.poses)
@@ -172,9 +173,42 @@ def _chain_task(known: _Known, chain: Chain, own: Sequence[ModuleRequest], guess
     return ChainTask(problem, parts, reach.shape[2] - rank)
 
 
-def _generic_reach(problem: ChainProblem, modules: Sequence[Module], guess: Array) -> Array:
-    """Compute the targets over free motions at generic postures, shape (n, targets, motions)."""
-    rng, postures = np.random.default_rng(0), []
+def chain_problem(
+    robot: HybridRobot, chain: Chain, own: Sequence[ModuleRequest], states: tuple[Array, Array, Array]
+) -> tuple[ChainProblem, tuple[Task, ...]]:
+    """Build the problem of a chain, and the tasks of its modules alone; arguments as for `chain_task`."""
+    numbers = chain.modules
+    known = _Known(robot, numbers, *states)
+    parts = tuple(
+        module_task(robot, robot.modules[k], request, alone=False)
+        for k, request in zip(numbers, own, strict=True)
+    )
+    length = max(robot.modules[k].mechanism.length for k in numbers)
+    relatives = tuple(one for pose in chain.poses for one in _relatives(known, pose, length))
+    carried = Carried(tuple(known.base(k) for k in numbers))
+    ease = tuple(ease_of(robot, robot.modules[k]) for k in numbers)
+    return ChainProblem(tuple(part.problem for part in parts), carried, relatives, ease), parts
+
+
+def generic_reach(problem: ChainProblem, robot: HybridRobot, numbers: Sequence[int], q: Array) -> Array:
+    """Compute the targets over free motions at generic postures, shape (n, targets, motions).
+
+    Args:
+        problem: Rows and free freedoms.
+        robot: The robot.
+        numbers: Its modules.
+        q: A posture about which modules without loops are turned, shape (1, nq).
+    """
+    motion = generic_motion(problem, robot, numbers, q)
+    return problem.split(problem.matrix(motion)).reach
+
+
+def generic_motion(
+    problem: ChainProblem, robot: HybridRobot, numbers: Sequence[int], q: Array
+) -> ChainMotion:
+    """Compute the motion at generic postures, see `generic_reach`."""
+    rng, postures, modules = np.random.default_rng(0), [], [robot.modules[k] for k in numbers]
+    guess = cut_positions(robot, numbers, q)
     for module, tree, at in zip(modules, problem.tree.trees, problem.tree.q_of, strict=True):
         found = module.mechanism.postures
         if module.mechanism.closures.rows:
@@ -182,8 +216,7 @@ def _generic_reach(problem: ChainProblem, modules: Sequence[Module], guess: Arra
         else:
             turns = rng.uniform(-1.0, 1.0, (GENERIC, tree.nv)) * module.mechanism.reduction.col_scale
             postures.append(tree.integrate(np.tile(guess[:, at], (GENERIC, 1)), turns))
-    motion = problem.tree.sweep(np.concatenate(postures, axis=1))
-    return problem.split(problem.matrix(motion)).reach
+    return problem.tree.sweep(np.concatenate(postures, axis=1))
 
 
 def _relatives(known: _Known, pose: PoseRequest, length: float) -> list[Relative]:

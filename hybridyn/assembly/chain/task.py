@@ -138,6 +138,15 @@ class ChainTask:
         parts = [part.headed(x, samples, on=on) for part, x in zip(self.parts, self.each(q), strict=True)]
         return self._with(parts, self.problem.carried, relatives)
 
+    def headed_at(self, q: Array, values: Array) -> ChainTask:
+        """Return the task of one pose with the headings of its coordinates there, as `Task.headed_at`."""
+        motion, samples = self.problem.tree.sweep(q), np.arange(len(q))
+        relatives = tuple(
+            replace(one, target=one.target.headed_at(self.problem.relative(one, motion, samples), values))
+            for one in self.problem.relatives
+        )
+        return replace(self, problem=replace(self.problem, relatives=relatives))
+
     def between(self, sample: int, fractions: Array) -> ChainTask:
         """Interpolate the task from a sample to the next, one new sample per fraction, shape (n,)."""
 

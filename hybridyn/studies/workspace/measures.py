@@ -1,13 +1,16 @@
-"""Measures of a module's posture: conditioning, and the efforts that hold a wrench or the weight.
+"""Measures of a posture: conditioning, and the efforts that hold a wrench on a link, or the weight.
 
-Let t be the twist of the platform relative to the module's base, in an orthonormal basis of the twists that
-the loops allow, and q_dot the rates of the module's motors. Lengths in both are divided by the module's
-length L:
+Let t be the twist of the link relative to another, in an orthonormal basis of the twists that the modules
+between them allow, and q_dot the least rates of their motors that move the link so. Lengths in both are
+divided by the length L of the longest module:
 
     q_dot = J t          conditioning: smallest over largest singular value of J, 0 singular, 1 isotropic
-    J^T tau = F          efforts that hold a wrench F on the platform; redundant motors share it
+    J^T tau = F          efforts that hold a wrench F on the link; redundant motors share it
 
-The conditioning is restricted to the velocities of the platform's independent coordinates. Angular velocities
+Motions of the motors at which the link stays where it is need no effort against F: these rates are orthogonal
+to the least ones.
+
+The conditioning is restricted to the velocities of the link's independent coordinates. Angular velocities
 are included only if one of these coordinates is an angle. `effort_per_force` is the largest effort of any
 motor that holds a force of 1 N at the link's origin in the worst direction; `effort_per_torque` is the same
 for 1 N m. The efforts that hold the weight are those of the inverse model at rest.
@@ -17,42 +20,38 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...assembly.module_request import place_in_tree
 from ...assembly.motor_share import SINGULAR_POSTURE
 from ...dynamics.inverse import idm
 from ...errors import ActuationError
 from ...linkage.targets import COORDINATES
-from ...linkage.tree import Motion
 from ...spatial import Array, Mask
 from ...structure.robot import HybridRobot
+from .between import Between
 from .sweep import Sweep
 
 #: Efforts below this part of their norm, or of the weight over the module's length, are rounding: the motors
 #: of a Delta, for example, hold no torque, and those of a linkage that lies flat no weight.
 NO_EFFORT = 1e-12
-#: Singular values of the twists below this part of the largest are rounding: the platform does not move.
+#: Singular values of the twists below this part of the largest are rounding: the link does not move.
 NO_TWIST = 1e-7
 
 
 class Measures:
-    """Measures postures of a module. Instances are pickled for other processes."""
+    """Measures postures of the modules between two links. Instances are pickled for other processes.
+
+    Attributes:
+        spare: Number of further freedoms: motions of the motors at which the link stays where it is.
+    """
 
     def __init__(self, robot: HybridRobot, sweep: Sweep) -> None:
         self.robot, self.sweep = robot, sweep
-        m = robot.modules[sweep.module].mechanism
-        t = self._twists(m.tree.sweep(m.postures), m.basis(m.generic_K).Psi)
-        values = np.linalg.svd(t, compute_uv=False)
-        #: Freedoms of the platform, at generic postures.
-        self.rank = int(np.sum(np.median(values / values[:, :1], axis=0) > NO_TWIST))
-
-    def _twists(self, motion: Motion, Psi: Array) -> Array:
-        """Compute the platform's twists of the motions Psi, linear over L, shape (T, 6, N), base axes."""
-        m = self.robot.modules[self.sweep.module].mechanism
-        number, _, p = place_in_tree(self.robot, self.sweep.link)
-        point = motion.p[:, number] + np.matmul(motion.R[:, number], p)
-        out: Array = np.matmul(m.tree.jacobian(motion, number, point), Psi)
-        out[:, :3] /= m.length
-        return out
+        self.between = Between.of_pose(robot, sweep.modules, sweep.link, sweep.base)
+        self.motors = np.concatenate([robot.modules[k].motor_index for k in sweep.modules])
+        twists, rates = self.between.maps(self.between.generic())
+        #: Freedoms of the link, at generic postures.
+        self.rank = _generic_rank(twists)
+        Vt = np.linalg.svd(twists, full_matrices=True)[2]
+        self.spare = _generic_rank(np.matmul(rates, np.swapaxes(Vt[:, self.rank :], 1, 2)), rates)
 
     def __call__(self, q: Array) -> dict[str, Array]:
         """Measure postures.
@@ -79,24 +78,28 @@ class Measures:
 
     def _maps(self, q: Array) -> tuple[Array, Array | None]:
         """Compute the conditioning, shape (T,), and efforts per wrench, shape (T, motors, 6), base axes."""
-        module = self.robot.modules[self.sweep.module]
-        m = module.mechanism
-        if not module.motors or not module.mobility:
+        if not len(self.motors) or not self.rank:
             return np.zeros(len(q)), None
-        motion = m.cut.motion(m.spanning.sweep(q[:, module.q_index]))
-        Psi = m.basis(m.closures.matrix(motion)).Psi
-        unit = m.reduction.col_scale[module.motor_columns]
-        rates = Psi[:, module.motor_columns] / unit[:, None]
-        U, s, Vt = np.linalg.svd(self._twists(motion, Psi), full_matrices=False)
-        U, s, Vt = U[:, :, : self.rank], s[:, : self.rank], Vt[:, : self.rank]
-        # Twists in coordinates w, t = U w. Without the motions that cause no twist, q_dot = J w.
-        J = np.matmul(rates, np.swapaxes(Vt, 1, 2) / np.maximum(s, np.finfo(float).tiny)[:, None])
-        if len(module.motors) < self.rank:
+        twists, rates = self.between.maps(self.between.motion(q))
+        U, s, Vt = np.linalg.svd(twists, full_matrices=True)
+        V, rest = np.swapaxes(Vt[:, : self.rank], 1, 2), np.swapaxes(Vt[:, self.rank :], 1, 2)
+        U, s = U[:, :, : self.rank], s[:, : self.rank]
+        # Twists in coordinates w, t = U w. With the least rates of the motors, q_dot = J w.
+        J = np.matmul(rates, V / np.maximum(s, np.finfo(float).tiny)[:, None])
+        if self.spare:
+            still = np.linalg.svd(np.matmul(rates, rest))[0][:, :, : self.spare]
+            J -= np.matmul(still, np.matmul(np.swapaxes(still, 1, 2), J))
+        if len(self.motors) < self.rank:
             return np.zeros(len(q)), None
         # Equal powers: (unit tau) . J w = F . t, where t has linear velocities over L.
-        wrench = np.swapaxes(U, 1, 2) * np.array([m.length] * 3 + [1.0] * 3)
-        holding = np.matmul(np.linalg.pinv(np.swapaxes(J, 1, 2)), wrench) / unit[:, None]
+        wrench = np.swapaxes(U, 1, 2) * np.array([self.between.length] * 3 + [1.0] * 3)
+        holding = np.matmul(np.linalg.pinv(np.swapaxes(J, 1, 2)), wrench) / self._units[:, None]
         return self._conditioning(U, J), holding
+
+    @property
+    def _units(self) -> Array:
+        """What counts as one of the motion of each motor [m or rad]."""
+        return np.concatenate([self.between.units(k) for k in self.sweep.modules])
 
     def _conditioning(self, U: Array, J: Array) -> Array:
         """Compute the conditioning of J over the requested part of the twists U w, shape (T,)."""
@@ -111,17 +114,23 @@ class Measures:
 
     def _gravity(self, q: Array, singular: Mask) -> dict[str, Array]:
         """Compute the motor efforts that hold the robot's weight; empty if motors are missing."""
-        module = self.robot.modules[self.sweep.module]
-        if not module.motors:
+        if not len(self.motors):
             return {}
         rest = np.zeros((len(q), self.robot.nv))
         try:
-            tau = idm(self.robot, q, rest, rest, on_singular="least-norm")[:, module.motor_index]
+            tau = idm(self.robot, q, rest, rest, on_singular="least-norm")[:, self.motors]
         except ActuationError:
             return {}
-        mechanism = module.mechanism
         weight = np.linalg.norm(self.robot.gravity) * sum(body.mass for body in self.robot.bodies.bodies)
-        unit = mechanism.reduction.col_scale[module.motor_columns]
-        tau[np.abs(tau) < NO_EFFORT * weight * mechanism.length / unit] = 0.0
+        tau[np.abs(tau) < NO_EFFORT * weight * self.between.length / self._units] = 0.0
         tau = np.where(singular[:, None], np.inf, tau)
-        return {f"{name}/effort": tau[:, i] for i, name in enumerate(module.motors)}
+        return {f"{self.robot.motors[at]}/effort": tau[:, i] for i, at in enumerate(self.motors)}
+
+
+def _generic_rank(maps: Array, whole: Array | None = None) -> int:
+    """Return the rank of maps at generic postures, shape (T, rows, motions), relative to whole ones."""
+    values, largest = (np.linalg.svd(x, compute_uv=False) for x in (maps, maps if whole is None else whole))
+    if not values.size or not largest.size:
+        return 0
+    unit = np.maximum(largest[:, :1], np.finfo(float).tiny)
+    return int(np.sum(np.median(values / unit, axis=0) > NO_TWIST))

@@ -1,4 +1,4 @@
-"""Coordinates of a workspace: independent coordinates of a module's platform, and those that are swept."""
+"""Coordinates of a workspace: independent coordinates of a link in another, and those that are swept."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ...assembly.module_request import place_in_tree, units_of_pose
 from ...description.names import did_you_mean
 from ...errors import TrajectoryError
 from ...linkage.targets import COORDINATES, CoordinateTarget
 from ...spatial import Array, quaternion_from_rotation, rotation_from_axis_angle
-from ...structure.module import Module
 from ...structure.robot import HybridRobot
+from .between import Between, moving
 
 #: A coordinate is independent of the chosen ones if at least this part of its motion remains when they are
 #: fixed. A 3-RPS, for example, moves a little in x when it rolls, but x is no independent coordinate.
@@ -23,17 +22,18 @@ INDEPENDENT_SHARE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """The coordinates of a link relative to its module's base link.
+    """The coordinates of a link relative to another.
 
     Attributes:
-        module: Number of the module.
-        base: The module's base link.
+        modules: Numbers of the modules that move it there, those nearer to the root first.
+        link: The link.
+        base: The other link.
         names: Coordinates that together determine the link's motion, in the order of `COORDINATES`.
         axes: Those that are swept.
         home: Values of `names` at the home posture, shape (names,), [m, rad].
     """
 
-    module: int
+    modules: tuple[int, ...]
     link: str
     base: str
     names: tuple[str, ...]
@@ -61,7 +61,7 @@ def find_module(robot: HybridRobot, wanted: int | str | None) -> int:
     if wanted is None:
         if len(looped) != 1:
             known = [f"{k + 1} ({robot.modules[k].name})" for k in looped or range(len(robot.modules))]
-            raise TrajectoryError(f"choose a module: {', '.join(known)}")
+            raise TrajectoryError(f"choose a module: {', '.join(known)}; or a link that several move")
         return looped[0]
     names = {name: k for k, module in enumerate(robot.modules) for name in (module.name, *module.outputs)}
     names |= {str(k + 1): k for k in range(len(robot.modules))}
@@ -74,11 +74,12 @@ def find_module(robot: HybridRobot, wanted: int | str | None) -> int:
 def find_sweep(
     robot: HybridRobot, module: int | str | None, link: str | None, axes: Sequence[str] | None, q: Array
 ) -> Sweep:
-    """Choose link and coordinates.
+    """Choose links and coordinates.
 
     Args:
-        module: As for `find_module`.
-        link: A link of the module; by default its platform.
+        robot: The robot.
+        module: As for `find_module`; if only a link is named, all modules that move it.
+        link: "link" or "link@other", see `workspace`.
         axes: Coordinates to sweep. By default all independent ones if there are at most three, else the
             translations.
         q: Posture at which the coordinates must be independent, shape (nq,).
@@ -86,14 +87,8 @@ def find_sweep(
     Raises:
         TrajectoryError: A name is unknown, or the coordinates are not independent.
     """
-    number = find_module(robot, module)
-    chosen = robot.modules[number]
-    link = link or _platform(robot, number)
-    if link not in robot.bodies.place:
-        raise TrajectoryError(f"there is no link '{link}'{did_you_mean(link, robot.bodies.place)}")
-    if robot.body_owner[robot.bodies.place[link][0]][0] != number:
-        raise TrajectoryError(f"link '{link}' does not belong to module '{chosen.name}'")
-    J, values = _at_home(robot, number, link, q)
+    modules, link, base = _ends(robot, module, link)
+    J, values = _at_home(Between.of_coordinates(robot, modules, link, base), q)
     for name in axes or ():
         if name not in COORDINATES:
             known = f"{did_you_mean(name, COORDINATES)}; known: {', '.join(COORDINATES)}"
@@ -109,17 +104,33 @@ def find_sweep(
     if not swept:
         raise TrajectoryError(f"link '{link}' does not move")
     home = values[[COORDINATES.index(name) for name in names]]
-    return Sweep(number, link, chosen.base, names, swept, home)
+    return Sweep(modules, link, base, names, swept, home)
 
 
-def coordinate_target(robot: HybridRobot, link: str, module: Module) -> CoordinateTarget:
-    """Return a target of all coordinates of a link in the base link of its module, with zero values."""
-    _, R, p = robot.bodies.place[module.base]
-    number, *place = place_in_tree(robot, link)
-    zero, units = np.zeros((1, 6)), units_of_pose(module.mechanism)
-    return CoordinateTarget(
-        number, (link, module.base), COORDINATES, R, p, (place[0], place[1]), zero, zero, zero, units
-    )
+def _ends(robot: HybridRobot, module: int | str | None, key: str | None) -> tuple[tuple[int, ...], str, str]:
+    """Return the modules that move a link, the link, and the link in which it is measured."""
+    link, _, other = (key or "").partition("@")
+    for name in (link, other):
+        if name and name not in robot.bodies.place:
+            raise TrajectoryError(f"there is no link '{name}'{did_you_mean(name, robot.bodies.place)}")
+    if other and module is not None:
+        raise TrajectoryError(f"all modules between '{link}' and '{other}' move; name no module")
+    if module is None and link:
+        base = other or robot.description.root
+        between = moving(robot, link, base)
+        if not between:
+            raise TrajectoryError(f"no module moves link '{link}' relative to '{base}'")
+        if len(between) == 1 and not other:
+            base = robot.modules[between[0]].base
+        return between, link, base
+    number = find_module(robot, module)
+    chosen = robot.modules[number]
+    link = link or _platform(robot, number)
+    if robot.body_owner[robot.bodies.place[link][0]][0] != number:
+        raise TrajectoryError(
+            f"link '{link}' does not belong to module '{chosen.name}'; name no module if several move it"
+        )
+    return (number,), link, chosen.base
 
 
 def _platform(robot: HybridRobot, number: int) -> str:
@@ -139,17 +150,13 @@ def _platform(robot: HybridRobot, number: int) -> str:
     return tools[-1] if tools else module.outputs[0] if module.outputs else module.name
 
 
-def _at_home(robot: HybridRobot, number: int, link: str, q: Array) -> tuple[Array, Array]:
+def _at_home(between: Between, q: Array) -> tuple[Array, Array]:
     """Compute the scaled Jacobian of a link's coordinates, shape (6, N), and their values, shape (6,)."""
-    module = robot.modules[number]
-    m = module.mechanism
-    target = coordinate_target(robot, link, module)
-    motion = m.cut.motion(m.spanning.sweep(q[None, module.q_index]))
-    Psi = m.basis(m.closures.matrix(motion)).Psi[0]
-    orthonormal = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0] * m.reduction.col_scale[:, None]
-    J = target.matrix(m.tree, motion)[0] @ orthonormal / target.units[:, None]
-    first = np.zeros(1, dtype=int)
-    return J, target.headed(motion, first).coordinates(motion, first)[0]
+    motion, first = between.motion(q[None]), np.zeros(1, dtype=int)
+    relative, target = between.seen(motion), between.relative.target
+    assert isinstance(target, CoordinateTarget)
+    J = between.maps(motion)[0][0]
+    return J, target.headed(relative, first).coordinates(relative, first)[0]
 
 
 def _independent(J: Array, first: tuple[str, ...]) -> tuple[str, ...]:

@@ -1,4 +1,7 @@
-"""Compute the workspace of a module: every pose on a lattice that its platform can reach from home.
+"""Compute the workspace of a link: every pose on a lattice that it can reach from home.
+
+All modules between the link and the one in which its pose is measured move. Where they have more freedoms
+than the pose, each step from a pose to the next is the least motion of the motors (`assembly.chain`).
 
 The origin of the lattice is the home pose, or a pose that can be reached from it. The neighbours of each
 reached pose are assembled starting from its posture. Every posture is therefore on home's assembly branch,
@@ -12,32 +15,21 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...assembly.assemble import assemble_home
-from ...assembly.follow import SAME_BRANCH, SMALL_STEP
-from ...assembly.module_request import module_request
-from ...assembly.requests import gather_requests
-from ...assembly.spanning import settled, spanning_positions
-from ...assembly.task import closure_residual, module_task
+from ...assembly.task import closure_residual
 from ...errors import AssemblyError, ModelError, TrajectoryError
-from ...linkage.newton import close
 from ...linkage.targets import COORDINATES
-from ...spatial import Array, Index, Mask
-from ...streams.departures import position_limits
+from ...spatial import Array, Index
 from ...structure.robot import HybridRobot
 from ...threads import one_thread
+from .closing import OUT_OF_REACH, REACHED, Closing
 from .measures import Measures
-from .sweep import Sweep, find_sweep, pose_of, values_at
-
-#: Largest number of Newton steps from one pose to the next. A pose that needs more counts as out of reach.
-MOST_NEWTON_STEPS = 25
-#: Results of a step. Any other value is the number of the joint that is outside its limits.
-REACHED, OUT_OF_REACH = -1, -2
-
+from .sweep import Sweep, find_sweep, values_at
 
 #: Numbers of parts into which a step to a neighbour is divided, one attempt after the other.
 PARTS = (1, 4, 16)
@@ -45,85 +37,6 @@ PARTS = (1, 4, 16)
 CHUNK = 256
 #: Largest number of poses.
 MOST = 200_000
-
-
-class Closing:
-    """Closes the loops of a module at poses near known postures. Pickled for other processes."""
-
-    def __init__(self, robot: HybridRobot, sweep: Sweep, limits: bool) -> None:
-        self.robot, self.sweep = robot, sweep
-        module = robot.modules[sweep.module]
-        self.names = module.joints
-        #: Number, column and position limits of each limited joint with one freedom.
-        self.limited: list[tuple[int, int, float, float]] = []
-        for number, (name, at) in enumerate(
-            zip(module.joints, module.mechanism.spanning.q_slices, strict=True)
-        ):
-            joint = robot.records.get(name)
-            if limits and joint is not None and joint.kind in ("revolute", "prismatic"):
-                ends = position_limits(joint)
-                self.limited += [(number, at.start, *ends)] if ends is not None else []
-
-    def outside(self, q: Array) -> Index:
-        """Return for each posture, shape (T, its nq), the joint farthest outside its limits, or REACHED."""
-        out = np.zeros((len(q), len(self.names)))
-        for number, column, lower, upper in self.limited:
-            out[:, number] = np.maximum(lower - q[:, column], q[:, column] - upper)
-        return np.where(out.max(axis=1) > 0, out.argmax(axis=1), REACHED)
-
-    def __call__(self, parts: int, before: Array, after: Array, q: Array) -> tuple[Array, Index]:
-        """Step from poses to neighbouring ones.
-
-        Args:
-            parts: Number of parts of the step.
-            before: Coordinates of the known poses, shape (T, names), [m, rad].
-            after: Coordinates of their neighbours, shape (T, names), [m, rad].
-            q: Known postures of the module, shape (T, its nq).
-
-        Returns:
-            Postures reached, shape (T, its nq), and for each REACHED, OUT_OF_REACH or the number of the joint
-            that is outside its limits.
-        """
-        out, alive = q.copy(), np.ones(len(q), dtype=bool)
-        for i in range(1, parts + 1):
-            left = np.flatnonzero(alive)
-            if not len(left):
-                break
-            here, way = (before[left] + k / parts * (after - before)[left] for k in (i - 1, i))
-            out[left], alive[left] = self._once(here, way, out[left])
-        state = np.full(len(q), OUT_OF_REACH)
-        state[alive] = self.outside(out[alive])
-        return out, state
-
-    def _once(self, here: Array, values: Array, q: Array) -> tuple[Array, Mask]:
-        """Close the loops at coordinates near those `here`; return postures, and which are on the branch."""
-        robot, module = self.robot, self.robot.modules[self.sweep.module]
-        m = module.mechanism
-        requests = gather_requests(robot, {}, {self.sweep.key: pose_of(self.sweep, values)})
-        request = module_request(requests, robot, self.sweep.module, {})
-        start, samples = m.cut.positions(q), np.arange(len(q))
-        task = module_task(robot, module, request)
-        before = m.tree.sweep(start)
-        targets = [target.headed_at(before, here) for target in task.problem.targets]
-        task = task._replace(problem=replace(task.problem, targets=targets))
-        known = task.with_known(start, samples)
-        motion = m.tree.sweep(known)
-        problem = task.problem
-        K = problem.matrix(motion, samples, every=False)
-        dx = problem.solve(K, -problem.residual(known, samples, motion))
-        predicted = m.tree.integrate(known, dx * problem.col_scale)
-        result = close(problem, known, samples, iterations=MOST_NEWTON_STEPS)
-        off = np.abs(m.tree.difference(predicted, result.q) / problem.col_scale).max(axis=1, initial=0.0)
-        good = task.closed(result) & (off <= SAME_BRANCH * np.abs(dx).max(axis=1, initial=0.0) + SMALL_STEP)
-        out = q.copy()
-        if good.any():
-            x = settled(m, result.q[good])
-            out[good] = spanning_positions(module, x, m.tree.sweep(x), q[good])
-            residual = m.residual(out[good], m.spanning.sweep(out[good]))
-            good[np.flatnonzero(good)] = np.abs(residual).max(axis=1, initial=0.0) <= task.tolerance
-        return out, good
-
-
 #: Applies one function to tuples of arguments, in order, possibly in other processes.
 Spread = Callable[[Callable[..., Any], Iterable[tuple[Any, ...]]], Iterator[Any]]
 
@@ -144,7 +57,7 @@ class Flood:
             close: Steps from poses to neighbouring ones.
             start: Coordinates of the origin, shape (names,), [m, rad].
             step: Step of each swept coordinate, shape (axes,), [m, rad].
-            q: Posture of the module at the origin, shape (its nq,).
+            q: Posture of the modules at the origin, shape (their nq,).
         """
         self.close, self.start, self.step = close, start, step
         self.columns = [close.sweep.names.index(axis) for axis in close.sweep.axes]
@@ -161,7 +74,7 @@ class Flood:
         return out
 
     def found(self) -> tuple[Index, Array]:
-        """Return the reached lattice points, shape (n, axes), sorted, and the module's postures there."""
+        """Return the reached lattice points, shape (n, axes), sorted, and the modules' postures there."""
         index = np.array(list(self.reached)).reshape(-1, len(self.step))
         order = np.lexsort(index.T[::-1])
         return index[order], np.array(list(self.reached.values()))[order]
@@ -242,19 +155,21 @@ WALK = (8, 32, 128)
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """The poses that a module's platform reaches.
+    """The poses that a link reaches.
 
     Attributes:
-        sweep: Link and coordinates.
+        sweep: Links and coordinates.
         steps: Step of each swept coordinate, shape (axes,), [m, rad].
         start: Values of all coordinates at the lattice's origin, shape (names,).
         index: Lattice points that were reached, steps from the origin, shape (n, axes).
         coordinates: Their coordinates, shape (n, names), [m, rad].
         q: Postures of the whole robot, shape (n, nq); other modules are at home.
-        motors: Positions of the module's motors by name, shape (n,) each, without continuous joints.
+        motors: Positions of the modules' motors by name, shape (n,) each, without continuous joints.
         measures: Measures of the postures by name, shape (n,) each (see `Measures`).
         blocked: Number of rejected steps by the joint whose limit was exceeded; "reach" for steps at which
             the loops do not close or the branch ends.
+        spare: Number of freedoms beyond those of the link. They move least from each pose to the next; poses
+            that are not among these may then be reached by another motion.
     """
 
     sweep: Sweep
@@ -266,6 +181,7 @@ class Workspace:
     motors: dict[str, Array]
     measures: dict[str, Array]
     blocked: dict[str, int]
+    spare: int
 
     @property
     def size(self) -> float:
@@ -286,17 +202,20 @@ def workspace(
     spread: Spread = itertools.starmap,
     progress: Callable[[int], None] | None = None,
 ) -> Workspace:
-    """Find every pose on a lattice that a module's platform reaches from home.
+    """Find every pose on a lattice that a link reaches from home.
 
     Args:
-        robot: The robot; its other modules stay at home.
-        module: Number (from 1) or name; by default the only module with closures.
-        link: A link of the module; by default its platform.
-        axes: Coordinates to sweep, of x, y, z, roll, pitch, yaw relative to the module's base link. By
-            default all independent ones if there are at most three, else the translations.
+        robot: The robot; modules that do not move the link stay at home.
+        module: Number (from 1) or name of the only module that moves; by default the only one with closures.
+            If only a link is named, all modules move that move this link.
+        link: "link" or "link@other", measured in the other link: then all modules between the two move. By
+            default the platform of the module. The other link is by default the base link of the module, or
+            the root link if several move the link.
+        axes: Coordinates to sweep, of x, y, z, roll, pitch, yaw. By default all independent ones if there are
+            at most three, else the translations.
         at: Values of coordinates that are not swept, or of the lattice's origin [m, rad]; by default those of
             home.
-        steps: Steps of swept coordinates [m, rad]; by default a part of the module's length or a fixed
+        steps: Steps of swept coordinates [m, rad]; by default a part of the modules' lengths or a fixed
             angle.
         limits: Whether joint limits are respected.
         spread: Distributes the chunks of work, for example to other processes.
@@ -311,7 +230,7 @@ def workspace(
     sweep = find_sweep(robot, module, link, axes, home)
     start, step = values_at(sweep, at or {}), _steps(robot, sweep, steps or {})
     close, measures = Closing(robot, sweep, limits), Measures(robot, sweep)
-    columns = robot.modules[sweep.module].q_index
+    columns = close.q_index
     q0 = home.copy()
     q0[columns] = _at_start(close, start, home)
     _check_origin(close, q0[columns])
@@ -330,6 +249,7 @@ def workspace(
         motors=_motors(robot, sweep, q),
         measures=_measured(measures, q, spread),
         blocked=dict(flood.blocked),
+        spare=measures.spare,
     )
 
 
@@ -338,7 +258,8 @@ def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Arra
     for name in given:
         if name not in sweep.axes:
             raise TrajectoryError(f"'{name}' is not swept; the swept coordinates are {', '.join(sweep.axes)}")
-    length, dimensions, out = robot.modules[sweep.module].mechanism.length, len(sweep.axes), []
+    length = sum(robot.modules[k].mechanism.length for k in sweep.modules)
+    dimensions, out = len(sweep.axes), []
     for name in sweep.axes:
         linear = COORDINATES.index(name) < 3
         out.append(given.get(name, length / POINTS[dimensions] if linear else TURNS[dimensions]))
@@ -348,7 +269,7 @@ def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Arra
 
 
 def _check_origin(close: Closing, q: Array) -> None:
-    """Check that the posture at the origin, shape (nq of the module,), is within the joint limits."""
+    """Check that the posture at the origin, shape (nq of the modules,), is within the joint limits."""
     joint = int(close.outside(q[None])[0])
     if joint == REACHED:
         return
@@ -356,7 +277,7 @@ def _check_origin(close: Closing, q: Array) -> None:
     raise AssemblyError(
         f"joint '{name}' is outside its limits at the workspace's origin: correct [home] in model.toml "
         "or the limits, choose another origin (at), or ignore the limits (limits=False)",
-        module=close.robot.modules[close.sweep.module].name,
+        module=next(m.name for m in close.robot.modules if name in m.joints),
     )
 
 
@@ -367,8 +288,9 @@ def _measured(measures: Measures, q: Array, spread: Spread) -> dict[str, Array]:
 
 
 def _motors(robot: HybridRobot, sweep: Sweep, q: Array) -> dict[str, Array]:
-    """Return the positions of a module's motors without continuous joints, shape (n,) each."""
-    joints = {name: robot.joint_index[name] for name in robot.modules[sweep.module].motors}
+    """Return the positions of the modules' motors without continuous joints, shape (n,) each."""
+    motors = [name for k in sweep.modules for name in robot.modules[k].motors]
+    joints = {name: robot.joint_index[name] for name in motors}
     return {
         name: q[:, robot.q_slices[joint].start]
         for name, joint in joints.items()
@@ -384,9 +306,9 @@ def _closed_home(robot: HybridRobot) -> Array:
 
 
 def _at_start(close: Closing, start: Array, home: Array) -> Array:
-    """Step from home to the lattice's origin and return the module's posture there, shape (its nq,)."""
+    """Step from home to the lattice's origin and return the modules' posture there, shape (their nq,)."""
     sweep = close.sweep
-    q: Array = home[close.robot.modules[sweep.module].q_index]
+    q: Array = home[close.q_index]
     if (start == sweep.home).all():
         return q
     for parts in WALK:
@@ -398,5 +320,5 @@ def _at_start(close: Closing, start: Array, home: Array) -> Array:
     raise AssemblyError(
         f"link '{sweep.link}' does not reach the workspace's origin ({there}) from home; choose another "
         "origin",
-        module=close.robot.modules[sweep.module].name,
+        module=close.robot.modules[sweep.modules[-1]].name,
     )

@@ -1,0 +1,118 @@
+"""Steps of modules from poses of a link to neighbouring ones, on the same assembly branch."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...assembly.chain.solve import cut_positions
+from ...assembly.chain.task import ChainTask
+from ...assembly.follow import SAME_BRANCH, SMALL_STEP
+from ...assembly.requests import gather_requests
+from ...assembly.spanning import settled, spanning_positions
+from ...assembly.task import Task
+from ...linkage.newton import Closed, Problem, close
+from ...spatial import Array, Index, Mask
+from ...streams.departures import position_limits
+from ...structure.robot import HybridRobot
+from .between import pose_task
+from .sweep import Sweep, pose_of
+
+#: Largest number of Newton steps from one pose to the next. A pose that needs more counts as out of reach.
+MOST_NEWTON_STEPS = 25
+#: Results of a step. Any other value is the number of the joint that is outside its limits.
+REACHED, OUT_OF_REACH = -1, -2
+
+
+class Closing:
+    """Closes the loops of modules at poses near known postures. Pickled for other processes."""
+
+    def __init__(self, robot: HybridRobot, sweep: Sweep, limits: bool) -> None:
+        self.robot, self.sweep = robot, sweep
+        modules = [robot.modules[k] for k in sweep.modules]
+        self.names = [name for module in modules for name in module.joints]
+        self.q_index = np.concatenate([module.q_index for module in modules])
+        #: Positions of each module's joints, and those of its tree after the cuts.
+        self.own = _after([module.mechanism.spanning.nq for module in modules])
+        self.cut = _after([module.mechanism.tree.nq for module in modules])
+        #: Number, column and position limits of each limited joint with one freedom.
+        self.limited: list[tuple[int, int, float, float]] = []
+        for number, name in enumerate(self.names):
+            joint = robot.records.get(name)
+            if limits and joint is not None and joint.kind in ("revolute", "prismatic"):
+                at = robot.q_slices[robot.joint_index[name]].start
+                ends, column = position_limits(joint), int(np.flatnonzero(self.q_index == at)[0])
+                self.limited += [(number, column, *ends)] if ends is not None else []
+
+    def outside(self, q: Array) -> Index:
+        """Return for each posture, shape (T, their nq), the joint farthest outside its limits, or REACHED."""
+        out = np.zeros((len(q), len(self.names)))
+        for number, column, lower, upper in self.limited:
+            out[:, number] = np.maximum(lower - q[:, column], q[:, column] - upper)
+        return np.where(out.max(axis=1) > 0, out.argmax(axis=1), REACHED)
+
+    def __call__(self, parts: int, before: Array, after: Array, q: Array) -> tuple[Array, Index]:
+        """Step from poses to neighbouring ones.
+
+        Args:
+            parts: Number of parts of the step.
+            before: Coordinates of the known poses, shape (T, names), [m, rad].
+            after: Coordinates of their neighbours, shape (T, names), [m, rad].
+            q: Known postures of the modules, one after the other, shape (T, their nq).
+
+        Returns:
+            Postures reached, shape (T, their nq), and for each REACHED, OUT_OF_REACH or the number of the
+            joint that is outside its limits.
+        """
+        out, alive = q.copy(), np.ones(len(q), dtype=bool)
+        for i in range(1, parts + 1):
+            left = np.flatnonzero(alive)
+            if not len(left):
+                break
+            here, way = (before[left] + k / parts * (after - before)[left] for k in (i - 1, i))
+            out[left], alive[left] = self._once(here, way, out[left])
+        state = np.full(len(q), OUT_OF_REACH)
+        state[alive] = self.outside(out[alive])
+        return out, state
+
+    def _once(self, here: Array, values: Array, q: Array) -> tuple[Array, Mask]:
+        """Close the loops at coordinates near those `here`; return postures, and which are on the branch."""
+        robot, numbers = self.robot, self.sweep.modules
+        requests = gather_requests(robot, {}, {self.sweep.key: pose_of(self.sweep, values)})
+        whole = np.tile(robot.home, (len(q), 1))
+        whole[:, self.q_index] = q
+        start = cut_positions(robot, numbers, whole)
+        task = pose_task(robot, numbers, requests, whole)
+        result, good = _step(task, start, here)
+        out = q.copy()
+        if good.any():
+            found = np.flatnonzero(good)
+            for k, own, cut in zip(numbers, self.own, self.cut, strict=True):
+                module = robot.modules[k]
+                m, x = module.mechanism, settled(module.mechanism, result.q[found, cut])
+                out[found, own] = spanning_positions(module, x, m.tree.sweep(x), q[found, own])
+                residual = m.residual(out[found, own], m.spanning.sweep(out[found, own]))
+                good[found] &= np.abs(residual).max(axis=1, initial=0.0) <= task.tolerance
+        return out, good
+
+
+def _step(task: Task | ChainTask, start: Array, here: Array) -> tuple[Closed, Mask]:
+    """Close the loops near postures at coordinates `here`; return whether the step is as predicted, too."""
+    task, samples = task.headed_at(start, here), np.arange(len(start))
+    problem: Problem = task.problem
+    tree, known = problem.tree, task.with_known(start, samples)
+    motion = tree.sweep(known)
+    K = problem.matrix(motion, samples, every=False)
+    dx = problem.solve(K, -problem.residual(known, samples, motion))
+    predicted = tree.integrate(known, dx * problem.col_scale)
+    result = close(problem, known, samples, iterations=MOST_NEWTON_STEPS)
+    off = np.abs(tree.difference(predicted, result.q) / problem.col_scale).max(axis=1, initial=0.0)
+    good = off <= SAME_BRANCH * np.abs(dx).max(axis=1, initial=0.0) + SMALL_STEP
+    return result, task.closed(result) & good
+
+
+def _after(sizes: Sequence[int]) -> list[slice]:
+    """Return parts of given sizes, one after the other."""
+    return [slice(*ends) for ends in itertools.pairwise(np.cumsum([0, *sizes]).tolist())]

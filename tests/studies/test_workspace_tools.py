@@ -1,0 +1,196 @@
+"""Workspaces of links that several modules move: an excavator against triangles, redundant stacks."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.ndimage import label
+
+import hybridyn
+from hybridyn import HybridRobot
+from hybridyn.spatial import Array
+from hybridyn.studies.workspace.sweep import find_sweep
+from hybridyn.studies.workspace.workspace import Workspace, workspace
+from tests.command_line import call
+from tests.comparing import close_to
+from tests.excavator import BOOM, HOME, MOTORS, STICK, TEETH, cylinders, rocker_end, teeth, text, turned
+from tests.files import save
+from tests.oracle import Oracle
+from tests.posing import of_link
+from tests.samples import slow
+
+EXACT = 1e-9
+BOUNDARY = 1e-6  # m, rad: nearer to an edge, rounding decides
+DIFFERENCE = 1e-5  # rad: step of the central differences; their error is its square
+DIFFERENCED = 1e-7  # relative
+#: How far the rods of the fast case go from home [m].
+STROKE = 0.1
+
+
+def machine(folder: Path, stroke: float) -> HybridRobot:
+    """Return the excavator whose rods go so far to either side of home."""
+    limits = text().replace('lower="-1.5" upper="1.5"', f'lower="{-stroke}" upper="{stroke}"')
+    return hybridyn.load(save(folder, limits, "excavator.urdf"))
+
+
+def angles_of(pose: Array) -> Array | None:
+    """Compute the angles of boom, stick and bucket from x, z, pitch of the teeth, the elbow up, or None."""
+    pin = pose[:2] - turned(pose[2], TEETH)
+    reach, first, second = np.hypot(*pin), BOOM[0], STICK[0]
+    bend = (reach**2 - first**2 - second**2) / (2 * first * second)
+    if abs(bend) >= 1:
+        return None
+    stick = np.arccos(bend)
+    inner = np.arctan2(second * np.sin(stick), first + second * np.cos(stick))
+    boom = np.arctan2(-pin[1], pin[0]) - inner
+    boom = HOME[0] + (boom - HOME[0] + np.pi) % (2 * np.pi) - np.pi
+    return np.array([boom, stick, pose[2] - boom - stick])
+
+
+def margin(pose: Array, stroke: float) -> float:
+    """Return how far a pose is inside the reach, negative outside."""
+    angles = angles_of(pose)
+    with np.errstate(invalid="ignore"):
+        if angles is None or not np.isfinite(rocker_end(angles[2])).all():
+            return -1.0
+    return float(stroke - np.abs(cylinders(angles) - cylinders(HOME)).max())
+
+
+@pytest.mark.parametrize(("stroke", "step"), [(STROKE, (0.2, 0.2, 0.1)), slow(0.4, (0.2, 0.2, 0.2))])
+def test_the_teeth_of_an_excavator_reach_what_its_cylinders_allow(
+    stroke: float, step: tuple[float, float, float], tmp_path: Path
+) -> None:
+    """The poses of the lattice that paths within the limits of the rods lead to, and no other one."""
+    robot = machine(tmp_path, stroke)
+    found = workspace(robot, link="teeth", steps=dict(zip(("x", "z", "pitch"), step, strict=True)))
+    assert (found.sweep.modules, found.sweep.names, found.spare) == ((0, 1, 2), ("x", "z", "pitch"), 0)
+    close_to(found.start, teeth(HOME), EXACT)
+    n = np.abs(found.index).max(axis=0) + 1
+    inside = np.full(2 * n + 1, -np.inf)
+    for at in np.ndindex(*inside.shape):
+        inside[at] = margin(teeth(HOME) + (np.array(at) - n) * step, stroke)
+    assert np.abs(inside).min() > BOUNDARY
+    parts = label(inside > 0)[0]
+    reached = np.zeros(inside.shape, dtype=bool)
+    reached[tuple((found.index + n).T)] = True
+    assert (reached == (parts == parts[tuple(n)])).all()
+    assert len(found.index) > 20
+    assert set(found.blocked) == set(MOTORS)  # each ends the region somewhere, and nothing else does
+    for pose, *rods in zip(found.coordinates, *(found.motors[name] for name in MOTORS), strict=True):
+        close_to(np.array(rods), cylinders(angles_of(pose)) - cylinders(HOME), EXACT, least=1.0)
+
+
+def slopes(of: Callable[[Array], Array], at: Array) -> Array:
+    """Compute derivatives of a function of three angles, shape (3, 3), by central differences."""
+    steps = DIFFERENCE * np.eye(3)
+    return np.stack([(of(at + step) - of(at - step)) / (2 * DIFFERENCE) for step in steps], axis=1)
+
+
+def test_efforts_and_conditioning_go_from_the_motors_to_the_teeth(tmp_path: Path) -> None:
+    robot = machine(tmp_path, STROKE)
+    found = workspace(robot, link="teeth", steps={"x": 0.3, "z": 0.3, "pitch": 0.3})
+    length = max(module.mechanism.length for module in robot.modules)
+    for i, pose in enumerate(found.coordinates):
+        angles = angles_of(pose)
+        J = slopes(cylinders, angles) @ np.linalg.inv(slopes(teeth, angles))  # rods over the teeth
+        scaled = J / length * np.array([length, length, 1.0])
+        s = np.linalg.svd(scaled, compute_uv=False)
+        assert found.measures["conditioning"][i] == pytest.approx(s[2] / s[0], rel=DIFFERENCED)
+        efforts = np.linalg.inv(J.T)  # J^T tau = F
+        wanted = np.linalg.norm(efforts[:, :2], axis=1).max()
+        assert found.measures["effort_per_force"][i] == pytest.approx(wanted, rel=DIFFERENCED)
+        assert found.measures["effort_per_torque"][i] == pytest.approx(
+            np.abs(efforts[:, 2]).max(), rel=DIFFERENCED
+        )
+    rest = np.zeros((2, len(found.q), robot.nv))
+    tau = hybridyn.idm(robot, found.q, *rest)
+    for column, name in enumerate(robot.motors):
+        close_to(found.measures[f"{name}/effort"], tau[:, column], EXACT)
+
+
+def check_of_motions(robot: HybridRobot, found: Workspace) -> None:
+    """Compare measures with the oracle's motions: R of the motors, T of the link; R^T tau = T^T F."""
+    sweep, length = found.sweep, max(robot.modules[k].mechanism.length for k in found.sweep.modules)
+    motors = [robot.motors.index(name) for k in sweep.modules for name in robot.modules[k].motors]
+    kinds = [robot.kinds[robot.joint_index[robot.motors[i]]] for i in motors]
+    units = np.array([length if kind == "prismatic" else 1.0 for kind in kinds])
+    rows = [("x", "y", "z", "roll", "pitch", "yaw").index(name) for name in sweep.names]
+    for i in (0, len(found.q) - 1):
+        q = found.q[i]
+        Z = Oracle(robot.description).motions(q)
+        Z = Z @ np.linalg.pinv(Z[robot.motor_v])  # one motor each
+        Z = Z[:, motors]
+        still = np.zeros_like(Z.T)
+        T = of_link(robot, np.tile(q, (len(motors), 1)), Z.T, still, sweep.link, sweep.base)[1].T
+        holding = T.T  # tau = T^T F
+        scaled = np.array([length] * 3 + [1.0] * 3)
+        s = np.linalg.svd((T / scaled[:, None] * units)[rows], compute_uv=False)
+        close_to(found.measures["conditioning"][i], s[len(rows) - 1] / s[0], EXACT)
+        close_to(found.measures["effort_per_force"][i], np.linalg.norm(holding[:, :3], axis=1).max(), EXACT)
+        close_to(found.measures["effort_per_torque"][i], np.linalg.norm(holding[:, 3:], axis=1).max(), EXACT)
+
+
+@pytest.mark.parametrize(
+    ("name", "names", "spare", "steps"),
+    [
+        ("scara_delta", "x y z yaw", 3, {"yaw": 1.0}),
+        slow("stewart_ur5", "x y z roll pitch yaw", 6, {"x": 0.4, "y": 0.4}),
+        slow("lx4", "x y z roll pitch yaw", 18, {"x": 0.2, "z": 0.2}),
+    ],
+)
+def test_a_redundant_stack_moves_least_from_pose_to_pose(
+    name: str, names: str, spare: int, steps: dict[str, float]
+) -> None:
+    robot = hybridyn.load(name)
+    link = robot.modules[-1].outputs[0]
+    found = workspace(robot, link=link, axes=list(steps), steps=steps)
+    assert (" ".join(found.sweep.names), found.spare) == (names, spare)
+    assert found.sweep.base == robot.description.root
+    assert len(found.index) > 3
+    assert hybridyn.closure_residual(robot, found.q).max() < EXACT
+    rest = np.zeros((2, len(found.q), robot.nv))
+    pose = of_link(robot, found.q, *rest, link, found.sweep.base)[0]
+    columns = [found.sweep.names.index(axis) for axis in "xyz"]
+    close_to(pose[:, :3], found.coordinates[:, columns], EXACT)
+    assert np.ptp(found.q[:, robot.modules[0].q_index], axis=0).max() > 0  # the first module moves, too
+    check_of_motions(robot, found)
+
+
+def test_the_other_link_holds_the_modules_before_it() -> None:
+    robot, steps = hybridyn.load("scara_delta"), {"z": 0.2}
+    wanted = workspace(robot, 5, axes=["z"], steps=steps)
+    found = workspace(robot, link="m1_platform@scara_flange", axes=["z"], steps=steps)
+    assert (found.spare, found.blocked, found.sweep.modules) == (0, wanted.blocked, (4,))
+    close_to(found.q, wanted.q, EXACT)
+
+
+@pytest.mark.parametrize(
+    ("module", "link", "modules", "base"),
+    [
+        (None, "m1_platform", (0, 1, 2, 3, 4), "scara_base"),
+        (5, "m1_platform", (4,), "scara_flange"),
+        (None, "scara_upper", (0,), "scara_base"),
+        (None, "scara_upper@m1_platform", (1, 2, 3, 4), "m1_platform"),
+        (None, "m1_platform@scara_quill", (3, 4), "scara_quill"),
+    ],
+)
+def test_the_modules_between_two_links_move(
+    module: int | None, link: str, modules: tuple[int, ...], base: str
+) -> None:
+    robot = hybridyn.load("scara_delta")
+    sweep = find_sweep(robot, module, link, None, robot.home)
+    assert (sweep.modules, sweep.base) == (modules, base)
+
+
+def test_the_command_says_what_moves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    machine(tmp_path, STROKE)
+    path = tmp_path / "excavator.urdf"
+    said = call(capsys, "workspace", path, "--link", "teeth", "--step", "x=0.4,z=0.4,pitch=0.3")
+    assert said.out.splitlines()[1 if said.out.startswith("#") else 0].startswith("teeth@cab/pose/x,")
+    assert "modules 1, 2, 3: " in said.err
+    assert "boom_rod (" in said.err
+    said = call(
+        capsys, "workspace", "scara_delta", "--link", "m1_platform", "--sweep", "y", "--step", "y=0.6"
+    )
+    assert "3 further freedoms of the motors: these move least from pose to" in said.err
