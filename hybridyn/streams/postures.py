@@ -130,6 +130,7 @@ def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
     try:
         yield
     except HybridynError as error:
+        underdetermined = isinstance(error, AssemblyError) and bool(error.open_freedoms)
         if isinstance(error, AssemblyError) and error.undriven:
             error.advice += f". {HISTORY}"
         if error.sample is not None:
@@ -137,6 +138,6 @@ def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
             if layout.full_state and isinstance(error, AssemblyError):
                 error.advice += INSTEAD
             error.within(f"{layout.file}, row {motion.first_row + error.sample}{time}", row_named=True)
-        elif error.advice:
+        elif error.advice or underdetermined:
             error.within(str(layout.file))
         raise
