@@ -26,7 +26,7 @@ from ..spatial import Array, Index, Mask, indices, spatial_inertia, to_body_axes
 from .cut import GIMBAL_LOCK, Cut, WristMotion
 from .leg_model import LegModel, LongLegs
 from .module_spec import ModuleSpec, freedom_units, leg_by_leg, module_length, row_factors
-from .rank_evidence import dropped_rows, rank_by_home
+from .rank_evidence import dropped_rows, rank_by_home, singular_home
 
 #: A freedom is locked if it moves no more than this when its module moves by one (rad, module lengths). The
 #: limit is about 5e4 times the machine epsilon.
@@ -173,7 +173,9 @@ class Mechanism:
             self.generic_K = self.closures.matrix(self.tree.sweep(self.postures))
             self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
             self.reduction.report = self.reduction.report._replace(doubted=None)
-        self.rank_decision = evidence.words if evidence else dropped_rows(self.reduction.report, open_by)
+        said = [evidence.words if evidence else dropped_rows(self.reduction.report, open_by)]
+        said.append(singular_home(self.closures, self.reduction, self.home, open_by))
+        self.rank_decision = "; ".join(filter(None, said))
 
     @property
     def mobility(self) -> int:

@@ -6,6 +6,8 @@ A file whose loops close at home to the last digit is not rounded to four digits
 
 from typing import NamedTuple
 
+import numpy as np
+
 from ..linkage.closures import Closures
 from ..linkage.generic_postures import scattered_postures
 from ..linkage.reduction import ROUNDED_ROWS, RankReport, Reduction, decide_rank
@@ -86,6 +88,28 @@ def dropped_rows(report: RankReport, open_by: float) -> str:
     return (
         f"closure rows of relative singular values up to {report.dropped:.1e} count as dependent, as "
         f"rounding in the file{so}{_closed(open_by)} (rank_tolerance overrides this)"
+    )
+
+
+def singular_home(closures: Closures, reduction: Reduction, home: Array, open_by: float) -> str:
+    """Say that the closures lose rank at home; "" if they do not, or if home is too open to tell.
+
+    Args:
+        closures: The module's closures.
+        reduction: Their scales and their rank at generic postures.
+        home: Home posture, shape (nq,).
+        open_by: Closure residual there, relative to the module's length.
+    """
+    if open_by > CLOSED or not reduction.rank:
+        return ""
+    K = reduction.scaled(closures.matrix(closures.tree.sweep(home[None])))
+    rank = int((np.linalg.svd(K[0], compute_uv=False) > ROUNDED_ROWS).sum())
+    if rank >= reduction.rank:
+        return ""
+    return (
+        f"home is a singular posture: its closures have rank {rank} there and {reduction.rank} elsewhere. "
+        "Modes of the linkage may meet there, and the mobility is that of one of them; give a home away from "
+        "it"
     )
 
 

@@ -51,6 +51,19 @@ def test_a_file_of_few_digits_keeps_its_mobility(family: str, digits: int, dista
     assert build_robot(rounded(make(distance), digits)).mobility == mobility
 
 
+def told(robot: hybridyn.HybridRobot) -> bool:
+    return any("home is a singular posture" in module.mechanism.rank_decision for module in robot.modules)
+
+
+@pytest.mark.parametrize("family", ["scissors 2", *(slow(name) for name in FAMILIES if name != "bennett")])
+def test_a_home_that_is_singular_is_told(family: str) -> None:
+    """Where modes meet exactly, no rank decides which is meant; a home next to it is not told of."""
+    make, mobility = FAMILIES[family]
+    exact = build_robot(make(0.0))
+    assert told(exact) or exact.mobility == mobility
+    assert not told(build_robot(make(NEAR)))
+
+
 def test_a_lift_raised_to_its_end_moves_as_one_freedom_does() -> None:
     """Told at a posture far from home, as the oracle does; taken for three freedoms it fell apart."""
     description = FAMILIES["scissors 3"][0](NEAR)
