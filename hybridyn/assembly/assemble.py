@@ -5,7 +5,7 @@ Newton problem on its tree after the cuts. The positions of cut wrists follow fr
 Poses through several modules couple these (`chain`).
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from ..linkage.elimination import least_squares
 from ..linkage.newton import LoopProblem
 from ..linkage.tree import Motion
 from ..spatial import Array
+from ..structure.given import motors_by_name
 from ..structure.module import Module
 from ..structure.robot import HybridRobot, joint_position
 from ..threads import one_thread
@@ -22,7 +23,15 @@ from .chain.coupling import chains_of
 from .chain.solve import assemble_chain
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies
-from .requests import Requests, first_guess, gather_requests, home_requests, in_root
+from .requests import (
+    Requests,
+    checked_weights,
+    first_guess,
+    gather_requests,
+    held,
+    home_requests,
+    in_root,
+)
 from .spanning import settled, spanning_states
 from .task import check_agreement, check_bounded, module_task
 
@@ -38,6 +47,8 @@ def assemble(
     platforms: Mapping[str, object] | None = None,
     guess: Array | None = None,
     nearest: bool = False,
+    hold: Iterable[str] = (),
+    weights: Mapping[str, float] | None = None,
 ) -> tuple[Array, Array, Array]:
     """Compute a posture that closes all loops from motor positions, platform poses, or a mixture.
 
@@ -66,6 +77,9 @@ def assemble(
             reaches it. A trajectory is followed from its first sample without leaving the branch.
         nearest: Whether rates and accelerations may contradict one another, as measured ones do, or those of
             a spline through positions.
+        hold: Joints that stay where the guess has them: as if `motors` gave these positions.
+        weights: Motor to a factor that multiplies its motion over its range, where motors move least: one
+            above 1 spares the motor.
 
     Returns:
         q, v, a on the spanning tree, shapes (nq,), (nv,), (nv,), or (T, ...) if any input has T samples.
@@ -79,11 +93,12 @@ def assemble(
         SingularityError: The joints cannot follow the motion, for example of a platform with a stretched leg.
         TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or there is no sample.
     """
-    requests = gather_requests(robot, motors, platforms, nearest)
+    start, given = first_guess(robot, guess), motors_by_name(robot, motors)
+    requests = gather_requests(robot, {**given, **held(robot, hold, given, start)}, platforms, nearest)
     if not requests.samples:
         raise TrajectoryError("motors and platforms have no samples; give at least one")
-    requests = requests._replace(strict=guess is not None)
-    q, v, a = assemble_requests(robot, requests, first_guess(robot, guess))
+    requests = requests._replace(strict=guess is not None, weights=checked_weights(robot, weights or {}))
+    q, v, a = assemble_requests(robot, requests, start)
     return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
 

@@ -36,6 +36,7 @@ class ModuleRequest:
         strict: As in `Requests`.
         nearest: As in `Requests`.
         stay: As in `Requests`.
+        weights: As in `Requests`.
     """
 
     mechanism: Mechanism
@@ -48,6 +49,7 @@ class ModuleRequest:
     strict: bool = False
     nearest: tuple[str, ...] = ()
     stay: bool = False
+    weights: Mapping[str, float] = field(default_factory=dict)
 
     def give_joint(self, joint: int, wanted: Array, name: str, *, endless: bool) -> None:
         """Set a joint's position, rate and acceleration, shape (3, T).
@@ -176,8 +178,9 @@ def module_request(
     known = np.tile(m.home, (requests.samples, 1))
     still = np.zeros((2, requests.samples, m.tree.nv))
     request = ModuleRequest(
-        m, known, still[0], still[1], strict=requests.strict, nearest=requests.nearest, stay=requests.stay
-    )
+        m, known, still[0], still[1], strict=requests.strict, nearest=requests.nearest, stay=requests.stay,
+        weights=requests.weights,
+    )  # fmt: skip
     tree_joint = {source: i for i, source in enumerate(m.spec.tree_joint) if source is not None}
     for i, joint in enumerate(module.joints):
         if joint in requests.joints:

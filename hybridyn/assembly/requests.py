@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,7 @@ class Requests(NamedTuple):
         nearest: Which of "rates" and "accelerations" may contradict one another: they become those of the
             nearest motion. Others are an error then.
         stay: Whether joints that nothing determines stay at home; else they are an error.
+        weights: Motor to the factor of its motion, where motors move least; 1 for others.
     """
 
     samples: int
@@ -46,6 +48,7 @@ class Requests(NamedTuple):
     strict: bool = False
     nearest: tuple[str, ...] = ()
     stay: bool = False
+    weights: Mapping[str, float] = MappingProxyType({})
 
     def part(self, start: int, stop: int) -> Requests:
         """Return the requests for some consecutive samples."""
@@ -59,6 +62,7 @@ class Requests(NamedTuple):
             self.strict,
             self.nearest,
             self.stay,
+            self.weights,
         )
 
 
@@ -75,13 +79,8 @@ def gather_requests(
             of unit length.
     """
     motors, platforms = motors_by_name(robot, motors), by_name(platforms)
-    kind = dict(zip(robot.joints, robot.kinds, strict=True))
     for name in motors:
-        check_known(name, kind, "joint")
-        if kind[name] not in ("revolute", "continuous", "prismatic"):
-            raise TrajectoryError(
-                f"joint '{name}' is {kind[name]}: it has no single position; give a pose", column=name
-            )
+        _single(robot, name)
     joints = {name: level_triple(value, f"joint '{name}'", name) for name, value in motors.items()}
     places = {key: _link_and_reference(robot, key) for key in platforms}
     given = {key: pose_levels(key, value) for key, value in platforms.items()}
@@ -110,6 +109,37 @@ def gather_requests(
     accelerations += [one[2] for one in given.values() if isinstance(one, list)]
     unchecked = MOTIONS if nearest else () if any(map(np.any, accelerations)) else MOTIONS[1:]  # none given
     return Requests(T, not sizes, for_all(joints, T), tuple(poses), base, quaternion, nearest=unchecked)
+
+
+def held(robot: HybridRobot, hold: Iterable[str], given: Collection[str], guess: Array) -> dict[str, float]:
+    """Return the positions at a guess, shape (nq,), of joints that are held.
+
+    Args:
+        given: Joints whose positions are given.
+
+    Raises:
+        TrajectoryError: A name is unknown, or a joint is given, or has no single position.
+    """
+    out = {}
+    for name in [hold] if isinstance(hold, str) else hold:
+        _single(robot, name)
+        if name in given:
+            raise TrajectoryError(f"joint '{name}' is held, and its position is given", column=name)
+        out[name] = float(joint_position(robot, guess, name))
+    return out
+
+
+def checked_weights(robot: HybridRobot, weights: Mapping[str, float]) -> Mapping[str, float]:
+    """Return the factors of motors' motions.
+
+    Raises:
+        TrajectoryError: A name is that of no motor, or a factor is not positive and finite.
+    """
+    for name, weight in weights.items():
+        check_known(name, robot.motors, "motor")
+        if not 0.0 < weight < np.inf:
+            raise TrajectoryError(f"the weight of '{name}' is {weight}; give a positive number", column=name)
+    return weights
 
 
 def in_root(robot: HybridRobot, requests: Requests, guess: Array) -> Requests:
@@ -153,6 +183,16 @@ def home_requests(robot: HybridRobot, joints: Mapping[str, float] | None = None)
         name: float(joint_position(robot, robot.home, name)) for name in robot.motors if name not in moved
     }
     return gather_requests(robot, motors | named, None)._replace(stay=True)
+
+
+def _single(robot: HybridRobot, name: str) -> None:
+    """Raise unless a name is that of a joint with a single position."""
+    check_known(name, robot.joint_index, "joint")
+    kind = robot.kinds[robot.joint_index[name]]
+    if kind not in ("revolute", "continuous", "prismatic"):
+        raise TrajectoryError(
+            f"joint '{name}' is {kind}: it has no single position; give a pose", column=name
+        )
 
 
 def _link_and_reference(robot: HybridRobot, key: str) -> tuple[str, str]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn import AssemblyError, HybridRobot, SingularityError, closure_residual
+from hybridyn import AssemblyError, HybridRobot, SingularityError, TrajectoryError, closure_residual
 from hybridyn.assembly.chain.coupling import ways_between
 from hybridyn.assembly.poses import PoseRequest
 from hybridyn.cli import main
@@ -56,13 +56,19 @@ def spans(robot: HybridRobot) -> Array:
     return np.array(out)
 
 
-def least(robot: HybridRobot, q: Array, link: str, other: str, twist: Array) -> Array:
-    """Compute the least rates of the motors over their spans, by the oracle's motions, Pinocchio's twists."""
+def least(
+    robot: HybridRobot, q: Array, link: str, other: str, twist: Array, measured: Array | None = None
+) -> Array:
+    """Compute the least rates of the motors over their spans, by the oracle's motions, Pinocchio's twists.
+
+    `measured` holds what their motion is measured by instead, shape (motors,).
+    """
+    by = spans(robot) if measured is None else measured
     Z = Oracle(robot.description).motions(q)
     still = np.zeros_like(Z.T)
     J = of_link(robot, np.tile(q, (Z.shape[1], 1)), Z.T, still, link, other)[1].T
-    measured = Z[robot.motor_v] / spans(robot)[:, None]
-    return np.linalg.pinv(J @ np.linalg.inv(measured), rcond=1e-9) @ twist
+    moved = Z[robot.motor_v] / by[:, None]
+    return np.linalg.pinv(J @ np.linalg.inv(moved), rcond=1e-9) @ twist
 
 
 @pytest.mark.parametrize(
@@ -208,6 +214,36 @@ def test_freedoms_that_are_left_to_the_rule_are_told(
     assert [record.getMessage() for record in caplog.records if record.levelname == "INFO"] == lines
 
 
+@pytest.mark.parametrize("name", ["stewart_ur5", slow("lx4")])
+def test_weights_multiply_the_motions_of_motors_in_the_rule(name: str) -> None:
+    """The rates are the least in the weighted norm; those of a motor of large weight are small."""
+    robot = build_robot(shipped(name))
+    link, root = robot.modules[-1].outputs[0], robot.description.root
+    still = np.zeros((1, robot.nv))
+    pose = of_link(robot, robot.home[None], still, still, link, root)[0][0]
+    rng = np.random.default_rng(0)
+    twist, factors = rng.normal(size=6), np.exp(rng.normal(size=len(robot.motors)))
+    factors[0] = 1e3
+    weights = dict(zip(robot.motors, map(float, factors), strict=True))
+    q, v, _ = hybridyn.assemble(robot, platforms={link: (pose, twist)}, weights=weights, guess=robot.home)
+    measured = spans(robot) / factors
+    close_to(v[robot.motor_v] / measured, least(robot, q, link, root, twist, measured), LEAST)
+    plain = hybridyn.assemble(robot, platforms={link: (pose, twist)}, guess=robot.home)[1]
+    assert abs(v[robot.motor_v[0]]) < 1e-3 * abs(plain[robot.motor_v[0]])
+
+
+def test_held_joints_stay_where_the_guess_has_them(tmp_path: Path) -> None:
+    robot = hybridyn.load(excavator(tmp_path))
+    start = hybridyn.assemble(robot, motors=dict(zip(MOTORS, (0.1, -0.05, 0.02), strict=True)))[0]
+    still = np.zeros((1, robot.nv))
+    x, _, z = of_link(robot, start[None], still, still, "teeth", robot.description.root)[0][0, :3]
+    way = {"teeth": ({"x": x + np.linspace(0, 0.2, 5), "z": z + np.linspace(0, -0.1, 5)},)}
+    held = hybridyn.assemble(robot, platforms=way, guess=start, hold=["stick_rod"])
+    given = hybridyn.assemble(robot, platforms=way, guess=start, motors={"stick_rod": -0.05})
+    for one, other in zip(held, given, strict=True):
+        close_to(one, other, REACHED)
+
+
 # -------------------------------------------------------------------- wrong
 
 
@@ -255,3 +291,35 @@ def test_what_is_too_little_or_too_much_is_counted_by_module(
         platforms={"teeth": pose} if coordinates else {},
     )  # fmt: skip
     refused(given, AssemblyError, words)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"hold": ["stik_rod"]}, "unknown joint 'stik_rod' .did you mean 'stick_rod'"),
+        ({"hold": ["boom_rod"]}, "'boom_rod' is held, and its position is given"),
+        ({"weights": {"stik_rod": 1.0}}, "unknown motor 'stik_rod' .did you mean 'stick_rod'"),
+        ({"weights": {"stick_rod": 0.0}}, "weight of 'stick_rod' is 0.0; give a positive number"),
+        ({"weights": {"stick_rod": np.nan}}, "weight of 'stick_rod' is nan; give a positive number"),
+    ],
+)
+def test_what_cannot_be_held_or_weighted_is_refused(
+    tmp_path: Path, options: dict[str, object], words: str
+) -> None:
+    robot = hybridyn.load(excavator(tmp_path))
+    given = partial(hybridyn.assemble, robot, motors={"boom_rod": 0.0}, platforms={"teeth": ({"z": 0.0},)})
+    refused(partial(given, **options), TrajectoryError, words)
+
+
+def test_only_what_no_motor_drives_depends_on_what_came_before(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Freedoms of motors need columns; what no motor drives needs its history."""
+    path, table = excavator(tmp_path), tmp_path / "t.csv"
+    table.write_text("time,rocker@stick/pose/pitch\n" + "".join(f"{k},0\n" for k in range(7)))
+    words = ["idm", str(path), str(table), "-o", str(tmp_path / "tau.csv")]
+    for motors, told in ((MOTORS, False), (MOTORS[1:], True)):
+        assert main([*words, "--motors", ",".join(motors)]) == 1
+        said = capsys.readouterr().err
+        assert "t.csv: module 'boom': what is given leaves 1 of its 1" in said
+        assert ("depends on what came before" in said) == told

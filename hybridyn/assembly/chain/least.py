@@ -4,6 +4,8 @@ A motor's motion is measured by its range, so that motors with little stroke are
 without limits is measured by a turn, a slide without limits by the length of its module.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ...spatial import Array
@@ -15,18 +17,21 @@ from ...structure.robot import HybridRobot
 PASSIVE = 1e-3
 
 
-def ease_of(robot: HybridRobot, module: Module) -> Array:
+def ease_of(robot: HybridRobot, module: Module, weights: Mapping[str, float]) -> Array:
     """Return the motion of each freedom of a module that counts as one, in its unit, shape (n,).
 
     In a module that its motors do not drive alone, all freedoms count alike.
+
+    Args:
+        weights: Motor to the factor of its motion; 1 for others.
     """
-    m = module.mechanism
-    if module.driven < module.mobility:
-        return np.ones(m.tree.nv)
-    out = np.full(m.tree.nv, 1.0 / PASSIVE)
+    m, alone = module.mechanism, module.driven >= module.mobility
+    out = np.full(m.tree.nv, 1.0 / PASSIVE if alone else 1.0)
     for name, column in zip(module.motors, module.motor_columns, strict=True):
         joint = robot.records[name]
         whole = m.length if joint.kind == "prismatic" else 2.0 * np.pi
         span = joint.upper - joint.lower
-        out[column] = (span if 0.0 < span < np.inf else whole) / m.reduction.col_scale[column]
+        if alone:
+            out[column] = (span if 0.0 < span < np.inf else whole) / m.reduction.col_scale[column]
+        out[column] /= weights.get(name, 1.0)
     return out

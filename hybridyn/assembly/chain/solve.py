@@ -186,7 +186,9 @@ def chain_problem(
     length = max(robot.modules[k].mechanism.length for k in numbers)
     relatives = tuple(one for pose in chain.poses for one in _relatives(known, pose, length))
     carried = Carried(tuple(known.base(k) for k in numbers))
-    ease = tuple(ease_of(robot, robot.modules[k]) for k in numbers)
+    ease = tuple(
+        ease_of(robot, robot.modules[k], request.weights) for k, request in zip(numbers, own, strict=True)
+    )
     return ChainProblem(tuple(part.problem for part in parts), carried, relatives, ease), parts
 
 
