@@ -11,11 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..assembly.assemble import place_base
+from ..assembly.chain.coupling import chains_of
 from ..assembly.follow import follow
 from ..assembly.module_request import module_request, on_own_bases, place_bodies
 from ..assembly.requests import Requests, gather_requests, in_root
 from ..assembly.spanning import settled, spanning_positions
 from ..assembly.task import Task, closure_residual, module_task
+from ..description.names import listed
 from ..errors import AssemblyError, TrajectoryError
 from ..linkage.newton import SMALLEST_STEP
 from ..linkage.tree import Motion
@@ -106,6 +108,13 @@ def search(robot: HybridRobot, requests: Requests, starts: int, seed: int) -> As
     if starts < 1:
         raise TrajectoryError(f"starts must be at least 1, not {starts}")
     requests = in_root(robot, requests, robot.home)
+    for chain in chains_of(robot, requests)[1]:
+        names = listed(robot.modules[k].name for k in chain.modules)
+        raise AssemblyError(
+            f"the pose of '{chain.poses[0].link}' moves {names} together; their postures are searched one "
+            "module after the other: give motors, or the pose of each module relative to its base",
+            module=robot.modules[chain.modules[-1]].name,
+        )
     q, counts, unseen = _search(robot, requests, starts, seed)
     return Assemblies(q, counts, closure_residual(robot, q), _within_limits(robot, q), starts, unseen)
 
