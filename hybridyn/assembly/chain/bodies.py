@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...linkage.tree import Motion, Tree
-from ...spatial import Array, Index, Mask, rotation_from_vector
+from ...spatial import Array, Index, Mask, rotate, rotation_from_vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,20 +100,6 @@ class Carried:
 
     bases: tuple[Place, ...]
 
-    def placed(self, motion: ChainMotion, samples: Index) -> list[Motion]:
-        """Compute the motion of each part's base in the base of the chain."""
-        out: list[Motion] = []
-        for base in self.bases:
-            out.append(self.frame(base, motion, out, samples))
-        return out
-
-    def frame(self, place: Place, motion: ChainMotion, bases: Sequence[Motion], samples: Index) -> Motion:
-        """Compute the motion of a frame in the base of the chain, from those of the parts' bases."""
-        inner = place.inner.take(samples)
-        if place.part < 0:
-            return inner
-        return bases[place.part].then(motion.parts[place.part].of_body(place.body)).then(inner)
-
     def way(self, place: Place) -> dict[int, int]:
         """Return the parts that move a frame, each with its body that carries the rest of the way."""
         out = {}
@@ -121,3 +107,61 @@ class Carried:
             out[place.part] = place.body
             place = self.bases[place.part]
         return out
+
+
+class Frames:
+    """Frames of a chain at postures, in the base of the chain; those of its parts' bases are computed once.
+
+    Attributes:
+        bases: Motion of the base of each part.
+    """
+
+    def __init__(self, carried: Carried, motion: ChainMotion, samples: Index, *, moving: bool) -> None:
+        """Compute the motions of the parts' bases.
+
+        Args:
+            carried: What carries the parts.
+            motion: Motions of the parts.
+            samples: Index of each posture into the known motions.
+            moving: Whether rates and accelerations count; without them, all frames are at rest.
+        """
+        self._parts, self._samples, self._moving = motion.parts, samples, moving
+        self.bases: list[Motion] = []
+        for base in carried.bases:
+            self.bases.append(self.of(base))
+
+    def of(self, place: Place) -> Motion:
+        """Return the motion of a frame."""
+        inner = place.inner
+        inner = (
+            inner.take(self._samples)
+            if self._moving
+            else _at_rest(inner.R[self._samples], inner.p[self._samples])
+        )
+        if place.part < 0:
+            return inner
+        base, body = self.bases[place.part], self._parts[place.part].of_body(place.body)
+        return self._then(self._then(base, body), inner)
+
+    def seen(self, link: Place, other: Place) -> Motion:
+        """Return the motion of a frame in another, as that of body 1 of a tree whose base is the other."""
+        one, base = self.of(link), self.of(other)
+        if self._moving:
+            seen = one.seen_from(base)
+        else:
+            back = np.swapaxes(base.R, 1, 2)
+            seen = _at_rest(np.matmul(back, one.R), rotate(back, one.p - base.p))
+        rest = Motion.at_rest(len(seen.p))
+        return Motion(*(np.stack([x, y], axis=1) for x, y in zip(rest.arrays, seen.arrays, strict=True)))
+
+    def _then(self, outer: Motion, inner: Motion) -> Motion:
+        """Return the motion of a frame in another one."""
+        if self._moving:
+            return outer.then(inner)
+        return _at_rest(np.matmul(outer.R, inner.R), outer.p + rotate(outer.R, inner.p))
+
+
+def _at_rest(R: Array, p: Array) -> Motion:
+    """Return frames at rest at placements, shapes (T, 3, 3) and (T, 3)."""
+    zero = np.zeros_like(p)
+    return Motion(R, p, zero, zero, zero, zero)

@@ -8,7 +8,6 @@ cost is linear in the number of modules.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -20,7 +19,7 @@ from ...linkage.newton import LoopProblem, relative_change
 from ...linkage.targets import Target
 from ...linkage.tree import Motion
 from ...spatial import Array, Index, Mask
-from .bodies import Carried, ChainMotion, ChainTree, Place
+from .bodies import Carried, ChainMotion, ChainTree, Frames, Place
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,12 +125,9 @@ class ChainProblem:
         """Return the number of free motions that a part's own rows leave."""
         return int(part.free.sum()) - (part.rank or 0)
 
-    def relative(self, one: Relative, motion: ChainMotion, samples: Index) -> Motion:
-        """Compute the motion of a link in the frame of a target, as that of body 1 of a tree."""
-        bases = self.carried.placed(motion, samples)
-        link, other = (self.carried.frame(x, motion, bases, samples) for x in (one.link, one.other))
-        seen, rest = link.seen_from(other), Motion.at_rest(len(link.p))
-        return Motion(*(np.stack([x, y], axis=1) for x, y in zip(rest.arrays, seen.arrays, strict=True)))
+    def frames(self, motion: ChainMotion, samples: Index, *, moving: bool = False) -> Frames:
+        """Return the frames of the parts and links at postures; `moving` as in `Frames`."""
+        return Frames(self.carried, motion, samples, moving=moving)
 
     def residual(self, q: Array, samples: Index, motion: ChainMotion | None = None) -> Array:
         """Compute the scaled residuals, shape (T, rows): those of each part, then the targets'."""
@@ -140,8 +136,9 @@ class ChainProblem:
             part.residual(q[:, at], samples, one)
             for part, at, one in zip(self.parts, self.tree.q_of, motion.parts, strict=True)
         ]
+        frames = self.frames(motion, samples)
         between = [
-            one.target.residual(self.relative(one, motion, samples), samples) / one.target.units
+            one.target.residual(frames.seen(one.link, one.other), samples) / one.target.units
             for one in self.relatives
         ]
         return np.concatenate([*own, *between], axis=1)
@@ -153,9 +150,9 @@ class ChainProblem:
         ]
         T = len(own[0])
         known = np.zeros(T, dtype=int) if samples is None else samples
-        bases, blocks = self.carried.placed(motion, known), []
+        frames, blocks = self.frames(motion, known), []
         for one in self.relatives:
-            relative, columns = self.relative(one, motion, known), self._columns(one, motion, bases, known)
+            relative, columns = frames.seen(one.link, one.other), self._columns(one, motion, frames)
             near = None if samples is None else known
             blocks.append([
                 one.target.matrix(_Columns(J), relative, near) / one.target.units[:, None] * part.col_scale
@@ -164,21 +161,20 @@ class ChainProblem:
         targets = tuple(np.concatenate(block, axis=1) for block in zip(*blocks, strict=True))
         return ChainRows(tuple(own), targets)
 
-    def _columns(
-        self, one: Relative, motion: ChainMotion, bases: Sequence[Motion], samples: Index
-    ) -> list[Array]:
+    def _columns(self, one: Relative, motion: ChainMotion, frames: Frames) -> list[Array]:
         """Compute the Jacobians of a link in the frame of a target over each part, shape (T, 6, n)."""
-        link, other = (self.carried.frame(x, motion, bases, samples) for x in (one.link, one.other))
-        ways = self.carried.way(one.link), self.carried.way(one.other)
-        out = []
-        for k, (tree, own, base) in enumerate(zip(self.tree.trees, motion.parts, bases, strict=True)):
-            J = np.zeros((len(link.p), 6, tree.nv))
-            point = np.einsum("tji,tj->ti", base.R, link.p - base.p)
-            for way, sign in zip(ways, (1.0, -1.0), strict=True):
-                if k in way and ways[0].get(k) != ways[1].get(k):
-                    J += sign * tree.jacobian(own, way[k], point)
-            to_other = np.matmul(np.swapaxes(other.R, 1, 2), base.R)
-            out.append(np.concatenate([np.matmul(to_other, J[:, :3]), np.matmul(to_other, J[:, 3:])], axis=1))
+        point, to_other = frames.of(one.link).p, np.swapaxes(frames.of(one.other).R, 1, 2)
+        ways, T, out = (self.carried.way(one.link), self.carried.way(one.other)), len(point), []
+        for k, (tree, own, base) in enumerate(zip(self.tree.trees, motion.parts, frames.bases, strict=True)):
+            J = np.zeros((T, 6, tree.nv))
+            if ways[0].get(k) != ways[1].get(k):
+                at = np.einsum("tji,tj->ti", base.R, point - base.p)
+                for way, sign in zip(ways, (1.0, -1.0), strict=True):
+                    if k in way:
+                        J += sign * tree.jacobian(own, way[k], at)
+                turn = np.matmul(to_other, base.R)[:, None]
+                J = np.matmul(turn, J.reshape(T, 2, 3, tree.nv)).reshape(J.shape)
+            out.append(J)
         return out
 
     def split(self, rows: ChainRows) -> Split:

@@ -82,8 +82,9 @@ class ChainRates:
             if rates is not None:
                 drift = part.closures.rates(own, rates[:, at])[1] * part.row_scale
             out += [-drift, *(t.rates(own, samples)[level] / t.units for t in part.targets)]
+        frames = problem.frames(motion, samples, moving=True)
         for one in problem.relatives:
-            seen = problem.relative(one, motion, samples)
+            seen = frames.seen(one.link, one.other)
             wanted = one.target.rates(seen, samples)[level]
             if rates is None:  # less what the known motion of other modules causes
                 wanted = wanted - rates_of_twist(one.target, seen, samples)

@@ -115,9 +115,9 @@ class ChainTask:
         )
         turning = [one for one in self.problem.relatives if _turns(one)]
         if turning:
-            motion = self.problem.tree.sweep(q)
+            frames = self.problem.frames(self.problem.tree.sweep(q), samples)
             for one in turning:
-                off = one.target.residual(self.problem.relative(one, motion, samples), samples)
+                off = one.target.residual(frames.seen(one.link, one.other), samples)
                 out |= np.abs(off / one.target.units).max(axis=1) > self.tolerance
         return out
 
@@ -128,11 +128,9 @@ class ChainTask:
             for part, x in zip(self.parts, self.each(q), strict=True)
         ):  # fmt: skip
             return self
-        motion = self.problem.tree.sweep(q)
+        frames = self.problem.frames(self.problem.tree.sweep(q), samples)
         relatives = tuple(
-            replace(
-                one, target=one.target.headed(self.problem.relative(one, motion, samples), samples, on=on)
-            )
+            replace(one, target=one.target.headed(frames.seen(one.link, one.other), samples, on=on))
             for one in self.problem.relatives
         )
         parts = [part.headed(x, samples, on=on) for part, x in zip(self.parts, self.each(q), strict=True)]
@@ -140,9 +138,9 @@ class ChainTask:
 
     def headed_at(self, q: Array, values: Array) -> ChainTask:
         """Return the task of one pose with the headings of its coordinates there, as `Task.headed_at`."""
-        motion, samples = self.problem.tree.sweep(q), np.arange(len(q))
+        frames = self.problem.frames(self.problem.tree.sweep(q), np.arange(len(q)))
         relatives = tuple(
-            replace(one, target=one.target.headed_at(self.problem.relative(one, motion, samples), values))
+            replace(one, target=one.target.headed_at(frames.seen(one.link, one.other), values))
             for one in self.problem.relatives
         )
         return replace(self, problem=replace(self.problem, relatives=relatives))
@@ -173,11 +171,11 @@ class ChainTask:
             inner = place.inner.take(samples)
             return replace(place, inner=Motion(*map(pairwise, inner.arrays, inner.arrays)))
 
-        motion = self.problem.tree.sweep(q)
+        frames = self.problem.frames(self.problem.tree.sweep(q), samples)
         relatives = tuple(
             replace(
                 one, link=kept(one.link), other=kept(one.other),
-                target=one.target.from_here(self.problem.relative(one, motion, samples), samples),
+                target=one.target.from_here(frames.seen(one.link, one.other), samples),
             )
             for one in self.problem.relatives
         )  # fmt: skip

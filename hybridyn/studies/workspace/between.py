@@ -88,7 +88,7 @@ class Between:
     def seen(self, motion: ChainMotion) -> Motion:
         """Compute the motion of the link in the other, as that of body 1 of a tree."""
         samples = np.zeros(len(motion.parts[0].p), dtype=int)
-        return self.problem.relative(self.relative, motion, samples)
+        return self.problem.frames(motion, samples).seen(self.relative.link, self.relative.other)
 
     def maps(self, motion: ChainMotion) -> tuple[Array, Array]:
         """Compute target rows and rates of the modules' motors over free motions, lengths over `length`.
