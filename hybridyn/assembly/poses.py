@@ -62,6 +62,8 @@ def pose_levels(key: str, value: object) -> list[Array] | dict[str, list[Array]]
         parts = (pose_numbers(key, parts[0]), *parts[1:])
         return [_array(key, part, width) for part, width in zip(parts, (7, 6, 6), strict=True)]
     out = {}
+    if not parts[0]:
+        raise TrajectoryError(f"the pose of '{key}' is empty; give some of {', '.join(PLACES)}", column=key)
     for name in parts[0]:
         check_known(name, PLACES, "coordinate")
     names = rate_names(parts[0], key)

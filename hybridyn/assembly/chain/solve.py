@@ -164,13 +164,24 @@ def chain_task(
     reach = generic_reach(problem, robot, numbers, states[0][:1])
     rank = decide_rank(reach, TOLERANCE).rank
     if not rank:
-        links = ", ".join(f"'{pose.link}' relative to '{pose.reference}'" for pose in chain.poses)
-        raise AssemblyError(
-            f"the pose of {links} is given, and so is the motion of every module between them; leave one out",
-            module=robot.modules[numbers[-1]].name,
-        )
+        raise _immovable(robot, chain, problem, reach.shape[2])
     problem = replace(problem, rank=rank)
     return ChainTask(problem, parts, reach.shape[2] - rank)
+
+
+def _immovable(robot: HybridRobot, chain: Chain, problem: ChainProblem, motions: int) -> AssemblyError:
+    """Build the error for poses that no free motion of a chain changes, of which there are so many."""
+    links = ", ".join(f"'{pose.link}' relative to '{pose.reference}'" for pose in chain.poses)
+    names = "', '".join(robot.modules[k].name for k in chain.modules)
+    if motions:
+        rows = ", ".join(dict.fromkeys(name for one in problem.relatives for name in one.names))
+        why = f"no motion of the modules '{names}' changes it ({rows})"
+    else:
+        why = "so is the motion of every module between them"
+    return AssemblyError(
+        f"the pose of {links} is given, and {why}; leave {'it' if motions else 'one'} out",
+        module=robot.modules[chain.modules[-1]].name,
+    )
 
 
 def chain_problem(
