@@ -25,6 +25,21 @@ HARMLESS = {
     "record", "recorder", "clock", "performance", "scene", "visual", "projector", "prosilica", "apply",
 }  # fmt: skip
 
+#: Gazebo's own systems that exert no force of their own and whose names have none of these words.
+SYSTEMS = {
+    "physics", "user-commands", "log", "forcetorque", "dvl", "air-speed", "touchplugin",
+    "opticaltactileplugin", "logicalaudiosensorplugin", "linearbatteryplugin", "label", "thermal",
+    "particle-emitter", "breadcrumbs", "performer-detector", "kinetic-energy-monitor", "comms-endpoint",
+    "perfect-comms", "rf-comms", "acoustic-comms", "environment-preload", "shader-param", "lens-flare",
+    "collada-world-exporter", "model-photo-shoot",
+}  # fmt: skip
+
+#: Names of Gazebo's own systems, and of the plugins of gazebo_ros that only serve its interface.
+OF_GAZEBO = re.compile(
+    rf"(lib)?((gz|ignition)-(sim|gazebo)\d*-({'|'.join(sorted(SYSTEMS))})-system"
+    r"|gazebo_ros_(init|factory|state|api_plugin|paths_plugin|properties))(\.so)?"
+)
+
 #: Words of plugins that hold bodies together.
 HOLDING = {
     "attach", "attaches", "attached", "attacher", "attachment", "detachable", "weld", "welding", "loop",
@@ -62,7 +77,8 @@ def name_of(plugin: Node) -> str:
 
 def is_harmless(plugin: Node) -> bool:
     """Return whether a plugin's name says that it exerts no force and holds nothing."""
-    return bool(_words(name_of(plugin)) & HARMLESS)
+    name = name_of(plugin)
+    return bool(_words(name) & HARMLESS or OF_GAZEBO.fullmatch(name))
 
 
 def is_read(plugin: Node, model: str) -> bool:

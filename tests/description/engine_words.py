@@ -28,6 +28,25 @@ FORCES = (
     "libgazebo_ros_vacuum_gripper.so", "libgazebo_grasp_fix.so", "libgazebo_ros_link_attacher.so",
     "gz-sim-spring-joint-system", "gz-sim-elastic-tendon-system", "libspring_plugin.so",
 )  # fmt: skip
+#: Plugins of which no force, inertia or constraint comes: those of Gazebo and of its interface to ROS.
+NO_FORCES = (
+    *(f"gz-sim-{name}-system" for name in (
+        "physics", "user-commands", "scene-broadcaster", "sensors", "contact", "imu", "magnetometer",
+        "altimeter", "air-pressure", "air-speed", "navsat", "forcetorque", "dvl", "touchplugin",
+        "opticaltactileplugin", "label", "thermal", "thermal-sensor", "logical-camera",
+        "logicalaudiosensorplugin", "camera-video-recorder", "log", "log-video-recorder",
+        "joint-state-publisher", "pose-publisher", "odometry-publisher", "triggered-publisher",
+        "particle-emitter", "breadcrumbs", "performer-detector", "kinetic-energy-monitor",
+        "linearbatteryplugin", "comms-endpoint", "perfect-comms", "rf-comms", "acoustic-comms",
+        "shader-param", "environment-preload", "lens-flare", "joint-controller", "joint-position-controller",
+        "joint-trajectory-controller", "diff-drive", "mecanum-drive", "ackermann-steering",
+        "velocity-control",
+    )),
+    "libignition-gazebo-physics-system.so", "ignition-gazebo-user-commands-system",
+    "libgz-sim8-physics-system.so", "libgazebo_ros_init.so", "libgazebo_ros_factory.so",
+    "libgazebo_ros_state.so", "libgazebo_ros_api_plugin.so", "libgazebo_ros_paths_plugin.so",
+    "libgazebo_ros_joint_state_publisher.so", "libgazebo_ros2_control.so",
+)  # fmt: skip
 
 #: Where a row stands in the URDF: a text of it, and the same with "{}" for the row.
 URDF = FOUR_BAR.replace(

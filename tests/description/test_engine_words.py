@@ -20,6 +20,7 @@ from tests.description.engine_words import (
     IN_USD,
     MJCF,
     MJCF_PLACES,
+    NO_FORCES,
     SDF,
     SDF_PLACES,
     URDF,
@@ -133,6 +134,15 @@ def test_what_says_that_nothing_changes_is_not_noted(tmp_path: Path) -> None:
     assert base.notes == ()
     for place, row in neutral:
         assert outcome(base, tmp_path / "robot.urdf", write(place, row)) == "silent", row
+
+
+@pytest.mark.parametrize(("text", "place", "name"), [(URDF, "gazebo", "a.urdf"), (SDF, "model", "a.sdf")])
+def test_plugins_of_which_no_force_comes_are_not_dropped(
+    text: str, place: str, name: str, tmp_path: Path
+) -> None:
+    rows = "".join(f'<plugin filename="{one}" name="p{i}"/>' for i, one in enumerate(NO_FORCES))
+    whole = placed(text, {**SDF_PLACES, **URDF_PLACES})(place, rows)
+    assert drops(read(save(tmp_path, whole, name)).notes) == []
 
 
 def test_a_note_names_file_line_and_owner(tmp_path: Path) -> None:
