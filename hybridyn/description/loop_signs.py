@@ -339,9 +339,10 @@ def _is_suspicious(description: Description, weak: list[Joint]) -> bool:
     """Check whether joints without effort are passive joints, rather than joints without stated limits.
 
     They are if each of several joints states effort 0, or if chains of joints branch: a loop that was cut
-    open leaves two chains. Bodies that float are no chains.
+    open leaves two chains. Bodies that float are no chains, nor are those that couplings move with others.
     """
-    movable = [joint for joint in description.joints if joint.kind != "fixed"]
+    coupled = {name for one in description.couplings for name, _ in one.terms} - {*description.motors}
+    movable = [one for one in description.joints if one.kind != "fixed" and one.name not in coupled]
     bodies = Bodies(description)
     tips = {joint.child for joint in movable if joint.kind != "floating"}
     ends = tips - {bodies.of[joint.parent] for joint in movable}

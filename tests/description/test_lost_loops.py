@@ -1,6 +1,7 @@
 """`load` and `info` report robots whose file lacks their loops or masses."""
 
 import logging
+import re
 from pathlib import Path
 
 import pytest
@@ -155,10 +156,18 @@ SDF_JOINT = (
 )
 
 
-def sdf_tree(*joints: tuple[str, str, float]) -> str:
-    """Return an SDF tree of links under joints with effort limits, from (child, parent, effort)."""
+def sdf_tree(*joints: tuple[str, str, float], coupled: str = "") -> str:
+    """Return an SDF tree of links under joints with effort limits, from (child, parent, effort).
+
+    Args:
+        joints: The joints.
+        coupled: The child of a joint that all others mimic; none states an effort then.
+    """
     world = '<joint name="w" type="fixed"><parent>world</parent><child>base</child></joint>'
     parts = "".join(SDF_LINK.format(joint[0]) + SDF_JOINT.format(*joint) for joint in joints)
+    if coupled:
+        mimic = f'</xyz><mimic joint="{coupled}_joint"><multiplier>-1</multiplier></mimic>'
+        parts = re.sub("<limit>.*?</limit>", "", parts.replace("</xyz>", mimic)).replace(mimic, "</xyz>", 1)
     return f'<sdf version="1.9"><model name="m">{SDF_LINK.format("base")}{world}{parts}</model></sdf>'
 
 
@@ -173,6 +182,9 @@ QUIET = {
         frame("weight", "coupler").replace('name="weight"/>', f'name="weight">{INERTIAL}</link>', 1)
     ),
     # In URDF the name of a closing frame without a closure is an error; SDF states loops as joints.
+    "chains that a coupling moves together": sdf_tree(
+        ("left", "base", 0.0), ("right", "base", 0.0), ("bar", "left", 0.0), coupled="left"
+    ),
     "a name in SDF": sdf_tree(("closed_loop_controller_box", "base", 50.0)),
 }
 

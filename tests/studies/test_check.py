@@ -14,6 +14,7 @@ from hybridyn.studies.check.check import CODES, Finding
 from hybridyn.studies.check.elements import unit_guess
 from tests import ROOT
 from tests.extras import needs
+from tests.mjcf_texts import mjcf
 from tests.robot_texts import LOOP, TREE, robot, save
 
 BALL = (
@@ -263,6 +264,7 @@ def test_finding(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 SOUND = {
     "arm": arm(inside=boxed(2, 0.02)),
     "mimic": arm(TWO_ARMS.format('multiplier="-1"')),
+    "a motor on the joint that follows": arm(TWO_ARMS.format('multiplier="50"'), motors("follow")),
     "slide": arm(kind="prismatic"),
     "meshes left alone": arm(inside=BALL + MESH.format("broken.stl")),
     "four-bar": four_bar("drive", tree=UPRIGHT, loop=LOOP),
@@ -275,6 +277,28 @@ SOUND = {
 def test_a_sound_robot_has_no_findings(name: str, tmp_path: Path) -> None:
     """At a dead centre, the crank drives the four-bar."""
     assert found(tmp_path, SOUND[name], meshes="left alone" not in name) == []
+
+
+#: A differential as MuJoCo's tendons state it: two motors turn pitch and roll together.
+DIFFERENTIAL = mjcf(
+    *(
+        f'<tendon><fixed name="{end}"><joint joint="{end}" coef="1"/><joint joint="pitch" coef="-1"/>'
+        f'<joint joint="roll" coef="{sign}"/></fixed></tendon><equality><tendon tendon1="{end}"/></equality>'
+        f'<actuator><motor joint="{end}"/></actuator>'
+        for end, sign in (("m", -1), ("n", 1))
+    ),
+    world='<body name="m"><joint name="m"/><geom size=".02" mass=".1"/></body>'
+    '<body name="n"><joint name="n"/><geom size=".02" mass=".1"/></body>'
+    '<body name="a"><joint name="pitch" axis="0 1 0"/><geom size=".1" pos=".2 0 0" mass="1"/>'
+    '<body name="b"><joint name="roll" axis="1 0 0"/><geom size=".1" pos="0 .2 0" mass="1"/></body></body>',
+)
+
+
+def test_motors_of_a_differential_follow_no_other_motor(tmp_path: Path) -> None:
+    needs("mjcf")
+    path = save(tmp_path, DIFFERENTIAL, "differential.xml")
+    assert "mimic-motor" not in {finding.code for finding in hybridyn.check(path)}
+    assert "mimic-motor" in {finding.code for finding in hybridyn.check(path, motors=["m", "pitch", "roll"])}
 
 
 def test_the_worst_comes_first(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...description.loop_signs import has_mass, weightless
+from ...description.names import listed
 from ...description.records import Joint, Link
 from ...description.validate import INERTIA_SLACK
 from ...streams.departures import position_limits
@@ -284,13 +285,15 @@ def _motor(subject: Subject, joint: Joint) -> Iterator[Finding]:
 
 
 def check_mimics(subject: Subject) -> Iterator[Finding]:
-    """Check that no joint with a motor follows another joint by `<mimic>`."""
+    """Check that no joint with a motor follows joints that all have motors, by `<mimic>` or the like."""
+    driven = {*subject.description.motors}
     for coupling in subject.description.couplings:
-        if coupling.name == coupling.terms[0][0] and coupling.name in subject.description.motors:
+        follower, *leaders = (name for name, _ in coupling.terms)
+        if coupling.name == follower and driven.issuperset((follower, *leaders)):
             yield subject.of_joint(
                 "mimic-motor",
-                coupling.name,
-                "is a motor and mimics another joint",
-                "one motion then has two motors, or a motor that does not exist",
-                "remove it from the motors, or remove <mimic>",
+                follower,
+                f"is a motor and follows {listed(leaders)}, driven as well",
+                "one motion then has two motors, and shares its effort among them",
+                "remove it from the motors, or the coupling if its own motor moves it",
             )

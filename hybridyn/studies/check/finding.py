@@ -41,7 +41,7 @@ CODES: dict[str, tuple[Severity, str]] = {
     "limits-zero": ("warning", "a motor's effort or speed limit is zero, which counts as none"),
     "home-outside-limits": ("warning", "the home posture is outside the limits"),
     # mimic
-    "mimic-motor": ("warning", "a joint with a motor mimics another joint"),
+    "mimic-motor": ("warning", "a joint with a motor mimics joints with motors"),
     # loops
     "lost-loops": ("warning", "the robot seems to have loops that its file does not state"),
     "loops-close-nowhere": ("error", "no posture closes a module's loops"),
