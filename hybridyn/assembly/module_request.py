@@ -187,7 +187,8 @@ def module_request(
             if i not in tree_joint:
                 raise AssemblyError(
                     f"joint '{joint}' belongs to a wrist that follows the platform of module "
-                    f"'{module.name}'; give the platform's pose instead",
+                    f"'{module.name}'; give the platform's pose, or keep the joint: hybridyn.load(..., "
+                    f"held=['{joint}'])",
                     module=module.name,
                 )
             endless = joint in robot.description.endless_gears

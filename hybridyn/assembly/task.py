@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..description.groups import Groups
+from ..description.names import listed
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from ..linkage.reduction import Block, decide_rank
@@ -231,7 +232,7 @@ def check_determined(robot: HybridRobot, module: Module, problem: LoopProblem, g
     """
     motion = _open_motions(problem, generic)
     if motion.shape[1]:
-        _check_idle(robot, module, problem, motion)
+        _check_idle(robot, module, problem, generic, motion)
     return int(problem.free.sum()) - int(motion.shape[1])
 
 
@@ -290,25 +291,33 @@ def _moved(module: Module, problem: LoopProblem, motion: Array) -> tuple[Array, 
     return np.concatenate([motion[module.motor_columns], rates]), names
 
 
-def _check_idle(robot: HybridRobot, module: Module, problem: LoopProblem, motion: Array) -> None:
+def _check_idle(
+    robot: HybridRobot, module: Module, problem: LoopProblem, generic: Array, motion: Array
+) -> None:
     """Check that free motions, shape (nv, count), move no motor, no output, and no leg's centre of mass."""
     moved, names = _moved(module, problem, motion)
     sizes = np.abs(moved).max(axis=1)
     if sizes.max(initial=0.0) <= IDLE:
         return
     worst = names[int(np.argmax(sizes))]
-    motors = f"positions of its motors (motors: {', '.join(module.motors)}) or " if module.motors else ""
-    own = robot.modules.index(module)
-    upper = [one.name for one in robot.modules if one.parent == own]
-    carried = f", or the pose of a link further out, such as '{upper[0]}'" if upper else ""
     raise AssemblyError(
         f"module '{module.name}': what is given leaves {motion.shape[1]} of its {module.mobility} freedoms "
-        f"open; {worst} could still move. Give {motors}coordinates of its links, {module.mobility} in "
-        f"all{carried}",
+        f"open; {worst} could still move. Give {_what_is_missing(robot, module, problem, generic)}",
         module=module.name,
         open_freedoms=motion.shape[1],
         undriven=module.mobility - module.driven,
     )
+
+
+def _what_is_missing(robot: HybridRobot, module: Module, problem: LoopProblem, generic: Array) -> str:
+    """Return what would determine a module's posture: positions of joints, or coordinates of links."""
+    sources = (module.mechanism.spec.tree_joint[i] for i in undetermined(module, problem, generic))
+    joints = [module.joints[source] for source in sources if source is not None]
+    positions = f"positions of {listed(joints)}, too, or " if joints else ""
+    own = robot.modules.index(module)
+    upper = [one.name for one in robot.modules if one.parent == own]
+    carried = f", or the pose of a link further out, such as '{upper[0]}'" if upper else ""
+    return f"{positions}coordinates of its links, {module.mobility} in all{carried}"
 
 
 def check_bounded(module: Module, problem: LoopProblem, K: Array, x: Array, wanted: Array, what: str) -> None:

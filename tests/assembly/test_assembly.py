@@ -1,6 +1,7 @@
 """Closing the loops: from motors, poses and mixtures to the posture that was meant, or to an error."""
 
 import logging
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -393,7 +394,7 @@ def test_missing_inputs_are_named() -> None:
         (
             robot,
             {"motors": few},
-            r"leaves 1 of its 6 freedoms open.*could still move.*motors: ",
+            rf"leaves 1 of its 6 freedoms open.*could still move. Give positions of '{robot.motors[5]}', too, or ",
             {"module": module},
         ),
         (robot, {}, "leaves 6 of its 6 freedoms open", {}),
@@ -406,6 +407,35 @@ def test_missing_inputs_are_named() -> None:
         ),
     ):
         refused(partial(hybridyn.assemble, on, **given), AssemblyError, words, **data)
+
+
+@pytest.mark.parametrize("name", ["five_bar", "rps3", "gough_stewart", "delta", "tanev"])
+def test_the_joints_that_a_message_asks_for_determine_the_posture(name: str) -> None:
+    """Whatever is missing, and also where the robot has fewer motors than freedoms."""
+    robot = build_robot(shipped(name))
+    for motors in (robot.motors, robot.motors[1:]):
+        weak = build_robot(replace(shipped(name), motors=motors))
+        given: dict[str, float] = {}
+        for _ in weak.modules:
+            try:
+                hybridyn.assemble(weak, motors=given, guess=weak.home)
+            except AssemblyError as error:
+                asked = re.findall(r"'([^']*)'", str(error).partition("Give ")[2].partition(", too")[0])
+                assert asked
+                given |= {joint: position(weak, joint, weak.home) for joint in asked}
+        hybridyn.assemble(weak, motors=given, guess=weak.home)
+
+
+@pytest.mark.parametrize("name", ["rps3", "gough_stewart", "tanev"])
+def test_a_joint_of_a_wrist_is_given_once_it_is_held(name: str) -> None:
+    robot = build_robot(shipped(name))
+    kept = {m.joints[i] for m in robot.modules for i in m.mechanism.spec.tree_joint if i is not None}
+    joint = next(one for one in robot.joints if one not in kept)
+    given = {one: position(robot, one, robot.home) for one in (*robot.motors, joint)}
+    refused(partial(hybridyn.assemble, robot, motors=given), AssemblyError, rf"held=\['{joint}'\]")
+    held = build_robot(shipped(name), held=[joint])
+    q = hybridyn.assemble(held, motors=given, guess=held.home)[0]
+    close_to(position(held, joint, q), given[joint], 1e-9)
 
 
 def full_pose(robot: HybridRobot, count: int = 2) -> tuple[str, States, States]:
