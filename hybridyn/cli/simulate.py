@@ -214,7 +214,7 @@ def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[
             lines.append(f"worst closure residual: {float(result.residual.max()):.2g} of the module's size")
     left = Departures()
     left.add(departures(ready.robot, result.q, result.v, result.tau), 1, result.t)
-    lines += [*left.lines(), effects_line(ready.effects), str(engine)]
+    lines += [*left.lines(), effects_line(ready.robot, ready.effects), str(engine)]
     steps = f"{counted(counters.steps, 'step')} ({counters.rejected:,} rejected), "
     done = "" if ready.motion is not None else f"{steps}{counted(counters.evaluations, 'evaluation')}, "
     return [*lines, f"{done}{counted(len(result.t), 'row')}, wall time {wall:.2f} s"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import Effects
+from ..effects.choice import Effects, names_on
 from ..errors import ModelError
 from ..spatial import Array
 from ..structure.parameters.entries import Parameters
@@ -79,7 +79,7 @@ class CompiledRobot(ControlSteps):
     def __repr__(self) -> str:
         """Describe the models: the robot and what is computed, its coordinates, and what was handed over."""
         robot, coordinates = repr(self.robot).split("\n")
-        kind = f"{self.dtype}; {', '.join(self.effects.names)}{'; a quick build' * self.quick}"
+        kind = f"{self.dtype}; {names_on(self.robot, self.effects)}{'; a quick build' * self.quick}"
         text = f"Compiled models ({kind}) of {robot}\n{coordinates}"
         handed = [f"{count} of {what}" for what, count in self.handed_over.most_common()]
         return text + (f"\nhanded to the general path: {', '.join(handed)}" if handed else "")

@@ -43,7 +43,7 @@ HARMLESS_TAGS = (
 LEGACY_FORMS = {
     "loop_constraint": 'an early form of URDF+; write <loop type="..."> with <predecessor> and <successor>',
     "joint_constraint": "an early form of URDF+; write <coupling> with <predecessor>, <successor>, <ratio>",
-    "constraint": 'a proposal of urdfdom that no robot file uses; write it as <loop type="...">',
+    "constraint": 'a proposal of urdfdom; write it as <loop type="..."> with <predecessor> and <successor>',
     "loopconstraint": "a form of biorbd; write it as <loop>",
     "drake:ball_constraint": 'a Drake ball constraint; write it as <loop type="spherical">',
     "drake:linear_bushing_rpy": 'a Drake bushing (soft closure); write it as a rigid <loop type="revolute">',

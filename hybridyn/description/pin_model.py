@@ -51,7 +51,8 @@ REFUSED = {
     "JointModelEllipsoid": "moves on an ellipsoid",
     "JointModelSpline": "follows a spline",
     "JointModelH": "is a screw",
-    "JointModelMimic": "mimics another (build the model without mimic=True, or load the URDF itself)",
+    "JointModelMimic": "mimics another (hybridyn.load of its URDF reads <mimic>; without mimic=True the "
+    "coupling is lost)",
 }
 
 #: Fields with a number for each freedom or coordinate: which of both, and whether it may be infinite.

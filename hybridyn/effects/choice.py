@@ -271,6 +271,13 @@ def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
     return meanings.get(word, (word,))
 
 
+def names_on(robot: HybridRobot, effects: Effects) -> str:
+    """Return the names of the effects that are on, also of a payload that the robot carries, for people."""
+    felt = effects.gravity is not None or effects.inertia is not None
+    carried = {Payload.name} if felt and robot.payloads else set()
+    return ", ".join(effects.named({*effects.names} | carried)) or "none"
+
+
 def stated_names(robot: HybridRobot) -> tuple[str, ...]:
     """Return the names of the effects with parameters in the robot's files."""
     joints = [joint for joint in robot.description.joints if joint.kind != "fixed"]

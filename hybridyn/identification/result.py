@@ -81,7 +81,7 @@ def residuals(time: Array, measured: Array, residual: Array, weights: Array | No
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification:
     """Identified parameters, and how far they can be trusted.
 
@@ -143,6 +143,10 @@ class Identification:
     def relative(self) -> Array:
         """Standard deviation of each base parameter over its magnitude, shape (rank,)."""
         return self.deviation / np.maximum(np.abs(self.values), np.finfo(float).tiny)
+
+    def __repr__(self) -> str:
+        """Describe what was done and how well it fits; `report` returns all."""
+        return "\n".join([f"Identification of {self.robot.name}", *summary(self)])
 
     def report(self) -> str:
         """Return a report in Markdown: residuals, parameters with their deviations, what is not known."""

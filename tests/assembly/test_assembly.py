@@ -394,7 +394,7 @@ def test_missing_inputs_are_named() -> None:
         (
             robot,
             {"motors": few},
-            rf"leaves 1 of its 6 freedoms open.*could still move. Give positions of '{robot.motors[5]}', too, or ",
+            rf"leaves 1 of its 6 freedoms open.*still move. Give positions of '{robot.motors[5]}', too, or ",
             {"module": module},
         ),
         (robot, {}, "leaves 6 of its 6 freedoms open", {}),

@@ -223,7 +223,7 @@ def alone(joint: object) -> pin.Model:
         (
             lambda: pin.buildModelFromXML(MIMIC, mimic=True),
             {},
-            "mimics another (build the model without mimic",
+            "mimics another (hybridyn.load of its URDF reads <mimic>; without mimic=True the coupling is",
         ),
         (lambda: changed(armature=np.arange(4.0)), {}, "different armature"),
         (lambda: changed(friction=0.1), {}, "friction of a joint with several freedoms"),

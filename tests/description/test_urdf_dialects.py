@@ -283,9 +283,9 @@ def test_sdf_joint_whose_zero_is_its_closed_posture(tmp_path: Path) -> None:
         ),
         (lambda _: "submechanisms: []", "submechanisms': List should have at least 1 item"),
         (lambda _: "submechanisms: 3", "submechanisms': should be a valid list"),
-        (lambda _: "submechanisms:\n- 3", "submechanisms.0': should be a valid dictionary"),
-        (lambda _: "[1, 2]", "should be a valid dictionary"),
-        (lambda _: "", "should be a valid dictionary"),
+        (lambda _: "submechanisms:\n- 3", "submechanisms.0': should hold keys with values, not a number"),
+        (lambda _: "[1, 2]", "should hold keys with values, not a list"),
+        (lambda _: "", "should hold keys with values, not nothing"),
         (
             lambda text: text.replace("[drive]\n  jointnames_i", "drive\n  jointnames_i") + ALONG,
             "jointnames_active': should be a valid list",

@@ -14,7 +14,7 @@ from hybridyn import effects as fx
 from hybridyn.description.side_cars.tables import EFFECTS
 from hybridyn.dynamics.energy import leg_bodies
 from hybridyn.dynamics.link_motion import observed_motions
-from hybridyn.effects.choice import DEFAULT, FROM_FILES, STANDARD, UNITS, choose
+from hybridyn.effects.choice import DEFAULT, FROM_FILES, STANDARD, UNITS, choose, names_on
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
 from hybridyn.streams.departures import departures
 from hybridyn.structure.building import build_robot
@@ -519,6 +519,7 @@ def test_a_payload_of_the_description_is_part_of_the_robot() -> None:
         names = [name for name in choose(again, effects).names if "friction" not in name]
         np.testing.assert_array_equal(idm(again, q, v, a, effects=[*DEFAULT]), right)
         assert ("payload" in names) == (effects == ["default", "payload"])
+        assert "payload" in names_on(robot, choose(robot, effects))
     lighter = robot.with_parameters({"payload_mass:m1_tool": 0.0})
     close_to(idm(lighter, q, v, a), idm(build_robot(description), q, v, a), EXACT)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...description.names import listed
 from ...effects import Effects
-from ...effects.choice import stated_names
+from ...effects.choice import names_on, stated_names
 from ...spatial import Array
 from ...streams.departures import Departures
 from ...streams.one_pass import Model, Pass, Rows
@@ -292,9 +292,9 @@ def _places(done: Rows) -> Array:
     return np.arange(done.first_row, done.first_row + len(done.rows), dtype=float)
 
 
-def effects_line(effects: Effects) -> str:
+def effects_line(robot: HybridRobot, effects: Effects) -> str:
     """Return the line that names the effects that were on."""
-    return f"effects on: {', '.join(effects.names) or 'none'}; others off"
+    return f"effects on: {names_on(robot, effects)}; others off"
 
 
 def about(robot: HybridRobot, layout: Layout, effects: Effects) -> list[str]:
@@ -310,7 +310,7 @@ def about(robot: HybridRobot, layout: Layout, effects: Effects) -> list[str]:
         for missing, names in groups.items()
         if missing
     ]
-    lines += [*([] if layout.full_state else branch(robot)), effects_line(effects)]
+    lines += [*([] if layout.full_state else branch(robot)), effects_line(robot, effects)]
     left = ", ".join(name for name in stated_names(robot) if name not in effects.names)
     if left:
         lines.append(f"the robot's files state {left}: not computed; '--effects model' computes all")

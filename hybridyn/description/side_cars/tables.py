@@ -166,9 +166,19 @@ def first_problem(error: ValidationError, content: Any, kinds: Iterable[str] = (
         return (*keys, "kind"), f"must be one of {listed(kinds)}{did_you_mean(given, kinds)}"
     elif kind == "missing":
         text = f"'{keys[-1]}' is missing"
+    elif kind in ("model_type", "dict_type"):
+        text = f"should hold keys with values, not {_kind_of(problem['input'])}"
     elif kind == "string_pattern_mismatch":
         text = "a name has letters, digits and underscores, and begins with no digit"
     return keys, text.replace("Input should", "should")
+
+
+def _kind_of(value: object) -> str:
+    """Return what a value is that should be a table."""
+    if isinstance(value, list) and value and all(isinstance(one, dict) for one in value):
+        return "a list of tables (write one, [...] instead of [[...]])"
+    words = {list: "a list", str: "a text", bool: "true or false", int: "a number", float: "a number"}
+    return words.get(type(value), "nothing")
 
 
 def _keys(place: Keys, content: Any, kind: str) -> Keys:
