@@ -7,10 +7,12 @@ Plain URDF readers take the spanning tree and skip `<loop>`.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
 from ..description.closure_forms import FORMS
+from ..description.followers import followers_at_home
 from ..description.placement import turned
 from ..description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link
 from ..description.shape_files import SIZES, Shape
@@ -51,7 +53,12 @@ def write_urdf(request: Request, losses: Losses) -> Written:
             for motor in d.motors
         ],
     }  # fmt: skip
-    return Written(document("robot", content), *_beside(d, left))
+    followers = [
+        Coupling(name, ((name, 1.0), (leader, -factor)), offset)
+        for name, (leader, factor, offset) in mimics.items()
+    ]
+    still = dict.fromkeys(followers_at_home(followers, d.home), (0.0,))  # else they follow when they are read
+    return Written(document("robot", content), *_beside(replace(d, home=d.home | still), left))
 
 
 def _origin(placement: Array) -> Content | None:

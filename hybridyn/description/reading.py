@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ..errors import ModelError
 from .closure_forms import apply_closing_frames
+from .followers import followers_at_home
 from .loop_signs import lost_loops, refuse_unclosed_frames, refuse_unread_side_cars
 from .motors import choose_motors
 from .names import counted, listed
@@ -113,6 +114,8 @@ def complete(
         ModelError: A motor is wrong.
     """
     chosen, rule = choose_motors(robot, motors)
+    stated = robot.home if home is None else home
+    held = followers_at_home(robot.couplings, stated) if robot.format == "URDF" else {}
     return Description(
         name=robot.name,
         links=tuple(robot.links),
@@ -121,7 +124,7 @@ def complete(
         couplings=tuple(robot.couplings),
         motors=chosen,
         motors_from=rule,
-        home=dict(robot.home if home is None else home),
+        home=dict(stated) | held,
         notes=tuple(robot.notes),
         source=source,
         effects=robot.effects,

@@ -47,6 +47,14 @@ stiffness = { elbow = 40.0 }
 width = 0.02
 """
 GEAR = "[couplings.gear]\nterms = { drive = 2.0, elbow = -1.0 }\noffset = 0.5"
+#: `elbow` follows `drive`, and `swing` follows `elbow`.
+FOLLOWERS = FOUR_BAR.replace(
+    'name="elbow" type="continuous">',
+    'name="elbow" type="continuous"><mimic joint="drive" multiplier="-2" offset="0.3"/>',
+).replace(
+    'name="swing" type="continuous">',
+    'name="swing" type="continuous"><mimic joint="elbow" multiplier="-0.5"/>',
+)
 #: The files of a robot, and what is read.
 READ: dict[str, tuple[Texts, dict[str, object]]] = {
     "everything that it may say": (beside(MODEL), {
@@ -70,6 +78,17 @@ READ: dict[str, tuple[Texts, dict[str, object]]] = {
     "effects": (beside(EFFECTS), {
         "effects": (("coulomb_friction", {"width": 0.02}), ("spring", {"stiffness": {"elbow": 40.0}})),
     }),
+    **{
+        f"followers, {name}": (
+            beside(model, FOLLOWERS),
+            {"home": {joint: pytest.approx((x,)) for joint, x in home.items()}},
+        )
+        for name, model, home in (
+            ("home unstated", "", {"elbow": 0.3, "swing": -0.15}),
+            ("their leader stated", DRIVE.format(0.5), {"drive": 0.5, "elbow": -0.7, "swing": 0.35}),
+            ("stated", "[home]\nelbow = 0.1", {"elbow": 0.1, "swing": -0.05}),
+        )
+    },
     "a coupling": (beside(GEAR), {"couplings": [
         {"name": "gear", "terms": (("drive", 2.0), ("elbow", -1.0)), "offset": 0.5, "line": 1},
     ]}),

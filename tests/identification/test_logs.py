@@ -62,6 +62,8 @@ def test_uneven_times_are_resampled_and_the_report_says_so(words: dict[str, Any]
     found = identified({"time": time} | columns(time), **words)
     assert off(found) <= (SPLINES if "period" in words else 1e-3)
     assert "times are uneven" in found.report()
+    assert "times are uneven" in repr(found)
+    assert len(repr(found)) < 2000
     assert "resampled by quintic splines to" in found.report()
 
 
