@@ -73,7 +73,7 @@ def test_a_scene_by_its_robots_name(capsys: pytest.CaptureFixture[str]) -> None:
         for name in ("five_bar", "five_bar/swing.toml")
     )
     assert by_name == by_path
-    assert by_name.startswith("# ")
+    assert by_name.startswith("time,")
 
 
 def test_the_list(capsys: pytest.CaptureFixture[str]) -> None:
