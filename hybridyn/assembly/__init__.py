@@ -1,4 +1,4 @@
-"""Assembly: from given motor positions and platform poses to postures that close every loop.
+"""Assembly: from given motor positions and poses of links to postures that close every loop.
 
 Read `poses` and `requests` (the caller's input, checked), `module_request` (the same for one module), `task`
 (the problem that it states), `follow` (continuation from sample to sample on one branch), `spanning`,

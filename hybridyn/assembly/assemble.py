@@ -1,4 +1,4 @@
-"""Loop closing: from motor positions or platform poses to the complete posture and its derivatives.
+"""Loop closing: from motor positions or poses of links to the complete posture and its derivatives.
 
 The modules are solved in order from the base. The given motors and poses of a module and its closures form a
 Newton problem on its tree after the cuts. The positions of cut wrists follow from the bodies they connect.
@@ -50,7 +50,7 @@ def assemble(
     hold: Iterable[str] = (),
     weights: Mapping[str, float] | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Compute a posture that closes all loops from motor positions, platform poses, or a mixture.
+    """Compute a posture that closes all loops from motor positions, poses of links, or a mixture.
 
     Args:
         robot: The robot.

@@ -126,7 +126,7 @@ idm = RobotCommand(
     ROBOT may be the name of a shipped robot ('hybridyn --robots'), which has a trajectory of its own.
 
     The table has named columns, in SI units, such as 'time', '<joint>/position', '<link>/pose/x' or
-    '<link>/wrench/fx' (docs/tables.md): the motion of motors, of platforms, of both, or of every joint.
+    '<link>/wrench/fx' (docs/tables.md): the motion of motors, of any links, of both, or of every joint.
     Missing rates are fitted by a spline. The result has a row per sample, and '<motor>/effort'. With --loads
     it is peak and RMS effort, speed, power and energy of each motor; with --by-effect, what each effect adds.
     """,
@@ -169,7 +169,7 @@ ddm = RobotCommand(
     help="""Compute the accelerations of ROBOT (URDF, MJCF, SDF, USD) for the states and efforts in STATES.
 
     The table has named columns, in SI units (docs/tables.md): '<motor>/effort' for every motor; 'time';
-    positions and velocities of every joint, or of the motors or platforms, from which the state is assembled;
+    positions and velocities of every joint, or of the motors or links, from which the state is assembled;
     wrenches on links. With '--base moving' the table also has the base's acceleration,
     '<root link>/acceleration/x|y|z|wx|wy|wz'; other accelerations are not read. Missing velocities are fitted
     by a spline.

@@ -38,9 +38,10 @@ Seven = Annotated[list[FiniteFloat], Field(min_length=7, max_length=7)]
 Three = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 ByJoint = dict[str, FiniteFloat]
 Gains = NotNegative | dict[str, NotNegative]
-Coordinates = dict[Literal["x", "y", "z", "roll", "pitch", "yaw"], FiniteFloat]
-Poses = dict[str, Seven | Coordinates]
-Twists = dict[str, Six | Coordinates]
+Coordinate = Literal["x", "y", "z", "roll", "pitch", "yaw"]
+Turn = Literal["qx", "qy", "qz", "qw", "rx", "ry", "rz"]
+Poses = dict[str, Seven | dict[Coordinate | Turn, FiniteFloat]]
+Twists = dict[str, Six | dict[Coordinate | Literal["wx", "wy", "wz"], FiniteFloat]]
 
 
 def exactly_one(table: Schema, *keys: str) -> None:

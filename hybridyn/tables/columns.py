@@ -227,10 +227,10 @@ def _input_faults(
     if absent and not platforms:
         yield (
             f"{absent[0]}/position",
-            f"is missing: give the motors ({listed(absent)} left) or the pose of a platform",
+            f"is missing: give the motors ({listed(absent)} left) or the pose of a link",
         )
     if not motors and not platforms:
-        yield None, "the robot has no motors; give the pose of a platform, or every joint"
+        yield None, "the robot has no motors; give the pose of a link, or every joint"
 
 
 def acceleration_columns(description: Description, joints: Iterable[str], base: str) -> list[str]:

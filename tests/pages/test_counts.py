@@ -11,7 +11,6 @@ import pytest
 import hybridyn
 from hybridyn.description.motors import RANKING
 from hybridyn.description.records import RotationKind
-from hybridyn.tables.signals import POSE
 from tests import ROOT
 from tests.files import save
 from tests.robot_texts import CLOSED_FOUR_BAR
@@ -52,7 +51,6 @@ COUNTED: dict[tuple[str, str], Callable[[], int]] = {
     ("CONTRIBUTING.md", "four kinds"): lambda: len(get_args(RotationKind)),
     ("docs/describing-loops.md", "three robots"): robots_of_the_section,
     ("docs/scenes.md", "two forms"): lambda: bullets_below("docs/scenes.md", "one of two forms:"),
-    ("docs/tables.md", "seven columns"): lambda: len(POSE),
     ("docs/tables.md", "two options"): lambda: bullets_below("docs/tables.md", "Two options select"),
 }
 

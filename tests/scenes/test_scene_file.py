@@ -180,6 +180,33 @@ def test_a_first_point_that_is_later_starts_where_the_robot_is(robot, state) -> 
     assert found.at(1.0)[0] == pytest.approx([0.3, -0.1], abs=ROUNDING)
 
 
+def test_a_start_by_an_orientation_in_the_world(tmp_path: Path) -> None:
+    """By a quaternion, by an axis times the angle, and by a whole pose, on a base that leans."""
+    half = np.array([0.05, 0.1])
+    lean, turn = ([0.0, float(np.sin(x)), 0.0, float(np.cos(x))] for x in half)
+    point, spin = [0.1, 0.02, 0.65], 0.3
+    head = HEAD.replace("five_bar", "gough_stewart") + 'base = "moving"\n'
+    starts = []
+    for pose, rates in (
+        ([*point, *turn], [0, 0, 0, 0, spin, 0]),
+        (dict(zip(("x", "y", "z", "qx", "qy", "qz", "qw"), [*point, *turn], strict=True)), None),
+        (dict(zip(("x", "y", "z", "rx", "ry", "rz"), [*point, 0.0, 0.2, 0.0], strict=True)), None),
+    ):
+        words = rates or dict(zip(("x", "y", "z", "wx", "wy", "wz"), [0, 0, 0, 0, spin, 0], strict=True))
+        given = [
+            x if isinstance(x, list) else "{" + ", ".join(f"{k} = {y}" for k, y in x.items()) + "}"
+            for x in (pose, words)
+        ]
+        text = (
+            f'[initial.platforms]\nm1_base = [0, 0, 0, {", ".join(map(str, lean))}]\n"m1_platform@world" = {given[0]}\n'
+            f'[initial.rates.platforms]\n"m1_platform@world" = {given[1]}\n'
+        )
+        ready = stage(save(tmp_path, head + text, "scene.toml"))
+        starts.append(np.concatenate([ready.q0, ready.v0]))
+    assert starts[1] == pytest.approx(starts[0], abs=1e-9)
+    assert starts[2] == pytest.approx(starts[0], abs=1e-9)
+
+
 def test_points_by_platforms_reach_the_platform(robot) -> None:
     home = hybridyn.kinematics(robot, robot.home, np.zeros(4), np.zeros(4))["m1_tool"].pose
     goal = {"x": float(home[0]) + 0.05, "z": float(home[2]) - 0.03}
