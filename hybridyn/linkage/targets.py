@@ -270,7 +270,8 @@ class CoordinateTarget(NamedTuple):
     def headed(self, motion: Motion, samples: Index, *, on: bool = True) -> CoordinateTarget:
         """Return the target with the headings of a motion, each near the one before.
 
-        Without any heading yet, the first is that of the plainer triple.
+        Without any heading yet, the first is that of the plainer triple, or of two angles that of the triple
+        which is nearer to the prescribed ones: roll and yaw of the triples are half a turn apart.
 
         Args:
             motion: Motion at consecutive samples.
@@ -281,7 +282,7 @@ class CoordinateTarget(NamedTuple):
             return self
         R = self.axes(motion)
         if self.heading is None:
-            heading, before = np.zeros(len(self.value)), float(plain_heading(R[:1])[0])
+            heading, before = np.zeros(len(self.value)), self._first_heading(R[:1], samples[:1])
         else:
             heading = self.heading.copy()
             before = float(heading[samples[0]])
@@ -289,6 +290,21 @@ class CoordinateTarget(NamedTuple):
         if on:
             heading[samples[-1] :] = heading[samples[-1]]
         return self._replace(heading=heading)
+
+    def _first_heading(self, R: Array, sample: Index) -> float:
+        """Return the heading of the triple that is meant at a guess of a rotation, shape (1, 3, 3)."""
+        plain, angle = plain_heading(R), self._rows >= 3
+        if angle.sum() > 1:
+            off = [
+                np.abs(
+                    wrapped(
+                        angles_of(R, plain + half)[:, self._rows[angle] - 3] - self.value[sample][:, angle]
+                    )
+                )
+                for half in (0.0, np.pi)
+            ]
+            plain = plain + np.pi * (off[1].sum() + SAME_ANGLE < off[0].sum())
+        return float(plain[0])
 
     def headed_at(self, motion: Motion, values: Array) -> CoordinateTarget:
         """Return the target with the heading at each sample of the triple that has given coordinates.

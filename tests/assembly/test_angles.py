@@ -153,6 +153,23 @@ def test_two_angles_pass_a_quarter_turn_of_the_third(tmp_path: Path) -> None:
     assert np.abs(q - wanted).max() < 1e-7  # a quarter turn of pitch is a singular posture of yaw and roll
 
 
+def test_two_angles_of_a_library_name_the_posture_of_the_guess(tmp_path: Path) -> None:
+    """Libraries give the upright triple, also where the guess has a plainer one: (-0.4, 2.9, 0.3) here."""
+    robot, wanted = arm(tmp_path, "zyx"), np.array([0.3, 2.9, -0.4])
+    R = placed(robot, wanted[None], "l2")[0]
+    roll, pitch, yaw = pin.rpy.matrixToRpy(R)
+    for two in ({"roll": roll, "yaw": yaw}, {"roll": roll, "pitch": pitch}, {"pitch": pitch, "yaw": yaw}):
+        held = (
+            {"j1": wanted[1]}
+            if "pitch" not in two
+            else {"j0": wanted[0]}
+            if "yaw" not in two
+            else {"j2": wanted[2]}
+        )
+        q, _, _ = hybridyn.assemble(robot, motors=held, platforms={"l2@base": (two,)}, guess=wanted)
+        close_to(q, wanted, ROUNDING)
+
+
 def test_a_complete_orientation_is_a_rotation_for_any_numbers(tmp_path: Path) -> None:
     """By angles, quaternion and rotation vector; a pitch of 1.7 was "out of reach"."""
     robot = arm(tmp_path, "zyx")

@@ -14,7 +14,7 @@ from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import ClosedRows, Rows
 from ..sources import kept
-from .given import structure_of
+from .given import structure_of, upright_is_meant
 from .libraries import ClosingLibraries, place_of
 
 #: Rows that the general path computes where one is not certain; twice as many each time it follows at once.
@@ -72,6 +72,8 @@ class Assembler:
         out = np.empty((T, self.robot.nq)), np.empty((T, self.robot.nv)), np.empty((T, self.robot.nv))
         while place is not None and done < T:
             rest, room = [x[done:] for x in given], [x[None, done:] for x in out]
+            if not upright_is_meant(closing.parts, place[2], rest[0][0]):
+                return None
             count = int(
                 closing.rows.close(np.zeros((1, 0)), place, rest, room, guess=not done, strict=True)[0]
             )

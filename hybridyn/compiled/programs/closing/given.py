@@ -16,7 +16,7 @@ from ....assembly.module_request import ModuleRequest, module_request, on_own_ba
 from ....assembly.poses import PoseRequest
 from ....assembly.requests import Requests, gather_requests
 from ....assembly.task import module_task
-from ....linkage.angles import angles_of, plain_heading
+from ....linkage.angles import angles_of, plain_heading, wrapped
 from ....linkage.newton import LoopProblem
 from ....linkage.reduction import Block
 from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, TurnTarget
@@ -65,8 +65,8 @@ class Coordinates:
         return tuple(COORDINATES.index(name) for name in self.names)
 
     def may_be_mirrored(self, motion: Motion) -> bool:
-        """Return whether other than the upright triple of angles may be meant at a posture's motion."""
-        if not 0 < self.kinds.count(ANGLE) < 3:  # a complete rotation has one meaning
+        """Return whether a lone angle may be meant of another triple than the upright one at a posture."""
+        if self.kinds.count(ANGLE) != 1:  # two angles: see `upright_is_meant`; three are a rotation
             return False
         R = self.target.axes(motion)
         return bool((np.cos(plain_heading(R) - angles_of(R)[:, 2]) < 0.0).any())
@@ -129,6 +129,25 @@ class Given:
         first = np.zeros(len(x), dtype=int)
         parts += [one.target.residual(motion, first) for one in self.coordinates]
         return np.concatenate(parts, axis=1)
+
+
+def upright_is_meant(parts: Sequence[Part], here: Array, there: Array) -> bool:
+    """Return whether two angles are surely meant of the upright triple: less than a quarter turn away.
+
+    Args:
+        parts: The modules.
+        here: What is prescribed at a posture, shape (numbers,), angles of the upright triple.
+        there: What is prescribed next.
+    """
+    at = 0
+    for given in (part.given for part in parts):
+        at += sum(WIDTH[kind] for kind in given.kinds) + WIDTH[POSE] * len(given.bodies)
+        for some in given.coordinates:
+            angles = at + np.flatnonzero(np.array(some.kinds) == ANGLE)
+            at += len(some.kinds)
+            if len(angles) == 2 and np.abs(wrapped(here[angles] - there[angles])).sum() > np.pi / 2:
+                return False
+    return True
 
 
 def requests_of_motors(
