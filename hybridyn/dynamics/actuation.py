@@ -167,7 +167,8 @@ def _check_driven(module: Module, missing: Array, need: Need, sharing: Sharing) 
         locked = [name for i, name in enumerate(module.motors) if i not in module.moving_motors]
         but = f" (the closures lock {listed(locked)})" if locked else ""
         return {
-            "motors": f"{len(module.motors)} motors{but}", "direction": module.freedom_names()[at],
+            "motors": f"{counted(len(module.motors), 'motor')}{but}",
+            "freedoms": counted(module.mobility, "freedom"), "direction": module.freedom_names()[at],
             "unit": "N" if m.tree.S_linear[at].any() else "N m", "size": float(lack[t] / unit),
             "term": need.size[bad[t]] / unit, "advice": sharing.passive_hint,
         }  # fmt: skip

@@ -106,7 +106,7 @@ NO_MOTOR = Guard(
     UNDRIVEN,
     ActuationError,
     ("direction", "size", "sample"),
-    "{motors} for {module.mobility} freedoms; no motor can produce the {size:.3g} {unit} that the motion of "
+    "{motors} for {freedoms}; no motor can produce the {size:.3g} {unit} that the motion of "
     "{direction} needs{at} (largest term {term:.3g} {unit}). {advice}",
 )
 OPEN_MOTIONS = Guard(

@@ -179,7 +179,7 @@ def test_a_passive_motion_that_needs_an_effort_is_named_and_sized() -> None:
     oracle = Oracle(robot.description)
     wrong = np.array([a[0], oracle.consistent_acceleration(q[1], v[1], a[1] + 1.0), a[2]])
     hybridyn.idm(robot, q, v, a)
-    words = r"1 motors for 2 freedoms.*N m that the motion of.*passive=\"solved\""
+    words = r"1 motor for 2 freedoms.*N m that the motion of.*passive=\"solved\""
     module = robot.modules[0].name
     error = refused(
         lambda: hybridyn.idm(robot, q, v, wrong), hybridyn.ActuationError, words, sample=1, module=module
@@ -429,7 +429,7 @@ REFUSALS: dict[str, tuple[str, dict[str, Any], type[Exception], str]] = {
         r"8 motors, some in N and some in N m, share 6 freedoms. Give weights",
     ),
     "one limit": ("one limit", {}, hybridyn.ActuationError, "an effort limit for each motor"),
-    "no motors": ("no motors", {}, hybridyn.ActuationError, r"0 motors for 1 freedoms"),
+    "no motors": ("no motors", {}, hybridyn.ActuationError, r"0 motors for 1 freedom; "),
 }
 
 
