@@ -15,7 +15,7 @@ from hybridyn.assembly.requests import gather_requests
 from hybridyn.cli import main
 from hybridyn.compiled.library.building import best_lanes
 from hybridyn.compiled.programs.closing.assembling import Assembler
-from hybridyn.linkage.angles import angles_of, angular_drift, angular_map, rate_map
+from hybridyn.linkage.angles import angles_of, angular_drift, angular_map, plain_heading, rate_map
 from hybridyn.spatial import Array, rotation_from_quaternion
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_angles import arm
@@ -60,7 +60,7 @@ def in_parts(triple: Triple, kept: str, turn: str) -> tuple[dict[str, Array], ..
         ]
     if turn == "a":
         R = rotation_from_quaternion(pose[:, 3:])
-        angles = angles_of(R)
+        angles = angles_of(R, plain_heading(R))  # the triple that a guess there means
         to_rates = rate_map(angles)
         first = np.einsum("tij,tj->ti", to_rates, rates[0][:, 3:])
         own = rates[1][:, 3:] - angular_drift(angular_map(R, angles), first)
