@@ -17,7 +17,7 @@ from ..linkage.tree import Motion
 from ..spatial import Array
 from ..structure.given import motors_by_name
 from ..structure.module import Module
-from ..structure.robot import HybridRobot, joint_position
+from ..structure.robot import HybridRobot
 from ..threads import one_thread
 from .chain.coupling import chains_of
 from .chain.solve import assemble_chain
@@ -165,7 +165,7 @@ def _one_by_one(
     bodies = {0: Motion.at_rest(len(q))}
     for k, module in list(enumerate(robot.modules))[1 if robot.base == "floating" else 0 :]:
         if k in numbers:
-            _assemble_modules(robot, [(module, module_request(requests, robot, k, bodies))], q, v, a)
+            assemble_modules(robot, [(module, module_request(requests, robot, k, bodies))], q, v, a)
         motion = module.mechanism.spanning.sweep(
             q[:, module.q_index], v[:, module.v_index], a[:, module.v_index]
         )
@@ -186,15 +186,15 @@ def _assemble_equal(
 ) -> None:
     """Assemble equal modules together or, if one of them needs more than plain steps, one after the other."""
     try:
-        _assemble_modules(robot, parts, q, v, a)
+        assemble_modules(robot, parts, q, v, a)
     except HybridynError:
         if len(parts) == 1:
             raise
         for part in parts:
-            _assemble_modules(robot, [part], q, v, a)
+            assemble_modules(robot, [part], q, v, a)
 
 
-def _assemble_modules(
+def assemble_modules(
     robot: HybridRobot,
     parts: Sequence[tuple[Module, ModuleRequest]],
     q: Array,
@@ -252,29 +252,3 @@ def _solve(
     if (len(bent) or problem.targets) and what not in nearest:
         check_agreement(module, problem, K, x, asked, wanted, what)
     return x * problem.col_scale
-
-
-def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], guess: Array) -> Array:
-    """Move joints of one module along a path of closed loops; the other modules keep their positions.
-
-    Args:
-        number: Index of the module.
-        joints: New position by joint name (joints with one freedom), [m or rad]; with the closures they
-            determine the module's posture.
-        guess: Initial posture of the robot with closed loops, shape (nq,).
-
-    Returns:
-        Posture of the robot on the same assembly branch, shape (nq,).
-
-    Raises:
-        AssemblyError: As in `assemble`.
-        TrajectoryError: As in `assemble`.
-    """
-    module = robot.modules[number]
-    q = np.tile(np.asarray(guess, dtype=float), (2, 1))
-    path = {name: np.array([joint_position(robot, q[0], name), value]) for name, value in joints.items()}
-    requests = gather_requests(robot, path, {})
-    request = module_request(requests, robot, number, {})
-    _assemble_modules(robot, [(module, request)], q, *np.zeros((2, 2, robot.nv)))
-    out: Array = q[1]
-    return out

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..assembly.task import closure_residual
 from ..errors import HybridynError
-from ..spatial import Array
+from ..spatial import Array, quaternion_from_rotation, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from .camera import camera_around
 from .own_origin import start_server
@@ -43,6 +43,8 @@ ROOM = 1.25
 #: What can be hidden.
 SHOWN: tuple[Role, ...] = ("closure", "joint", "motor")
 BRAND = (59, 125, 216)
+#: Size of the handle of the tool, as a part of the robot's.
+GRIP = 0.12
 
 
 class Page:
@@ -129,6 +131,7 @@ class Page:
         if self.poser.levers:
             gui.add_button("Home").on_click(lambda event: self._request("home", True))
         self._sliders = Sliders(gui, self.poser, self.q, lambda joint, to: self._request(f"move {joint}", to))
+        self._add_grip(picture)
         with gui.add_folder("Efforts"):
             self._efforts = gui.add_html("")
         with gui.add_folder("Show", expand_by_default=False):
@@ -153,6 +156,33 @@ class Page:
             self._repeat = gui.add_checkbox("repeat", True)
         self._button.on_click(lambda event: self._request("play", not self.playing))
         on_slide(self._time, lambda value: self._request("time", value))
+
+    def _add_grip(self, picture: Picture) -> None:
+        """Add the handle by which a tool is dragged, and the choice of the tool."""
+        links = self.poser.links
+        self._grip: Any = None
+        if not links:
+            return
+        self._tool = self.server.gui.add_dropdown("dragged link", links, initial_value=links[-1])
+        self._tool.on_update(lambda event: self._request("grip", True))
+        self._grip = self.server.scene.add_transform_controls(
+            "/grip", GRIP * picture.size, disable_sliders=True, depth_test=False
+        )
+        self._grip.on_update(self._on_grip)
+
+    def _on_grip(self, event: Any) -> None:
+        """Ask for the pose to which a user has dragged the handle; at the end, for the handle at the tool."""
+        if event.phase == "end":
+            self._request("grip", True)
+        elif event.phase == "update":
+            self._request("drag", (np.array(self._grip.position), np.array(self._grip.wxyz)))
+
+    def _place_grip(self) -> None:
+        """Put the handle where the tool is."""
+        if self._grip is not None:
+            p, R = self.poser.pose(self.q, self._tool.value)
+            self._grip.position = p
+            self._grip.wxyz = quaternion_from_rotation(R[None])[0, [3, 0, 1, 2]]
 
     def _add_checkbox(self, label: str, value: bool, act: Callable[[bool], None]) -> None:
         """Add a checkbox that calls `act` when it changes."""
@@ -195,6 +225,14 @@ class Page:
             self._set_playing(False)
             moved = self.poser.move(self.q, name.removeprefix("move "), value)
             self._show(moved.q, moved.message)
+        elif name == "drag":
+            self._set_playing(False)
+            p, wxyz = value
+            R = rotation_from_quaternion(wxyz[None, [1, 2, 3, 0]])[0]
+            moved = self.poser.drag(self.q, self._tool.value, p, R)
+            self._show(moved.q, moved.message, held=True)
+        elif name == "grip":
+            self._place_grip()
 
     def _set_playing(self, playing: bool) -> None:
         if self.run is None or playing == self.playing:
@@ -227,17 +265,20 @@ class Page:
         number = self.run.index(at)
         self._show(self.run.q[number], "", number)
 
-    def _show(self, q: Array, message: str, sample: int | None = None) -> None:
+    def _show(self, q: Array, message: str, sample: int | None = None, *, held: bool = False) -> None:
         """Show a posture.
 
         Args:
             q: The posture, shape (nq,).
             message: Why a drag stopped, or an empty text.
             sample: Number of the motion's sample, or None.
+            held: Whether a user holds the handle of the tool.
         """
         self.q = q
         with self.server.atomic():
             self.stage.place(place_bodies(self.robot, q))
+            if not held:
+                self._place_grip()
         now = time.monotonic()
         if self.playing and now - self._bars_at < BARS:
             return

@@ -1,21 +1,28 @@
-"""Move one motor by hand while the loops stay closed; the motor stops where they can no longer close.
+"""Move one motor or one link by hand while the loops stay closed; it stops where they can no longer close.
 
 A drag sets the position of one joint. The other joints that determine its module's posture keep their
 positions: the other motors, except redundant ones, and passive joints if there are too few motors.
+
+A drag of a link moves all modules that carry it. A link with six freedoms takes the whole pose, another one
+those coordinates that it can move independently, and keeps its angles. Further freedoms move least.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..assembly.assemble import move_module
+from ..assembly.chain.between import Between, end_link, moving, tools_of
+from ..assembly.chain.coordinates import coordinates_at, independent_coordinates
+from ..assembly.moving import move_link, move_module
 from ..errors import AssemblyError, HybridynError
-from ..spatial import Array
+from ..linkage.targets import COORDINATES
+from ..spatial import Array, quaternion_from_rotation, rotation_from_vector, rotation_vector
 from ..structure.module import Module
 from ..structure.robot import HybridRobot, joint_position
+from .placing import place_bodies
 
 #: Number of bisections that find the last reachable position on the way to one out of reach.
 HALVINGS = 6
@@ -53,8 +60,8 @@ class Moved:
 
     Attributes:
         q: The posture reached, shape (nq,).
-        value: Position of the joint reached [m or rad].
-        message: Why the joint stopped early, or an empty text.
+        value: Position of the joint reached [m or rad]; of a link, the part of its way.
+        message: Why the joint or link stopped early, or an empty text.
     """
 
     q: Array
@@ -63,11 +70,12 @@ class Moved:
 
 
 class Poser:
-    """Moves single joints of a robot.
+    """Moves single joints and links of a robot.
 
     Attributes:
         robot: The robot.
         levers: The joints that can be moved.
+        links: The links that can be moved: the tools, or platforms, of modules that carry no other module.
     """
 
     def __init__(self, robot: HybridRobot) -> None:
@@ -76,6 +84,10 @@ class Poser:
         joints = movable or [*self._independent_joints()]
         self.levers = tuple(self._lever(name) for name in joints)
         self._others: dict[str, tuple[str, ...]] = {}
+        carrying = {module.parent for module in robot.modules}
+        tips = [k for k in range(len(robot.modules)) if k not in carrying]
+        ends = [link for k in tips for link in tools_of(robot, k) or [end_link(robot, k)]]
+        self.links = tuple(link for link in ends if moving(robot, link, robot.description.root))
 
     def value(self, q: Array, joint: str) -> float:
         """Return the position of a joint [m or rad]; for a continuous joint the angle in [-pi, pi]."""
@@ -96,19 +108,9 @@ class Poser:
         way = value - start
         if self._kind(joint) == "continuous":
             way = float((way + np.pi) % (2 * np.pi) - np.pi)
-        try:
-            return Moved(self._close(q, lever, start + way), value)
-        except HybridynError:
-            pass
-        reached, done = q, 0.0
-        low, high = 0.0, 1.0
-        for _ in range(HALVINGS):
-            middle = (low + high) / 2
-            try:
-                reached, done = self._close(reached, lever, start + middle * way), middle
-                low = middle
-            except HybridynError:
-                high = middle
+        reached, done, stopped = _as_far(q, lambda q, part: self._close(q, lever, start + part * way))
+        if not stopped:
+            return Moved(reached, value)
         at = start + done * way
         module = self.robot.modules[lever.module]
         return Moved(
@@ -116,6 +118,60 @@ class Poser:
             at,
             f"{joint} stops at {at:.4g} {lever.unit}: beyond this, the loops of {module.name} do not close",
         )
+
+    def pose(self, q: Array, link: str) -> tuple[Array, Array]:
+        """Return position, shape (3,), [m], and axes, shape (3, 3), of a link in the world."""
+        placement, (body, R, p) = place_bodies(self.robot, q), self.robot.bodies.place[link]
+        return placement.p[body] + placement.R[body] @ p, placement.R[body] @ R
+
+    def drag(self, q: Array, link: str, p: Array, R: Array | None = None) -> Moved:
+        """Move a link towards a pose in the world, as far as loops close and motors are within their ranges.
+
+        Args:
+            q: The current posture, shape (nq,).
+            link: One of `links`.
+            p: Requested position, shape (3,), [m].
+            R: Requested axes, shape (3, 3); by default those that it has.
+
+        Returns:
+            The posture reached, with a message if the link stopped before the requested pose.
+        """
+        p0, R0 = self.pose(q, link)
+        turn = rotation_vector((R0.T @ (R0 if R is None else R))[None])
+
+        def moved(q: Array, part: float) -> Array:
+            axes = R0 @ rotation_from_vector(part * turn)[0]
+            out = move_link(self.robot, link, self._way(q, link, p0 + part * (p - p0), axes), q)
+            self._check_ranges(q, out)
+            return out
+
+        reached, done, stopped = _as_far(q, moved)
+        said = f"{link} stops after {done:.0%} of the way: {stopped}" if stopped else ""
+        return Moved(reached, done, said)
+
+    def _way(self, q: Array, link: str, p: Array, R: Array) -> Mapping[str, Array] | Array:
+        """Return the present and the requested pose of a link in the root link, for `move_link`."""
+        robot, root = self.robot, self.robot.description.root
+        (p0, R0), now = self.pose(q, root), self.pose(q, link)
+        J, values = coordinates_at(Between.of_coordinates(robot, moving(robot, link, root), link, root), q)
+        places = np.stack([now[0] - p0, p - p0]) @ R0
+        names = independent_coordinates(J, ())
+        if len(names) == len(COORDINATES):
+            axes = np.matmul(R0.T, np.stack([now[1], R]))
+            return np.concatenate([places, quaternion_from_rotation(axes)], axis=1)
+        held = np.concatenate([places, np.tile(values[3:], (2, 1))], axis=1)
+        return {name: held[:, COORDINATES.index(name)] for name in names}
+
+    def _check_ranges(self, before: Array, after: Array) -> None:
+        """Raise if a motor leaves its range.
+
+        Raises:
+            AssemblyError: It does.
+        """
+        for lever in self.levers:
+            here, there = (self.value(q, lever.joint) for q in (before, after))
+            if max(lever.low - there, there - lever.high) > max(0.0, lever.low - here, here - lever.high):
+                raise AssemblyError(f"{lever.joint} is at the end of its range")
 
     def _kind(self, joint: str) -> str:
         return self.robot.kinds[self.robot.joint_index[joint]]
@@ -171,6 +227,26 @@ class Poser:
             low, high = home - span, home + span
         unit = "m" if slides else "rad"
         return Lever(joint, number, min(low, home), max(high, home), unit)
+
+
+def _as_far(q: Array, move: Callable[[Array, float], Array]) -> tuple[Array, float, str]:
+    """Go all the way by a move, which takes a posture and the part of the way to go to, or as far as it goes.
+
+    Returns:
+        The posture reached, the part of the way, and why it ended, or an empty text.
+    """
+    try:
+        return move(q, 1.0), 1.0, ""
+    except HybridynError as error:
+        stopped = str(error)
+    reached, done, high = q, 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = (done + high) / 2
+        try:
+            reached, done = move(reached, middle), middle
+        except HybridynError as error:
+            high, stopped = middle, str(error)
+    return reached, done, stopped
 
 
 def independent(module: Module, joints: Sequence[str]) -> list[str]:

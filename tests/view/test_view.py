@@ -5,6 +5,7 @@ import subprocess
 import sys
 from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,13 +26,16 @@ from hybridyn.view.run import Run
 from hybridyn.view.visuals import read_visuals
 from tests import ROOT
 from tests.command_line import call
+from tests.excavator import HOME, excavator, teeth
 from tests.extras import needs
 from tests.robot_texts import FOUR_BAR, save
 from tests.shipped import ROBOTS
+from tests.waiting import wait_until
 
 needs("view")
 EXACT = 1e-12  # relative: the same numbers by two ways
 CLOSED = 1e-9  # relative: `assemble` closes loops to rounding
+SINGLE = 1e-6  # m: the page has numbers in single precision
 
 
 @lru_cache(maxsize=4)
@@ -245,6 +249,69 @@ def test_motors_moved_by_hand_keep_the_loops_closed_and_the_others_where_they_ar
             assert poser.value(moved.q, other) == pytest.approx(value, abs=CLOSED)
         assert hybridyn.closure_residual(robot, moved.q) < CLOSED
         q = moved.q
+
+
+@pytest.mark.parametrize("name", ["stewart_ur5", "scara_delta", "lx4", "rps3", "gough_stewart", "five_bar"])
+def test_a_dragged_tool_moves_all_that_carries_it(name: str) -> None:
+    """It is where it was dragged; the loops are closed, and the first module has moved, too."""
+    robot = loaded(name)
+    poser = Poser(robot)
+    link = poser.links[-1]
+    p, R = poser.pose(robot.home, link)
+    way = np.array([0.0, 0.0, 0.02]) if name == "rps3" else np.array([0.01, 0.0, 0.02])
+    moved = poser.drag(robot.home, link, p + way, R)
+    assert moved.message == ""
+    q = moved.q
+    assert poser.pose(q, link)[0] == pytest.approx(p + way, abs=CLOSED)
+    if robot.mobility >= 6:
+        assert poser.pose(q, link)[1] == pytest.approx(R, abs=CLOSED)
+    assert hybridyn.closure_residual(robot, q) < CLOSED
+    first = robot.modules[0].q_index
+    assert (q[first] != robot.home[first]).any()
+
+
+def test_an_excavators_teeth_are_dragged_by_triangles(tmp_path: Path) -> None:
+    robot = hybridyn.load(excavator(tmp_path))
+    poser = Poser(robot)
+    assert poser.links == ("teeth",)
+    p, _ = poser.pose(robot.home, "teeth")
+    moved = poser.drag(robot.home, "teeth", p + np.array([0.2, 0.3, -0.1]))  # it cannot go aside
+    way = np.array([0.2, 0.0, -0.1])
+    assert poser.pose(moved.q, "teeth")[0] == pytest.approx(p + way, abs=CLOSED)
+    joints = (robot.joint_index[f"{name}_joint"] for name in ("boom", "stick", "bucket"))
+    at = [robot.q_slices[i].start for i in joints]
+    turns = np.arctan2(moved.q[np.add(at, 1)], moved.q[at])
+    found = teeth(HOME + turns)
+    assert found == pytest.approx(teeth(HOME) + np.array([0.2, -0.1, 0.0]), abs=CLOSED)
+
+
+def test_the_handle_on_the_page_drags_the_tool_and_returns_to_it() -> None:
+    from hybridyn.view.page import Page
+
+    robot = loaded("five_bar")
+    page = Page(robot, draw(robot), port=0)
+    try:
+        grip, (p, _) = page._grip, page.poser.pose(robot.home, "m1_tool")
+        assert grip.position == pytest.approx(p, abs=SINGLE)
+        grip.position = p + np.array([0.02, 0.05, 0.01])  # it cannot go aside
+        for phase in ("start", "update", "end"):
+            page._on_grip(SimpleNamespace(phase=phase))
+        wanted = p + np.array([0.02, 0.0, 0.01])
+        wait_until(lambda: grip.position == pytest.approx(wanted, abs=SINGLE), "the handle at the tool")
+        assert page.poser.pose(page.q, "m1_tool")[0] == pytest.approx(wanted, abs=SINGLE)
+    finally:
+        page.close()
+
+
+def test_a_tool_stops_where_a_motor_ends() -> None:
+    robot = loaded("gough_stewart")
+    poser = Poser(robot)
+    p, R = poser.pose(robot.home, "m1_platform")
+    moved = poser.drag(robot.home, "m1_platform", p + np.array([1.0, 0.0, 0.0]), R)
+    assert "m1_platform stops after" in moved.message
+    assert "_slide is at the end of its range" in moved.message
+    assert poser.pose(moved.q, "m1_platform")[0][0] == pytest.approx(p[0] + moved.value, abs=CLOSED)
+    assert 0.1 < moved.value < 1.0
 
 
 def test_a_jump_ends_where_small_steps_end() -> None:

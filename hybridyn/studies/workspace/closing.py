@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...assembly.chain.between import pose_task
 from ...assembly.chain.solve import cut_positions
 from ...assembly.chain.task import ChainTask
 from ...assembly.follow import SAME_BRANCH, SMALL_STEP
@@ -17,7 +18,6 @@ from ...linkage.newton import Closed, Problem, close
 from ...spatial import Array, Index, Mask
 from ...streams.departures import position_limits
 from ...structure.robot import HybridRobot
-from .between import pose_task
 from .sweep import Sweep, pose_of
 
 #: Largest number of Newton steps from one pose to the next. A pose that needs more counts as out of reach.

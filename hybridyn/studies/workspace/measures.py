@@ -20,13 +20,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...assembly.chain.between import Between
 from ...assembly.motor_share import SINGULAR_POSTURE
 from ...dynamics.inverse import idm
 from ...errors import ActuationError
 from ...linkage.targets import COORDINATES
 from ...spatial import Array, Mask
 from ...structure.robot import HybridRobot
-from .between import Between
 from .sweep import Sweep
 
 #: Efforts below this part of their norm, or of the weight over the module's length, are rounding: the motors

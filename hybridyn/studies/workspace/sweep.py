@@ -8,16 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from ...assembly.chain.between import Between, end_link, moving
+from ...assembly.chain.coordinates import coordinates_at, independent_coordinates
 from ...description.names import did_you_mean
 from ...errors import TrajectoryError
-from ...linkage.targets import COORDINATES, CoordinateTarget
+from ...linkage.targets import COORDINATES
 from ...spatial import Array, quaternion_from_rotation, rotation_from_axis_angle
 from ...structure.robot import HybridRobot
-from .between import Between, moving
-
-#: A coordinate is independent of the chosen ones if at least this part of its motion remains when they are
-#: fixed. A 3-RPS, for example, moves a little in x when it rolls, but x is no independent coordinate.
-INDEPENDENT_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,16 +85,16 @@ def find_sweep(
         TrajectoryError: A name is unknown, or the coordinates are not independent.
     """
     modules, link, base = _ends(robot, module, link)
-    J, values = _at_home(Between.of_coordinates(robot, modules, link, base), q)
+    J, values = coordinates_at(Between.of_coordinates(robot, modules, link, base), q)
     for name in axes or ():
         if name not in COORDINATES:
             known = f"{did_you_mean(name, COORDINATES)}; known: {', '.join(COORDINATES)}"
             raise TrajectoryError(f"there is no coordinate '{name}'{known}")
-    names = _independent(J, tuple(axes or ()))
+    names = independent_coordinates(J, tuple(axes or ()))
     if missing := [name for name in axes or () if name not in names]:
         raise TrajectoryError(
             f"'{missing[0]}' of link '{link}' is not independent; the independent coordinates are "
-            f"{', '.join(_independent(J, ()))}"
+            f"{', '.join(independent_coordinates(J, ()))}"
         )
     linear = tuple(name for name in names if name in COORDINATES[:3])
     swept = tuple(name for name in names if name in axes) if axes else names if len(names) <= 3 else linear
@@ -125,77 +122,12 @@ def _ends(robot: HybridRobot, module: int | str | None, key: str | None) -> tupl
         return between, link, base
     number = find_module(robot, module)
     chosen = robot.modules[number]
-    link = link or _platform(robot, number)
+    link = link or end_link(robot, number)
     if robot.body_owner[robot.bodies.place[link][0]][0] != number:
         raise TrajectoryError(
             f"link '{link}' does not belong to module '{chosen.name}'; name no module if several move it"
         )
     return (number,), link, chosen.base
-
-
-def _platform(robot: HybridRobot, number: int) -> str:
-    """Return a module's platform: an output that is a platform or carries a module, else a tool."""
-    module = robot.modules[number]
-    carries = any(other.parent == number for other in robot.modules)
-    if module.outputs and (carries or module.mechanism.spec.platforms):
-        return module.outputs[0]
-    parents = {joint.parent for joint in robot.description.joints}
-    tools = [
-        joint.child
-        for joint in robot.description.joints
-        if joint.kind == "fixed"
-        and joint.child not in parents
-        and robot.body_owner[robot.bodies.place[joint.child][0]][0] == number
-    ]
-    return tools[-1] if tools else module.outputs[0] if module.outputs else module.name
-
-
-def _at_home(between: Between, q: Array) -> tuple[Array, Array]:
-    """Compute the scaled Jacobian of a link's coordinates, shape (6, N), and their values, shape (6,)."""
-    motion, first = between.motion(q[None]), np.zeros(1, dtype=int)
-    relative, target = between.seen(motion), between.relative.target
-    assert isinstance(target, CoordinateTarget)
-    J = between.maps(motion)[0][0]
-    return J, target.headed(relative, first).coordinates(relative, first)[0]
-
-
-def _independent(J: Array, first: tuple[str, ...]) -> tuple[str, ...]:
-    """Choose coordinates, rows of J (6, N), with independent motions; those in `first` have precedence."""
-    s = np.linalg.svd(J, compute_uv=False)
-    freedoms = int(np.sum(s > INDEPENDENT_SHARE**4 * s[0])) if s.size and s[0] else 0
-    order = [*first, *(name for name in _preferred(J) if name not in first)]
-    largest = float(np.linalg.norm(J, axis=1).max(initial=0.0))
-    chosen: list[str] = []
-    basis = np.zeros((0, J.shape[1]))
-    for part in (
-        INDEPENDENT_SHARE,
-        INDEPENDENT_SHARE**2,
-        INDEPENDENT_SHARE**4,
-    ):  # the last one accepts all that differ by more than rounding
-        for name in order:
-            row = J[COORDINATES.index(name)]
-            own = row - basis.T @ (basis @ row)
-            size = float(np.linalg.norm(own))
-            if size > part * largest and name not in chosen and len(basis) < freedoms:
-                chosen.append(name)
-                basis = np.vstack([basis, own / size])
-    return tuple(name for name in COORDINATES if name in chosen)
-
-
-def _preferred(J: Array) -> tuple[str, ...]:
-    """Return the coordinates in order of preference: translations first.
-
-    Angles come first for a platform that only turns, such as one on a ball joint, wherever its origin is.
-    """
-    s = np.linalg.svd(J, compute_uv=False)
-    freedoms = int(np.sum(s > INDEPENDENT_SHARE * s[0])) if s.size and s[0] else 0
-    turning = np.linalg.svd(J[3:], compute_uv=False)
-    moving = np.linalg.svd(J[:3], compute_uv=False)
-    only_turns = freedoms <= 3 and turning[freedoms - 1] > INDEPENDENT_SHARE * turning[0]
-    only_moves = freedoms <= 3 and moving[freedoms - 1] > INDEPENDENT_SHARE * moving[0]
-    if freedoms and only_turns and not only_moves:
-        return (*COORDINATES[3:], *COORDINATES[:3])
-    return COORDINATES
 
 
 def values_at(sweep: Sweep, at: Mapping[str, float]) -> Array:

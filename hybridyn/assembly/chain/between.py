@@ -6,31 +6,53 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...assembly.chain.bodies import ChainMotion
-from ...assembly.chain.coupling import Chain, is_own, ways_between
-from ...assembly.chain.problem import ChainProblem, Relative
-from ...assembly.chain.solve import (
+from ...linkage.targets import COORDINATES
+from ...linkage.tree import Motion
+from ...spatial import Array
+from ...structure.robot import HybridRobot
+from ..module_request import module_request
+from ..poses import PoseRequest
+from ..requests import Requests
+from ..task import Task, module_task
+from .bodies import ChainMotion
+from .coupling import Chain, is_own, ways_between
+from .problem import ChainProblem, Relative
+from .solve import (
     chain_problem,
     chain_task,
     cut_positions,
     generic_motion,
     own_requests,
 )
-from ...assembly.chain.task import ChainTask
-from ...assembly.module_request import module_request
-from ...assembly.poses import PoseRequest
-from ...assembly.requests import Requests
-from ...assembly.task import Task, module_task
-from ...linkage.targets import COORDINATES
-from ...linkage.tree import Motion
-from ...spatial import Array
-from ...structure.robot import HybridRobot
+from .task import ChainTask
 
 
 def moving(robot: HybridRobot, link: str, other: str) -> tuple[int, ...]:
     """Return the numbers of the modules that move a link in another, those nearer to the root first."""
     ways = ways_between(robot, PoseRequest(link, other, None, {}))
     return tuple(sorted({k for way in ways for k, _ in way if robot.modules[k].mobility}))
+
+
+def tools_of(robot: HybridRobot, number: int) -> list[str]:
+    """Return the links at the ends of a module's links: they are fixed to these and carry no joint."""
+    parents = {joint.parent for joint in robot.description.joints}
+    return [
+        joint.child
+        for joint in robot.description.joints
+        if joint.kind == "fixed"
+        and joint.child not in parents
+        and robot.body_owner[robot.bodies.place[joint.child][0]][0] == number
+    ]
+
+
+def end_link(robot: HybridRobot, number: int) -> str:
+    """Return a module's platform: an output that is a platform or carries a module, else a tool."""
+    module = robot.modules[number]
+    carries = any(other.parent == number for other in robot.modules)
+    if module.outputs and (carries or module.mechanism.spec.platforms):
+        return module.outputs[0]
+    tools = tools_of(robot, number)
+    return tools[-1] if tools else module.outputs[0] if module.outputs else module.name
 
 
 @dataclass(frozen=True, eq=False)
