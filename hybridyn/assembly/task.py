@@ -6,7 +6,7 @@ Read `module_task` first: what is given must determine the posture, and rates mu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -79,15 +79,12 @@ class Task(NamedTuple):
 
     def closed(self, result: Closed) -> Mask:
         """Check which samples converged and closed, shape (T,)."""
-        settled = (result.step <= SMALLEST_STEP) | (result.residual <= RESIDUAL_ROUNDING)
-        out: Mask = settled & (result.residual <= self.tolerance)
-        doubtful = np.flatnonzero(out & (result.residual > RESIDUAL_ROUNDING))
-        if len(doubtful) and self.problem.rank:
-            # Where rows lose rank, a zero step proves nothing: the target may be just out of reach.
-            K = self.problem.matrix(self.problem.tree.sweep(result.q[doubtful]))[:, :, self.problem.free]
-            s = np.linalg.svd(K, compute_uv=False)
-            out[doubtful] = s[:, self.problem.rank - 1] > CONTRADICTING_RANK * s[:, 0]
-        return out
+        problem = self.problem
+
+        def rows(q: Array) -> Array:
+            return problem.matrix(problem.tree.sweep(q))[:, :, problem.free]
+
+        return closed_samples(result, self.tolerance, problem.rank, rows)
 
     @property
     def label(self) -> str:
@@ -182,6 +179,27 @@ class Task(NamedTuple):
         known[fractions == 1.0] = self.known[sample + 1]
         targets = [t.between(sample, fractions) for t in self.problem.targets]
         return self._replace(problem=replace(self.problem, targets=targets), known=known)
+
+
+def closed_samples(
+    result: Closed, tolerance: float, rank: int | None, rows: Callable[[Array], Array]
+) -> Mask:
+    """Check which samples of a result converged and closed, shape (T,).
+
+    Args:
+        result: What Newton's method found.
+        tolerance: Largest scaled residual of a closed posture.
+        rank: Rank of the rows at generic postures.
+        rows: Returns the rows over what may move at postures, shape (T, rows, columns).
+    """
+    settled = (result.step <= SMALLEST_STEP) | (result.residual <= RESIDUAL_ROUNDING)
+    out: Mask = settled & (result.residual <= tolerance)
+    doubtful = np.flatnonzero(out & (result.residual > RESIDUAL_ROUNDING))
+    if len(doubtful) and rank:
+        # Where rows lose rank, a zero step proves nothing: the target may be just out of reach.
+        s = np.linalg.svd(rows(result.q[doubtful]), compute_uv=False)
+        out[doubtful] = s[:, rank - 1] > CONTRADICTING_RANK * s[:, 0]
+    return out
 
 
 def module_task(robot: HybridRobot, module: Module, request: ModuleRequest, *, alone: bool = True) -> Task:

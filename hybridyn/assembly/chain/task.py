@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...description.names import listed
-from ...linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, close
+from ...linkage.newton import Closed, close
 from ...linkage.targets import CoordinateTarget, PoseTarget, pairwise
 from ...linkage.tree import Motion
 from ...spatial import Array, Index, Mask
-from ..task import CONTRADICTING_RANK, Task, too_many
+from ..task import Task, closed_samples, too_many
 from .bodies import Carried, Place
 from .problem import ChainProblem, Relative
 
@@ -82,15 +82,13 @@ class ChainTask:
         return close(self.problem, self.with_known(q, samples), samples, enough=enough)
 
     def closed(self, result: Closed) -> Mask:
-        """Check which samples converged and closed, shape (T,), as `Task.closed`."""
-        settled = (result.step <= SMALLEST_STEP) | (result.residual <= RESIDUAL_ROUNDING)
-        out: Mask = settled & (result.residual <= self.tolerance)
-        doubtful = np.flatnonzero(out & (result.residual > RESIDUAL_ROUNDING))
-        if len(doubtful) and self.problem.rank:
-            motion = self.problem.tree.sweep(result.q[doubtful])
-            s = np.linalg.svd(self.problem.split(self.problem.matrix(motion)).reach, compute_uv=False)
-            out[doubtful] = s[:, self.problem.rank - 1] > CONTRADICTING_RANK * s[:, 0]
-        return out
+        """Check which samples converged and closed, shape (T,)."""
+        problem = self.problem
+
+        def rows(q: Array) -> Array:
+            return problem.split(problem.matrix(problem.tree.sweep(q))).reach
+
+        return closed_samples(result, self.tolerance, problem.rank, rows)
 
     def open_by(self, q: Array) -> float:
         """Return the largest scaled residual of the closures at postures, whatever is given."""
