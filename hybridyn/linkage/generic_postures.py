@@ -16,6 +16,7 @@ import pickle
 import numpy as np
 
 from ..description.cache_folder import hashed, keep, kept, state_of
+from ..errors import warn
 from ..spatial import Array
 from .closures import Closures
 from .newton import STALLED, Closed, LoopProblem, close
@@ -56,9 +57,14 @@ def generic_postures(
         Postures, shape (at most count, nq), empty if none closed, and the smallest residual reached.
     """
     problem = LoopProblem(closures, row_scale, col_scale, np.ones(closures.tree.nv, dtype=bool))
-    walked = _walked(problem, home, tolerance, count) if closures.tree.nv >= LARGE else None
-    if walked is not None and len(walked):
-        return walked, float(_residuals(problem, walked).min())
+    if closures.tree.nv >= LARGE:
+        walked = _walked(problem, home, tolerance, count)
+        if walked is not None and len(walked):
+            return walked, float(_residuals(problem, walked).min())
+        warn(
+            "a module of %d freedoms is open or near a singular posture at home: looking for others takes up "
+            "to minutes. A home with closed loops, away from it, loads at once", closures.tree.nv,
+        )  # fmt: skip
     postures, best = scattered_postures(closures, home, row_scale, col_scale, tolerance, count=count)
     if len(postures):
         postures = _away_from_singular(problem, home, postures, tolerance, count)

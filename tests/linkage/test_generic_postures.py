@@ -75,6 +75,18 @@ def test_a_long_row_of_parallelograms_loads_soon(angle: float, solved: list[int]
     assert sum(solved) < 6 * 8 * 6
 
 
+def test_a_long_search_is_told_with_its_reason(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Loading took minutes without a word; a closed home away from singular postures is silent."""
+    monkeypatch.setattr(searching, "LARGE", 1)
+    monkeypatch.setattr(searching, "WORTH_KEEPING", 1000)
+    build_robot(parallelograms(2, 0.3))
+    assert "takes up to minutes" not in caplog.text
+    build_robot(parallelograms(2, 0.0))
+    assert "takes up to minutes. A home with closed loops" in caplog.text
+
+
 @pytest.mark.parametrize("name", ["five_bar", "delta", "scara_delta", "tanev"])
 def test_postures_of_shipped_robots_keep_their_bits(name: str) -> None:
     """Against the first of 48 starts that close when none is given up."""
