@@ -15,6 +15,7 @@ import hybridyn
 from hybridyn.loading import of_files
 from hybridyn.studies.workspace.workspace import workspace
 from tests.comparing import refused
+from tests.extras import needs
 from tests.files import save
 from tests.sdf_texts import joint as sdf_joint
 from tests.sdf_texts import link as sdf_link
@@ -98,6 +99,10 @@ FORMATS: dict[str, Callable[[list[Body]], str]] = {
 }  # fmt: skip
 
 
+#: The extra that reads a format.
+EXTRAS = {"xml": "mjcf", "usda": "usd"}
+
+
 def layouts() -> list[list[Body]]:
     """Return every file of one or two bodies, piles of three, and a free body beside a chain."""
     out = [[Body("a", "", kind)] for kind in FREEDOMS]
@@ -109,8 +114,15 @@ def layouts() -> list[list[Body]]:
     return [*out, [*chain, Body("c", "", "free")], [*chain, Body("c", "a", "hinge")]]
 
 
+def check_installed(ending: str) -> None:
+    """Skip a test of a format whose reader is not installed."""
+    if ending in EXTRAS:
+        needs(EXTRAS[ending])
+
+
 @pytest.mark.parametrize("ending", FORMATS)
 def test_a_robot_of_few_bodies_is_read_and_checked(ending: str, tmp_path: Path) -> None:
+    check_installed(ending)
     for bodies in layouts():
         path = save(tmp_path, FORMATS[ending](bodies), f"small.{ending}")
         robot = hybridyn.load(path)
@@ -125,6 +137,7 @@ def test_a_robot_of_few_bodies_is_read_and_checked(ending: str, tmp_path: Path) 
 
 @pytest.mark.parametrize("ending", FORMATS)
 def test_a_file_without_bodies_is_a_base_or_refused(ending: str, tmp_path: Path) -> None:
+    check_installed(ending)
     path = save(tmp_path, FORMATS[ending]([]), f"empty.{ending}")
     if ending == "urdf":
         robot = hybridyn.load(path)

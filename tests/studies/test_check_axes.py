@@ -13,6 +13,7 @@ from hybridyn.studies.check.axes import check_axes, check_same_loops
 from hybridyn.studies.check.finding import Finding
 from hybridyn.studies.check.subject import Subject
 from tests.any_mechanism import any_mechanism
+from tests.extras import needs
 from tests.generated import generated
 from tests.mechanisms import random_mechanism
 from tests.mjcf_texts import mjcf
@@ -182,6 +183,7 @@ def test_a_loop_under_two_names_is_told(case: str, tmp_path: Path) -> None:
 
 
 def test_hinges_of_other_formats_are_told(tmp_path: Path) -> None:
+    needs("mjcf")
     inertial = '<inertial pos="0 0 0" mass="1" diaginertia=".01 .01 .01"/>'
     text = mjcf(
         world=f'<body name="a"><joint name="a" axis="0 1 0"/>{inertial}<body name="b" pos="0 0 1">'
