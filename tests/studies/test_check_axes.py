@@ -92,6 +92,53 @@ def test_a_hinge_that_can_never_turn_is_told(case: str, tmp_path: Path) -> None:
     assert all(part in one.message for one in found), found
 
 
+def sphere(axis: str, second: str = "0 1 0") -> str:
+    """Return a spherical four-bar about the origin: the axes of its hinges meet there."""
+    return (
+        '<robot name="r"><link name="base"/>' + bar("a", "base", "1 0 0", "1 0 0")
+        + bar("b", "a", "-1 1 0", second) + bar("c", "base", "0 0 1", "0 0 1")
+        + pin("b@1 0 1", "c@1 1 0", "p", axis) + MOTOR.replace("drive", "a") + "</robot>"
+    )  # fmt: skip
+
+
+def sarrus(axis: str, second: str = "1 0 0", motors: str = "a") -> str:
+    """Return a Sarrus linkage: three hinges about x and three about y."""
+    return (
+        '<robot name="r"><link name="base"/>' + bar("a", "base", "0 0 0", "1 0 0")
+        + bar("b", "a", "0 1 1", second) + bar("top", "b", "0 -1 1", "1 0 0")
+        + bar("c", "base", "1 0 0", "0 1 0") + bar("d", "c", "1 0 1", "0 1 0")
+        + pin("top@1 0 0", "d@-1 0 1", "p", axis)
+        + "".join(f'<transmission name="{x}"><joint name="{x}"/></transmission>' for x in motors) + "</robot>"
+    )  # fmt: skip
+
+
+Y = '<axis xyz="0 1 0"/>'
+#: Space mechanisms with one wrong axis, which their motors tell: the hinge that is named, and its right axis.
+TOO_FEW = {
+    "a spherical four-bar without an axis": (sphere(""), "closure 'p'", "0.57735 0.57735 0.57735"),
+    "a spherical four-bar with a joint askew": (
+        sphere('<axis xyz="1 1 1"/>', "0 1 0.5"),
+        "joint 'b'",
+        "0 1 0",
+    ),
+    "a Sarrus linkage across": (sarrus('<axis xyz="0 0 1"/>'), "closure 'p'", "0 1 0"),
+    "a Sarrus linkage with a joint across": (sarrus(Y, "0 0 1"), "joint 'b'", "1 0 0"),
+}
+
+
+@pytest.mark.parametrize("case", TOO_FEW)
+def test_an_axis_that_takes_a_freedom_from_a_motor_is_told(case: str, tmp_path: Path) -> None:
+    text, element, right = TOO_FEW[case]
+    (found,) = [one for one in hybridyn.check(save(tmp_path, text)) if one.code == "axis-across"]
+    assert "it has 0 freedoms for 1 motor, and one for each motor if one axis is turned" in found.message
+    assert f"of {element}: {right};" in found.mend.replace("-", "")
+
+
+@pytest.mark.parametrize("text", [sphere('<axis xyz="1 1 1"/>'), sarrus(Y), sarrus(Y, motors="ac")])
+def test_redundant_motors_of_a_sound_mechanism_are_no_sign_of_a_wrong_axis(text: str, tmp_path: Path) -> None:
+    assert [one for one in hybridyn.check(save(tmp_path, text)) if one.code == "axis-across"] == []
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_the_axis_that_is_asked_for_is_that_of_the_frame(seed: int, tmp_path: Path) -> None:
     """Turned frames: with the axis that is asked for nothing is told, and the mobility is that stated."""

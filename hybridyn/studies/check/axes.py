@@ -3,7 +3,9 @@
 About a loop the rotations of its joints make up none. If all its hinges but one are parallel, that one turns
 by the part of the rotation that is not about their axis, which is none: it can never turn. Such a hinge is
 the sign of an axis that was forgotten or written in another frame, as of a plane mechanism one of whose axes
-is not the normal of the plane.
+is not the normal of the plane. Of other loops the motors tell: if a module has fewer freedoms than motors,
+and just as many with one of its hinges turned along another one or through the point in which the others
+meet, that hinge is called wrong.
 """
 
 from __future__ import annotations
@@ -22,11 +24,15 @@ from ...description.records import Closure, Description, Joint
 from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.building import rebuilt
+from ...structure.module import Module
+from ...structure.robot import HybridRobot
 from .finding import Finding
 from .subject import Subject
 
 #: Axes are parallel if the sine of their angle is below this; files keep four digits and more.
 SAME_AXIS = 1e-3
+#: Kinds of joints that are hinges.
+HINGES = ("revolute", "continuous")
 #: Fewest hinges of a loop that must be parallel for another one to be called wrong.
 FEWEST = 2
 #: Ends of two closures are in the same place if they differ by less than this part of the robot's size.
@@ -39,14 +45,19 @@ class _Hinge(NamedTuple):
     Attributes:
         of: Its joint or closure.
         axis: Its axis at home in the root link, shape (3,).
+        at: A point of the axis at home in the root link [m], shape (3,).
     """
 
     of: Joint | Closure
     axis: Array
+    at: Array
 
 
 def check_axes(subject: Subject) -> Iterator[Finding]:
-    """Find hinges that can never turn, since all others of their loop are parallel; each hinge once."""
+    """Find hinges that can never turn, since all others of their loop are parallel; each hinge once.
+
+    If there are none, find the modules in which the axis of a hinge takes freedoms that the motors ask for.
+    """
     description = subject.description
     poses = poses_at(description, description.home)
     known = set[str]()
@@ -60,6 +71,52 @@ def check_axes(subject: Subject) -> Iterator[Finding]:
                 continue  # a cylinder, which is there to slide
             known.add(across.of.name)
             yield _across(subject, across, others, poses)
+    if not known and subject.robot is not None:
+        for module in subject.robot.modules:
+            yield from _too_few_freedoms(subject, subject.robot, module, poses)
+
+
+def _too_few_freedoms(
+    subject: Subject, robot: HybridRobot, module: Module, poses: dict[str, Array]
+) -> Iterator[Finding]:
+    """Find the hinges that give a module of too few freedoms one per motor if their axes are turned."""
+    missing = len(module.motors) - module.mobility
+    if missing <= 0:
+        return
+    closures = [one for one in subject.description.closures if one.name in module.closures]
+    turning = {one.of.name: one for closure in closures for one in _turning(subject, closure, poses)}
+    found = [
+        (one, axis)
+        for one in sorted(turning.values(), key=lambda hinge: isinstance(hinge.of, Joint))
+        for axis in _candidates(
+            one, [hinge for hinge in turning.values() if hinge is not one], subject.extent
+        )
+        if _mobility_with(subject, robot, one.of, axis, poses) == robot.mobility + missing
+    ]
+    if found:
+        yield _taken(subject, module, found, poses)
+
+
+def _candidates(one: _Hinge, others: list[_Hinge], size: float) -> Iterator[Array]:
+    """Yield axes that a hinge may have been meant to have: those of others, or through where they meet."""
+    found = [one.axis]
+    for axis in [hinge.axis for hinge in others] + _to_meeting_point(one, others, size):
+        if not any(_parallel(axis, known) for known in found):
+            found.append(axis)
+            yield axis
+
+
+def _to_meeting_point(one: _Hinge, others: list[_Hinge], size: float) -> list[Array]:
+    """Return the direction from a hinge to the point in which the axes of the others meet, if they do."""
+    across = [np.eye(3) - np.outer(hinge.axis, hinge.axis) for hinge in others]
+    if not across:
+        return []
+    rows, at = np.vstack(across), np.concatenate([P @ x.at for P, x in zip(across, others, strict=True)])
+    point, _, rank, _ = np.linalg.lstsq(rows, at, rcond=SAME_AXIS)
+    way = point - one.at
+    far = float(np.linalg.norm(way))
+    missed = float(np.abs(rows @ point - at).max())
+    return [way / far] if rank == 3 and far > SAME_AXIS * size and missed < SAME_AXIS * size else []
 
 
 def _hinges(subject: Subject, closure: Closure, poses: dict[str, Array]) -> tuple[list[_Hinge], list[Array]]:
@@ -68,20 +125,31 @@ def _hinges(subject: Subject, closure: Closure, poses: dict[str, Array]) -> tupl
     There are none where the loop also turns otherwise. A closure that slides and turns is no hinge of which
     one may say that it should turn.
     """
-    out, slides = list[_Hinge](), list[Array]()
-    for joint in _loop(subject, closure):
-        axis = poses[joint.child][:3, :3] @ joint.axis
-        if joint.kind in ("revolute", "continuous"):
-            out.append(_Hinge(joint, axis))
-        elif joint.kind == "prismatic":
-            slides.append(axis)
-        elif joint.kind != "fixed":
-            return [], []
-    if closure.rotation == "parallel" and closure.translations == (0, 1, 2):
-        out.append(_Hinge(closure, (poses[closure.link_a] @ closure.frame_a)[:3, 2]))
-    elif closure.rotation != "fixed":
+    joints = [joint for joint in _loop(subject, closure) if joint.kind not in (*HINGES, "fixed")]
+    if any(joint.kind != "prismatic" for joint in joints) or not (_is_hinge(closure) or _is_fixed(closure)):
         return [], []
-    return out, slides
+    return _turning(subject, closure, poses), [poses[joint.child][:3, :3] @ joint.axis for joint in joints]
+
+
+def _turning(subject: Subject, closure: Closure, poses: dict[str, Array]) -> list[_Hinge]:
+    """Return the hinges of a closure's loop."""
+    out = list[_Hinge]()
+    for joint in _loop(subject, closure):
+        if joint.kind in HINGES:
+            frame = poses[joint.child]
+            out.append(_Hinge(joint, frame[:3, :3] @ joint.axis, frame[:3, 3]))
+    if _is_hinge(closure):
+        frame = poses[closure.link_a] @ closure.frame_a
+        out.append(_Hinge(closure, frame[:3, 2], frame[:3, 3]))
+    return out
+
+
+def _is_hinge(closure: Closure) -> bool:
+    return closure.rotation == "parallel" and closure.translations == (0, 1, 2)
+
+
+def _is_fixed(closure: Closure) -> bool:
+    return closure.rotation == "fixed"
 
 
 def _loop(subject: Subject, closure: Closure) -> list[Joint]:
@@ -109,40 +177,76 @@ def _parallel(a: Array, b: Array) -> bool:
 
 def _across(subject: Subject, across: _Hinge, others: list[_Hinge], poses: dict[str, Array]) -> Finding:
     """Return the finding of a hinge that can never turn."""
-    (one, own), normal = across, others[0].axis
-    angle = float(np.degrees(np.arccos(min(1.0, abs(float(own @ normal))))))
-    frame = poses[one.child] if isinstance(one, Joint) else poses[one.link_a] @ one.frame_a
-    wanted = (frame[:3, :3] if isinstance(one, Joint) else frame[:3, :3] @ one.turn.T).T @ normal
-    numbers = " ".join(f"{x:.6g}" for x in np.round(wanted, 9) + 0.0)
-    texts = (
-        f"it can never turn: its axis is at {angle:.3g} degrees to those of {_listed(others)}, the other "
-        f"hinges of its loop, which are parallel{_freedoms(subject, one, normal, poses)}",
-        "the loop has fewer freedoms than its hinges allow, and may close nowhere or be locked",
-        f"if it should turn like them, state its axis in its own frame: {numbers}; an axis that is left out "
-        f"is {'x' if subject.description.format == 'URDF' else 'the default of the format'}",
+    (one, own, _), normal, robot = across, others[0].axis, subject.robot
+    would = None if robot is None else _mobility_with(subject, robot, one, normal, poses)
+    more = ""
+    if robot is not None and would not in (None, robot.mobility):
+        motors, freedoms = counted(len(robot.motors), "motor"), counted(would, "freedom")
+        more = f"; if it were, too, the robot would have {freedoms}, not {robot.mobility} ({motors})"
+    message = (
+        f"it can never turn: its axis is at {_degrees(own, normal):.3g} degrees to those of "
+        f"{_listed(others)}, the other hinges of its loop, which are parallel{more}"
+    )
+    why = "the loop has fewer freedoms than its hinges allow, and may close nowhere or be locked"
+    mend = (
+        "if it should turn like them, state its axis in its own frame: "
+        f"{_in_own_frame(across, normal, poses)}; {_left_out(subject)}"
     )
     if isinstance(one, Joint):
-        return subject.of_joint("axis-across", one.name, *texts)
-    return Finding("axis-across", f"closure '{one.name}'", *texts, *subject.first_place([one.name]))
+        return subject.of_joint("axis-across", one.name, message, why, mend)
+    return Finding("axis-across", _named(one), message, why, mend, *subject.first_place([one.name]))
+
+
+def _taken(
+    subject: Subject, module: Module, found: list[tuple[_Hinge, Array]], poses: dict[str, Array]
+) -> Finding:
+    """Return the finding of a module whose motors ask for freedoms that one of some axes takes."""
+    motors, freedoms = counted(len(module.motors), "motor"), counted(module.mobility, "freedom")
+    ways = "; ".join(f"of {_named(one.of)}: {_in_own_frame(one, axis, poses)}" for one, axis in found)
+    return subject.of_module(
+        "axis-across", module.name,
+        f"an axis of its loops may be wrong: it has {freedoms} for {motors}, and one for each motor if one "
+        f"axis is turned ({counted(len(found), 'way')})",
+        "a module with fewer freedoms than motors is locked, or its motors work against each other",
+        f"nothing if that is meant; or else state one axis, in its own frame: {ways}; {_left_out(subject)}",
+        tuple(one.of.name for one, _ in found),
+    )  # fmt: skip
+
+
+def _in_own_frame(hinge: _Hinge, axis: Array, poses: dict[str, Array]) -> str:
+    """Write an axis, given in the root link at home, in the frame in which a hinge states it."""
+    one = hinge.of
+    frame = poses[one.child] if isinstance(one, Joint) else poses[one.link_a] @ one.frame_a
+    wanted = (frame[:3, :3] if isinstance(one, Joint) else frame[:3, :3] @ one.turn.T).T @ axis
+    return " ".join(f"{x:.6g}" for x in np.round(wanted, 9) + 0.0)
+
+
+def _left_out(subject: Subject) -> str:
+    default = "x" if subject.description.format == "URDF" else "the default of the format"
+    return f"an axis that is left out is {default}"
+
+
+def _named(one: Joint | Closure) -> str:
+    return f"{'joint' if isinstance(one, Joint) else 'closure'} '{one.name}'"
 
 
 def _listed(hinges: list[_Hinge]) -> str:
     return listed(hinge.of.name for hinge in hinges)
 
 
-def _freedoms(subject: Subject, one: Joint | Closure, normal: Array, poses: dict[str, Array]) -> str:
-    """Say how many freedoms the robot would have with a hinge's axis along a normal."""
-    robot = subject.robot
-    if robot is None:
-        return ""
+def _degrees(a: Array, b: Array) -> float:
+    """Return the angle between two lines [degrees]."""
+    return float(np.degrees(np.arccos(min(1.0, abs(float(a @ b))))))
+
+
+def _mobility_with(
+    subject: Subject, robot: HybridRobot, one: Joint | Closure, axis: Array, poses: dict[str, Array]
+) -> int | None:
+    """Return the freedoms of the robot with a hinge's axis along another one, or None if it is no robot."""
     try:
-        would = rebuilt(robot, _with_axis(subject.description, one, normal, poses)).mobility
+        return rebuilt(robot, _with_axis(subject.description, one, axis, poses)).mobility
     except HybridynError:
-        return ""
-    if would == robot.mobility:
-        return ""
-    motors, freedoms = counted(len(robot.motors), "motor"), counted(would, "freedom")
-    return f"; if it were, too, the robot would have {freedoms}, not {robot.mobility} ({motors})"
+        return None
 
 
 def _with_axis(
