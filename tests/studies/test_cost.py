@@ -514,8 +514,14 @@ def test_accelerations_along_a_scene_are_compared_with_those_of_engines(
 
 
 @pytest.mark.slow
-def test_a_scene_that_cannot_be_compiled_is_measured_by_the_general_path() -> None:
+def test_a_scene_that_cannot_be_compiled_is_measured_by_the_general_path(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A wrench over time stays out of compiled models, and out of the operations of single effects."""
+    monkeypatch.setattr(runs, "clock", Clock(tick=2e-3))  # s a step
+    monkeypatch.setattr(runs, "FACTORS", (8.0, 4.0))
+    monkeypatch.setattr(runs, "TOLERANCES", (1e-3, 1e-7))
+    monkeypatch.setattr(runs, "LADDER", (1e-8, 1e-10))
     study = study_runs(stage(ROOT / "models/tanev/push.toml"), 1e-3, seconds=12.0)
     assert study.remarks[0].startswith("no compiled models: the effect 'wrench' cannot be compiled")
     assert all("--engine general" in p.fragment for p in study.points)
@@ -524,7 +530,8 @@ def test_a_scene_that_cannot_be_compiled_is_measured_by_the_general_path() -> No
 
 
 @pytest.mark.slow
-def test_an_event_ends_every_run(tmp_path: Path) -> None:
+def test_an_event_ends_every_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runs, "clock", Clock(tick=1e-4))  # s a step
     text = SWING.read_text().replace("../../", f"{ROOT}/")
     stop = '\n[[events]]\njoint = "m1_left_drive"\nat = 0.49\ndirection = "both"\nstop = true\n'
     study = study_runs(stage(save(tmp_path, text + stop, "event.toml")), 2.0, seconds=3.0)
