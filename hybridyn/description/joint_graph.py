@@ -21,7 +21,7 @@ from .closure_forms import closure_of
 from .groups import Groups
 from .names import unique
 from .placement import inverse
-from .records import FREEDOMS, Array, Closure, Joint, JointKind, RobotFile, massless
+from .records import FREEDOMS, Array, Closure, Coupling, Joint, JointKind, RobotFile, massless
 
 #: Key of the world among those of bodies.
 WORLD = ""
@@ -148,6 +148,21 @@ def step(name: str, kind: JointKind, axis: Array | None = None, /, **numbers: An
         numbers: Limits, friction and rotor, as in `records.Joint`.
     """
     return Joint(name, kind, "", "", np.eye(4), NO_AXIS if axis is None else axis, **numbers)
+
+
+def screw(turn: Joint, slide: str, pitch: float, line: int | None) -> tuple[list[Joint], list[Coupling]]:
+    """Return the chain of a screw, a hinge and a slide along its axis, and the coupling that ties them.
+
+    Args:
+        turn: The hinge.
+        slide: Name of the slide.
+        pitch: Way along the axis [m/rad], positive if right-handed; 0 leaves the hinge.
+        line: Line in the file, or None.
+    """
+    if not pitch:
+        return [turn], []
+    tie = Coupling(slide, ((slide, 1.0), (turn.name, -pitch)), 0.0, line)
+    return [turn, step(slide, "prismatic", turn.axis)], [tie]
 
 
 def add_chain(robot: RobotFile, chain: Sequence[Joint], links: Sequence[str]) -> None:

@@ -30,7 +30,10 @@ ACCEPTED_FORMS = (
 )
 
 #: Elements that are read below `<robot>`.
-READ_TAGS = ("link", "joint", "transmission", "loop", "loop_joint", "coupling")
+READ_TAGS = (
+    "link", "joint", "transmission", "loop", "loop_joint", "coupling", "drake:joint", "drake:ball_constraint",
+    "drake:weld_constraint", "drake:tendon_constraint",
+)  # fmt: skip
 
 #: Elements below `<robot>` that do not affect the dynamics, unless they contain loops.
 HARMLESS_TAGS = (
@@ -45,13 +48,9 @@ LEGACY_FORMS = {
     "joint_constraint": "an early form of URDF+; write <coupling> with <predecessor>, <successor>, <ratio>",
     "constraint": 'a proposal of urdfdom; write it as <loop type="..."> with <predecessor> and <successor>',
     "loopconstraint": "a form of biorbd; write it as <loop>",
-    "drake:ball_constraint": 'a Drake ball constraint; write it as <loop type="spherical">',
     "drake:linear_bushing_rpy": 'a Drake bushing (soft closure); write it as a rigid <loop type="revolute">',
-    "drake:weld_constraint": 'a Drake weld; write it as <loop type="fixed">',
     "drake:distance_constraint": "a Drake distance; write a rod without mass between two balls",
-    "drake:tendon_constraint": "a Drake tendon; hybridyn has no cables, write <coupling> or <mimic>",
     "drake:linear_spring_damper": "a Drake spring between two points; hybridyn has springs in joints",
-    "drake:joint": "a Drake joint; write it as one-freedom joints with massless links between them",
     "cable": "a cable of old Drake; hybridyn has no cables",
 }
 
@@ -166,7 +165,7 @@ def _refuse_inside(node: Node, above: Node, top: Node) -> None:
         if node.tag == "link" and top.tag == "gazebo" and not free:
             raise node.error("is not read inside <gazebo>, and would be lost; move it below <robot>")
     in_part = node.tag in ("link", "joint") and top.tag in ("link", "joint")
-    stray = node.tag in MIMIC_TAGS and not (top.tag == "joint" and direct)
+    stray = node.tag in MIMIC_TAGS and not (top.tag in ("joint", "drake:joint") and direct)
     if node.tag in LOOP_TAGS or in_part or stray:
         raise node.error(f"is not read inside <{above.tag}>")
 

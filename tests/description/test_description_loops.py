@@ -262,10 +262,7 @@ BODIES = '<predecessor link="coupler"/><successor link="rocker"/>'
             '<drake:linear_bushing_rpy><drake:bushing_frameA name="a"/></drake:linear_bushing_rpy>',
             "a Drake bushing",
         ),
-        ('<drake:weld_constraint body="a"/>', "a Drake weld"),
-        ("<drake:ball_constraint/>", "a Drake ball constraint"),
         ('<constraint name="c" type="revolute"/>', "a proposal of urdfdom"),
-        ('<drake:joint name="j" type="ball"/>', "a Drake joint"),
         (
             '<loop_constraint name="l"><parent link="a"/><child link="b"/></loop_constraint>',
             "an early form of URDF+",

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
-from hybridyn.structure.robot import HybridRobot
+from tests.description.drake_plant import AGAINST_DRAKE, Plant
 from tests.description.reading import save_all
 from tests.files import save
 from tests.samples import slow
@@ -15,64 +15,7 @@ from tests.sdf_texts import WORLD, joint, link, random_pair, sdf
 
 pydrake = pytest.importorskip("pydrake", reason="pip install drake")
 
-#: Two programs that multiply the same few matrices.
-AGAINST_DRAKE = 1e-13
-
 VERSIONS = ("1.4", "1.5", "1.6", "1.7", "1.8", "1.9", "1.10", "1.11", "1.12")
-
-
-class Plant:
-    """Drake's model of a file, whose folder is the package "nest".
-
-    Attributes:
-        plant: The model.
-        context: Its state.
-        joints: Its joints by name, with those of the models around them, but for the outermost.
-        bodies: Its bodies but for the world, likewise.
-    """
-
-    def __init__(self, file: Path, name: str) -> None:
-        from pydrake.multibody.parsing import Parser
-        from pydrake.multibody.plant import MultibodyPlant
-        from pydrake.multibody.tree import BodyIndex, JointIndex
-
-        self.plant = plant = MultibodyPlant(0.0)
-        parser = Parser(plant)
-        parser.package_map().Add("nest", str(file.parent))
-        parser.AddModels(str(file))
-        plant.Finalize()
-        self.context = plant.CreateDefaultContext()
-        joints = (plant.get_joint(JointIndex(n)) for n in range(plant.num_joints()))
-        bodies = (plant.get_body(BodyIndex(n)) for n in range(1, plant.num_bodies()))
-        self.joints, self.bodies = (
-            {
-                f"{plant.GetModelInstanceName(one.model_instance())}::{one.name()}".removeprefix(
-                    f"{name}::"
-                ): one
-                for one in many
-            }
-            for many in (joints, bodies)
-        )
-
-    def move(self, robot: HybridRobot, seed: int) -> np.ndarray:
-        """Draw a posture of all joints, and return it for the robot."""
-        draw, q = np.random.default_rng(seed), pin.neutral(robot.model)
-        for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
-            x = float(draw.uniform(-1, 1))
-            q[at] = (np.cos(x), np.sin(x)) if kind == "continuous" else x
-            # Drake counts a joint to the model of its child.
-            theirs = next(one for key, one in self.joints.items() if f"::{key}".endswith(f"::{name}"))
-            (theirs.set_angle if hasattr(theirs, "set_angle") else theirs.set_translation)(self.context, x)
-        return q
-
-    def compare_poses(self, robot: HybridRobot, q: np.ndarray) -> None:
-        """Compare the poses of all bodies."""
-        data = robot.model.createData()
-        pin.framesForwardKinematics(robot.model, data, q)
-        for name, body in self.bodies.items():
-            theirs = self.plant.EvalBodyPoseInWorld(self.context, body).GetAsMatrix4()
-            ours = data.oMf[robot.model.getFrameId(name, pin.BODY)].homogeneous
-            np.testing.assert_allclose(ours, theirs, atol=AGAINST_DRAKE)
 
 
 @pytest.mark.parametrize(("seed", "version"), [(30, "1.6"), *(slow(31, version) for version in VERSIONS)])

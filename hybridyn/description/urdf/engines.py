@@ -44,6 +44,13 @@ KNOWN: dict[str, str] = {
                    "@drake:jerk @command_effort @current @gear_velocity",
     "joint/dynamics": "@damping @friction @rotor_inertia @armature @stiffness @spring_stiffness "
                       "@spring_mount @spring_reference",
+    "drake:joint": "@name @type origin axis mimic drake:mimic calibration safety_controller "
+                   f"drake:screw_thread_pitch {_ROTOR}",
+    "drake:joint/parent": "@link",
+    "drake:joint/child": "@link",
+    "drake:joint/limit": "@lower @upper @velocity @effort @drake:acceleration @drake:jerk",
+    "drake:joint/dynamics": "@damping @friction @stiffness @spring_stiffness @spring_mount "
+                            "@spring_reference",
     "transmission": "@name @type type plugin hardwareInterface motorTorqueConstant "
                     f"use_simulated_gripper_joint mechanical_reduction {_ROTOR}",
     "transmission/joint": f"@name {_HARDWARE} mechanical_reduction {_ROTOR}",

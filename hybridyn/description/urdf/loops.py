@@ -15,6 +15,7 @@ from ..closure_forms import FORMS, Side, closure_of, form_of_rows
 from ..names import did_you_mean, listed
 from ..placement import poses_at_zero, rotation_to_axis
 from ..records import Array, Closure, Coupling, Joint, RobotFile
+from .drake import BALL, WELD, read_ball_constraint, read_weld_constraint
 from .kept_joints import keep_joint
 from .xml_node import Node, axis_of, origin_of
 
@@ -92,7 +93,9 @@ def read_loop_joint(node: Node) -> Closure:
 
 
 #: Readers of closures by the name of their element.
-CLOSURE_READERS = {"loop": read_loop, "loop_joint": read_loop_joint}
+CLOSURE_READERS = {
+    "loop": read_loop, "loop_joint": read_loop_joint, BALL: read_ball_constraint, WELD: read_weld_constraint,
+}  # fmt: skip
 
 
 def read_coupling(node: Node, parents: Mapping[str, Joint | None]) -> Coupling:

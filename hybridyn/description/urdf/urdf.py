@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Any, cast, get_args
 
 import numpy as np
@@ -25,6 +26,7 @@ from ..records import (
     massless,
     spring_effect,
 )
+from .drake import PITCH, TENDON, is_drakes, read_drake_joint, read_tendon
 from .engines import dropped
 from .gazebo import read_gazebo
 from .loops import add_closures, forces_of, pose_of, read_coupling, read_mimic
@@ -64,7 +66,8 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
     refuse_unread_loops(root, robot.notes)
     robot.links += [_read_link(node, robot.notes) for node in root.children("link")]
     nodes = root.children("joint")
-    robot.joints += [_read_joint(node, robot) for node in nodes]
+    for node in root.children("joint", "drake:joint"):
+        _add_joint(node, robot)
     independent = {node.text("name") for node in nodes if node.flag("independent", True)}
     if any(joint.parent == "world" for joint in robot.joints) and all(x.name != "world" for x in robot.links):
         robot.links.insert(0, massless("world"))
@@ -74,7 +77,8 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
     parents |= {joint.child: joint for joint in robot.joints}
     robot.couplings += [read_coupling(node, parents) for node in root.children("coupling")]
     read_gazebo(root, robot)
-    _state_motors(robot, root, independent)
+    robot.couplings += [read_tendon(node) for node in root.children(TENDON)]
+    _state_motors(robot, root, independent, len(nodes))
     _add_armatures(robot, nodes)
     if robot.springs:
         robot.effects += (spring_effect(robot.springs),)
@@ -105,11 +109,16 @@ def _armature(dynamics: Node) -> float:
     return max(stated)
 
 
-def _state_motors(robot: RobotFile, root: Node, independent: set[str]) -> None:
-    """Add the motors that the file states by transmissions (with their rotors) and `independent=`."""
+def _state_motors(robot: RobotFile, root: Node, independent: set[str], joints: int) -> None:
+    """Add the motors that the file states by transmissions (with their rotors) and `independent=`.
+
+    Args:
+        independent: Names of the joints that do not say that they are dependent.
+        joints: The number of `<joint>`.
+    """
     if rotors := read_transmissions(root, robot):
         robot.joints = [replace(joint, **rotors.get(joint.name, {})) for joint in robot.joints]
-    if len(independent) < len(robot.joints) - len(robot.closing):
+    if len(independent) < joints:
         driven = [j.name for j in robot.joints if j.name in independent and FREEDOMS[j.kind] == 1]
         where = 'URDF+ joints with independent="true"'
         robot.motors.append(MotorStatement("independent", where, tuple(driven), root.file))
@@ -136,6 +145,28 @@ def _read_link(node: Node, notes: list[str]) -> Link:
     return Link(name, mass, origin[:3, 3], origin[:3, :3] @ inertia @ origin[:3, :3].T, node.line)
 
 
+def _add_joint(node: Node, robot: RobotFile) -> None:
+    """Add a `<joint>` or a `<drake:joint>` to the robot, and the coupling of its `<mimic>`."""
+    name = node.text("name")
+    if not is_drakes(node):
+        robot.joints.append(_read_joint(node, robot))
+    else:
+        node.refuse_misspelt(["name", "type"], (*JOINT_PARTS, *ROTOR_TAGS, PITCH))
+        read_drake_joint(node, robot, partial(_numbers, robot=robot))
+    if mimic := node.child("mimic", "drake:mimic"):
+        coupling = read_mimic(mimic, name)
+        if node.text("type") == "fixed":
+            robot.notes.append(f"joint '{name}' ({node.where}) is fixed; its <mimic> has no effect")
+        else:
+            robot.couplings.append(coupling)
+
+
+def _numbers(node: Node, name: str, kind: JointKind, robot: RobotFile) -> dict[str, Any]:
+    """Return rotor, limits and friction of a joint, and add its spring to the robot."""
+    limits = _limits(node.child("limit"), name, kind, robot.notes)
+    return {**read_rotor(node), **limits, **_forces(node.child("dynamics"), name, kind, robot)}
+
+
 def _read_joint(node: Node, robot: RobotFile) -> Joint:
     node.refuse_misspelt(["name", "type", "independent"], JOINT_PARTS)
     name, kind, axis = node.text("name"), _joint_kind(node), node.child("axis")
@@ -144,7 +175,7 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
         if unknown := [attribute for attribute in axis.attributes() if attribute != "xyz"]:
             where = "{}:{}: ".format(*axis.place) + f"{listed(unknown)} of the <axis> of joint '{name}'"
             robot.notes.append(f"{where} is ignored, as other readers do")
-    joint = Joint(
+    return Joint(
         name=name,
         kind=kind,
         parent=node.required_child("parent").text("link"),
@@ -152,17 +183,8 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
         placement=pose_of(node.child("origin")),
         axis=_axis(axis, kind, node),
         line=node.line,
-        **read_rotor(node),
-        **_limits(node.child("limit"), name, kind, robot.notes),
-        **_forces(node.child("dynamics"), name, kind, robot),
+        **_numbers(node, name, kind, robot),
     )
-    if mimic := node.child("mimic", "drake:mimic"):
-        coupling = read_mimic(mimic, name)
-        if kind == "fixed":
-            robot.notes.append(f"joint '{name}' ({node.where}) is fixed; its <mimic> has no effect")
-        else:
-            robot.couplings.append(coupling)
-    return joint
 
 
 def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:

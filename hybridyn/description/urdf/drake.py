@@ -1,0 +1,241 @@
+"""Read Drake's own elements of a URDF: joints, and constraints between two links.
+
+A `<drake:joint>` with several axes is a chain of joints with massless links between them, as in SDF. A screw
+is a hinge and a slide, which a coupling ties. Its pitch is the way per turn [m], positive if right-handed.
+
+Source: Drake's reader of URDF; the frames are those of `UniversalJoint`, `PlanarJoint`, `ScrewJoint`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...spatial import rotation_from_axis_angle
+from ..closure_forms import closure_of
+from ..joint_graph import add_chain, screw, step
+from ..names import did_you_mean, listed, unique
+from ..placement import placement_from
+from ..records import Array, Closure, Coupling, Joint, JointKind, RobotFile
+from .xml_node import Node, axis_of, origin_of
+
+X, Y, Z = np.eye(3)
+
+BALL, WELD, TENDON = "drake:ball_constraint", "drake:weld_constraint", "drake:tendon_constraint"
+
+#: Kinds of joints that `<drake:joint>` may have. Drake has the others as `<joint>`.
+KINDS = ("ball", "planar", "screw", "universal")
+
+#: The pitch of a screw.
+PITCH = "drake:screw_thread_pitch"
+
+#: Elements of rotors.
+ROTORS = ("rotor_inertia", "drake:rotor_inertia", "gear_ratio", "drake:gear_ratio")
+
+#: Reads `<limit>`, `<dynamics>` and the rotor of a joint of a kind, as fields of `records.Joint`.
+Numbers = Callable[[Node, str, JointKind], dict[str, Any]]
+
+
+def read_ball_constraint(node: Node) -> Closure:
+    """Read `<drake:ball_constraint>`: point P of body A and point Q of body B coincide."""
+    return _between(node, "spherical", {"p_AP": _point, "p_BQ": _point})
+
+
+def read_weld_constraint(node: Node) -> Closure:
+    """Read `<drake:weld_constraint>`: frame P of body A and frame Q of body B coincide.
+
+    Drake's reader has no such element. Its words are those of `AddWeldConstraint`; a frame that is left out
+    is that of the body.
+    """
+    return _between(node, "fixed", {"X_AP": _frame, "X_BQ": _frame}, needed=False)
+
+
+def _between(
+    node: Node, kind: str, places: dict[str, Callable[[Node], Array]], *, needed: bool = True
+) -> Closure:
+    """Return a closure of two bodies; `places` reads where it is in each, which is stated if `needed`."""
+    words = {word: f"{node.tag}_{word}" for word in ("body_A", "body_B", *places)}
+    node.only(["name"], [*words.values()])
+    sides = []
+    for body, (word, place) in zip(("body_A", "body_B"), places.items(), strict=True):
+        link, at = node.required_child(words[body]), node.child(words[word])
+        link.only(["name"], [])
+        if at is None and needed:
+            raise node.error(f"<{words[word]}> is missing")
+        sides.append((link.text("name"), np.eye(4) if at is None else place(at)))
+    return closure_of(_name(node), kind, sides, line=node.line)
+
+
+def _name(node: Node) -> str:
+    """Return the name of a constraint: stated, or its word with its number among those of the file."""
+    number = 1 + sum(1 for _ in node.xml.itersiblings(node.xml.tag, preceding=True))
+    return node.xml.get("name", "").strip() or f"{node.tag.rpartition(':')[2]}{number}"
+
+
+def _point(node: Node) -> Array:
+    node.only(["value"], [])
+    return placement_from(np.eye(3), node.numbers("value", 3))
+
+
+def _frame(node: Node) -> Array:
+    node.only(["xyz", "rpy", "quat_xyzw"], [])
+    return origin_of(node)
+
+
+def read_tendon(node: Node) -> Coupling:
+    """Read a `<drake:tendon_constraint>` of fixed length: sum of a x position + offset = limit.
+
+    Raises:
+        ModelError: The length may vary, or the tendon is elastic.
+    """
+    words = {
+        word: f"{TENDON}_{word}" for word in ("offset", "lower_limit", "upper_limit", "stiffness", "damping")
+    }
+    node.only(["name"], [f"{TENDON}_joint", *words.values()])
+    stated = {word: child.number("value") for word, tag in words.items() if (child := node.child(tag))}
+    lower, upper = stated.get("lower_limit", -math.inf), stated.get("upper_limit", math.inf)
+    if lower != upper or {"stiffness", "damping"} & stated.keys():
+        raise node.error(
+            "a tendon whose length may vary is not read; a rigid one states the same lower and upper limit, "
+            "and neither stiffness nor damping"
+        )
+    joints = node.children(f"{TENDON}_joint")
+    for joint in joints:
+        joint.only(["name", "a"], [])
+    terms = tuple((joint.text("name"), joint.number("a")) for joint in joints)
+    return Coupling(_name(node), terms, lower - stated.get("offset", 0.0), node.line)
+
+
+def is_drakes(node: Node) -> bool:
+    """Return whether a joint is one of Drake: by its tag, or planar with a damping for each freedom."""
+    dynamics = node.child("dynamics")
+    three = dynamics is not None and len(dynamics.xml.get("damping", "").split()) == 3
+    return node.tag == "drake:joint" or (three and node.xml.get("type") == "planar")
+
+
+def read_drake_joint(node: Node, robot: RobotFile, numbers: Numbers) -> None:
+    """Add a `<drake:joint>` to the robot.
+
+    Args:
+        node: The element.
+        robot: The robot, which has its links.
+        numbers: Reads what the joint states beside its frames.
+
+    Raises:
+        ModelError: Drake has no such joint, or it has one whose path is a curve.
+    """
+    kind = node.text("type")
+    if kind == "curvilinear":
+        raise node.error(
+            "a joint along a curve is not read: hybridyn has no path of arcs; write slides and hinges"
+        )
+    if kind not in KINDS:
+        raise node.error(
+            f"Drake has no such type '{kind}'{did_you_mean(kind, KINDS)} in <drake:joint>; known: "
+            f"{listed(KINDS)}. Those of URDF stand in <joint>"
+        )
+    if kind != "screw" and node.children(*ROTORS):
+        raise node.error(f"a rotor does not say about which axis of a {kind} joint it turns; write hinges")
+    ends = [node.required_child(tag).text("link") for tag in ("parent", "child")]
+    axis = _stated_axis(node, kind, robot)
+    chain = CHAINS[kind](node, axis, robot, numbers)
+    chain[0] = replace(chain[0], placement=origin_of(node.child("origin")) @ chain[0].placement)
+    taken = {link.name for link in robot.links}
+    between = [unique(f"{ends[1]}_{one.name}", taken) for one in chain[:-1]]
+    add_chain(robot, [replace(one, line=node.line) for one in chain], [ends[0], *between, ends[1]])
+
+
+def _stated_axis(node: Node, kind: str, robot: RobotFile) -> Array:
+    """Return the unit axis of a joint; note one that Drake ignores."""
+    axis = node.child("axis")
+    if axis is not None and kind in ("ball", "universal"):
+        place = "{}:{}".format(*axis.place)
+        turns = "about x, then y of its frame" if kind == "universal" else "about every axis"
+        robot.notes.append(
+            f"{place}: the axis of {kind} joint '{node.text('name')}' is ignored: it turns {turns}, as in "
+            "Drake"
+        )
+    return axis_of(axis)
+
+
+def _joint_names(node: Node, robot: RobotFile, *endings: str) -> list[str]:
+    """Return names of joints that no joint of the file has: that of the joint with each ending."""
+    above = node.xml.getparent()
+    found = Node(above, node.file).children("joint", "drake:joint") if above is not None else []
+    taken = {str(one.xml.get("name", "")) for one in found} | {joint.name for joint in robot.joints}
+    return [unique(f"{node.text('name')}{ending}", taken) for ending in endings]
+
+
+def _ball(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
+    return [step(node.text("name"), "spherical", **numbers(node, node.text("name"), "spherical"))]
+
+
+def _universal(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
+    """Return hinges about x and y. The damping is that of each."""
+    names = _joint_names(node, robot, "_1", "_2")
+    stated = numbers(node, node.text("name"), "spherical")
+    return [step(name, "revolute", turn, **stated) for name, turn in zip(names, (X, Y), strict=True)]
+
+
+def _screw(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
+    """Return hinge and slide; the friction of the screw is that of the hinge."""
+    pitch = node.required_child(PITCH)
+    pitch.only(["value"], [])
+    name, (slide,) = node.text("name"), _joint_names(node, robot, "_slide")
+    turn = step(name, "revolute", axis, **numbers(node, name, "revolute"))
+    chain, couplings = screw(turn, slide, pitch.number("value") / (2 * math.pi), node.line)
+    robot.couplings += couplings
+    return chain
+
+
+def _planar(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
+    """Return a planar joint, or slides and a hinge where its three dampings differ, and a weld to the link.
+
+    The normal is the axis. The frame of the joint is that of the child, turned by the least angle.
+    """
+    name, dynamics = node.text("name"), node.child("dynamics")
+    x = (
+        dynamics.numbers("damping", 3)
+        if dynamics is not None and "damping" in dynamics.xml.attrib
+        else np.zeros(3)
+    )
+    if (x < 0).any():
+        raise node.error(f"joint '{name}' has negative damping ({listed(map(str, x))})")
+    if node.child("limit") is not None:
+        robot.notes.append(
+            f"joint '{name}' ({node.where}): limits of a planar joint are ignored, as in Drake"
+        )
+    turn = least_turn(axis)
+    place, back = placement_from(turn, np.zeros(3)), placement_from(turn.T, np.zeros(3))
+    if x.any():
+        names = _joint_names(node, robot, "_x", "_y", "_turn")
+        kinds: list[JointKind] = ["prismatic", "prismatic", "revolute"]
+        chain = [
+            step(each, kind, along, damping=float(damping))
+            for each, kind, along, damping in zip(names, kinds, (X, Y, Z), x, strict=True)
+        ]
+    else:
+        chain = [step(name, "planar", Z)]
+    if not np.array_equal(turn, np.eye(3)):
+        (weld,) = _joint_names(node, robot, "_frame")
+        chain.append(replace(step(weld, "fixed"), placement=back))
+    chain[0] = replace(chain[0], placement=place)
+    return chain
+
+
+def least_turn(axis: Array) -> Array:
+    """Return the rotation by the least angle that maps z to a unit axis, shape (3, 3); about x for -z."""
+    across = np.cross(Z, axis)
+    sine = float(np.linalg.norm(across))
+    about = across / sine if sine else X
+    return rotation_from_axis_angle(about, np.asarray(axis[2]), np.asarray(sine))
+
+
+#: Makers of chains by the type of the joint.
+CHAINS: dict[str, Callable[[Node, Array, RobotFile, Numbers], list[Joint]]] = {
+    "ball": _ball, "universal": _universal, "screw": _screw, "planar": _planar,
+}  # fmt: skip
