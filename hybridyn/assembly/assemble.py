@@ -69,8 +69,8 @@ def assemble(
             y, z, roll, pitch, yaw to numbers or shapes (T,); an orientation may also be qx, qy, qz, qw or
             rx, ry, rz (axis times angle), with rates wx, wy, wz. For a moving or floating base, the root
             link's name stands for the pose of the base in the world (at rest by default). A pose may go
-            through several modules; where these have more freedoms than it prescribes, their motors move
-            least from row to row, each measured by its range.
+            through several modules; where it leaves freedoms of motors, the motors move least from row to
+            row, each measured by its range.
         guess: Initial posture, shape (nq,). If it closes the loops to 1e-3 module lengths, all that is given
             moves straight from there to the first sample, on the guess's assembly branch. From another one,
             and from the home posture, which is the default, the first sample is on that branch if the branch

@@ -48,7 +48,7 @@ def move_link(robot: HybridRobot, link: str, way: Mapping[str, Array] | Array, g
         robot: The robot.
         link: "link" or "link@other".
         way: Its present and its new pose in the other link, shape (2, 7), or some coordinates, shape (2,)
-            each [m or rad]; with the closures these determine the posture of a module that moves it alone.
+            each [m or rad].
         guess: Initial posture of the robot with closed loops, shape (nq,).
 
     Returns:

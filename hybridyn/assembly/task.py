@@ -239,6 +239,17 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest, *, a
     return Task(problem, request.known, request.given, tolerance, module.name, names)
 
 
+def left_open(robot: HybridRobot, module: Module, request: ModuleRequest) -> int:
+    """Return the number of motions, idle ones apart, that what is given in a module leaves free."""
+    problem = module_task(robot, module, request, alone=False).problem
+    if problem.rank == int(problem.free.sum()):
+        return 0
+    m = module.mechanism
+    motion = _open_motions(problem, problem.matrix(m.tree.sweep(m.postures)))
+    s = np.linalg.svd(_moved(module, problem, motion)[0], compute_uv=False)
+    return int(np.sum(s > IDLE))
+
+
 def check_determined(robot: HybridRobot, module: Module, problem: LoopProblem, generic: Array) -> int:
     """Compute the generic rank of a problem's rows over its free freedoms, and check that it suffices.
 

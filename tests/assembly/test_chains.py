@@ -24,11 +24,14 @@ from tests.shipped import shipped, states_near_home
 
 REACHED = 1e-10  # of positions, rates and accelerations, relative to the largest
 LEAST = 1e-4  # of the rule: joints without a motor count a thousandth of it, squared, times their number
+ALMOST = 2e-3  # the same in platforms of motors with short ranges, whose other joints turn much
 STEP = 5e-4  # of time in central differences [s]
 DIFFERENCED = 2e-4  # relative, of rates: truncation STEP^2 of motions of size 1 in some 0.1 s
 DRIFTED = 2e-2  # of positions, whose rule goes from row to row: error STEP
 #: Kinds of stacks, with the links between which a pose is given: of the last module's output, or of others.
 STACKS = ("stack", "stewart_arm", "scara_delta", "branched", "legged", "chain_of_bars", "serial")
+#: Mechanisms of one module, whose outputs have more freedoms than two, or as many.
+ALONE = ("gough", "gough_eight_motors", "delta_bars", "planar_rpr", "rps3")
 #: Those whose last link moves in all directions.
 NUDGED = ("stack", "stewart_arm")
 
@@ -61,14 +64,15 @@ def least(
 ) -> Array:
     """Compute the least rates of the motors over their spans, by the oracle's motions, Pinocchio's twists.
 
-    `measured` holds what their motion is measured by instead, shape (motors,).
+    `twist` holds the first components of the link's, those that are given; `measured` holds what the motors'
+    motion is measured by instead, shape (motors,).
     """
     by = spans(robot) if measured is None else measured
     Z = Oracle(robot.description).motions(q)
     still = np.zeros_like(Z.T)
-    J = of_link(robot, np.tile(q, (Z.shape[1], 1)), Z.T, still, link, other)[1].T
-    moved = Z[robot.motor_v] / by[:, None]
-    return np.linalg.pinv(J @ np.linalg.inv(moved), rcond=1e-9) @ twist
+    J = of_link(robot, np.tile(q, (Z.shape[1], 1)), Z.T, still, link, other)[1].T[: len(twist)]
+    Q, R = np.linalg.qr(Z[robot.motor_v] / by[:, None])
+    return Q @ np.linalg.pinv(J @ np.linalg.inv(R), rcond=1e-9) @ twist
 
 
 @pytest.mark.parametrize(
@@ -98,6 +102,47 @@ def test_poses_through_random_stacks_are_reached_by_the_least_motion(kind: str, 
             q = hybridyn.assemble(robot, motors=held, platforms={key: near}, guess=q0[i])[0]
             assert closure_residual(robot, q) < REACHED
             close_to(of_link(robot, q[None], v[None], a[None], link, other)[0][0, :3], near[:3], REACHED)
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [*zip(ALONE, range(5), strict=True), *(slow(kind, seed) for kind in ALONE for seed in range(8, 14))],
+)
+def test_a_partial_pose_within_one_module_moves_its_motors_least(kind: str, seed: int) -> None:
+    """Of platforms with three to six freedoms, two numbers are given; or one of three."""
+    robot, (q0, v0, a0) = stacked(kind, seed)
+    link, base = robot.modules[0].name, robot.modules[0].base
+    pose, twist, change = of_link(robot, q0, v0, a0, link, base)
+    for i, names in enumerate((("x", "y"), ("x",))):
+        levels = tuple(dict(zip(names, x[i], strict=False)) for x in (pose, twist, change))
+        q, v, a = hybridyn.assemble(robot, platforms={f"{link}@{base}": levels}, guess=q0[i])
+        assert far_apart(robot, q[None], q0[i : i + 1]) < REACHED
+        found = of_link(robot, q[None], v[None], a[None], link, base)
+        for one, wanted in zip(found, (pose, twist, change), strict=True):
+            close_to(one[0, : len(names)], wanted[i, : len(names)], REACHED)
+        close_to(v[robot.motor_v] / spans(robot), least(robot, q, link, base, twist[i, : len(names)]), ALMOST)
+
+
+@pytest.mark.parametrize(("name", "names"), [("gough_stewart", "xy"), ("delta", "z"), slow("lx4", "xz")])
+def test_a_platform_follows_some_coordinates_by_the_rule(name: str, names: str) -> None:
+    """Rates are by differences those of the positions, accelerations those of the rates."""
+    robot = build_robot(shipped(name))
+    link, base = robot.modules[0].name, robot.modules[0].base
+    still = np.zeros((1, robot.nv))
+    home = of_link(robot, robot.home[None], still, still, link, base)[0][0, :3]
+    t = 0.5 + STEP * np.arange(-3, 4)
+    waves = [
+        (0.03 * (np.sin(w * t) - np.sin(w / 2)), 0.03 * w * np.cos(w * t), -0.03 * w * w * np.sin(w * t))
+        for w in (2.0, 3.0)
+    ]
+    at = ["xyz".index(n) for n in names]
+    levels = tuple(
+        {n: home[i] * (k == 0) + w[k] for n, i, w in zip(names, at, waves, strict=False)} for k in range(3)
+    )
+    others = {m: 0.0 for m in robot.motors if m not in robot.modules[0].motors}
+    q, v, a = hybridyn.assemble(robot, motors=others, platforms={f"{link}@{base}": levels})
+    close_to((q[4] - q[2])[robot.motor_q] / (2 * STEP), v[3][robot.motor_v], DRIFTED)
+    close_to((v[4] - v[2]) / (2 * STEP), a[3], DIFFERENCED)
 
 
 @pytest.mark.parametrize("name", ["stewart_ur5", *map(slow, ("lx4", "scara_delta"))])

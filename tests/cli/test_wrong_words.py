@@ -110,8 +110,8 @@ ASKED = [
     ("idm arm.urdf spaces.csv", "spaces.csv: has spaces between its columns: write commas"),
     ("idm arm.urdf bare.txt", "bare.txt: has spaces between its columns: write commas, under a first line"),
     (
-        "idm gough_stewart part.csv -o out.csv",
-        "part.csv: module 'm1_platform': what is given leaves 5 of its 6 freedoms",
+        "idm stewart_ur5 part.csv -o out.csv",
+        "part.csv: module 'shoulder_link': what is given leaves 1 of its 1 freedoms",
     ),
     ("idm five_bar --map m1_left_elbw", "unknown joint 'm1_left_elbw' (did you mean 'm1_left_elbow'?)"),
     (f"{ANKLE},rol --grid 3", "unknown joint 'rol' (did you mean 'roll'?)"),

@@ -15,14 +15,13 @@ from ..poses import PoseRequest
 from ..requests import Requests
 from ..task import Task, module_task
 from .bodies import ChainMotion
-from .coupling import Chain, is_own, ways_between
+from .coupling import Chain, is_own, own_requests, ways_between
 from .problem import ChainProblem, Relative
 from .solve import (
     chain_problem,
     chain_task,
     cut_positions,
     generic_motion,
-    own_requests,
 )
 from .task import ChainTask
 

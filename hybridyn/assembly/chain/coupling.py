@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from ...description.groups import Groups
-from ...errors import AssemblyError
 from ...structure.robot import HybridRobot
-from ..module_request import module_request
+from ..module_request import ModuleRequest, module_request
 from ..poses import PoseRequest
 from ..requests import Requests
-from ..task import module_task
+from ..task import left_open
+from .least import driven_alone
 
 #: Modules with their body on the way from a link to the root, the outermost first.
 Way = list[tuple[int, int]]
@@ -52,81 +52,123 @@ def is_own(pose: PoseRequest, ways: tuple[Way, Way]) -> bool:
     return pose.frame is None and len(ways[0]) == 1 and not ways[1]
 
 
-def own_request(robot: HybridRobot, requests: Requests, number: int) -> Requests:
-    """Return the requests with those poses of a module alone that are in its own base."""
-    poses = [
-        pose
-        for pose in requests.poses
-        if is_own(pose, ways := ways_between(robot, pose)) and ways[0][0][0] == number
-    ]
-    return requests._replace(poses=tuple(poses))
+class _Passing(NamedTuple):
+    """A pose and the modules that it passes.
+
+    Attributes:
+        pose: The pose.
+        modules: Modules between its two links.
+        beyond: Those of them that move the other link.
+        owner: The module that moves its link in the body where both ways meet; -1 if none does.
+        own: Whether it is relative to the base of that module.
+    """
+
+    pose: PoseRequest
+    modules: frozenset[int]
+    beyond: frozenset[int]
+    owner: int
+    own: bool
+
+    def alone(self, robot: HybridRobot) -> PoseRequest | None:
+        """Return the pose as one in the base of its link's module, if this module can meet it alone.
+
+        Only what it determines is the same there.
+        """
+        if self.own:
+            return self.pose
+        if self.pose.motion is None or max(self.beyond, default=-1) >= self.owner:
+            return None
+        return self.pose._replace(other=robot.modules[self.owner].base, frame=None)
+
+
+def own_requests(robot: HybridRobot, requests: Requests, chain: Chain) -> list[ModuleRequest]:
+    """Return what is given in each module of a chain alone, and not by the chain's poses."""
+    rest = [one for one in _passing(robot, requests) if all(one.pose is not pose for pose in chain.poses)]
+    own = [requests._replace(poses=_own_poses(rest, k)) for k in chain.modules]
+    return [module_request(one, robot, k, {}) for k, one in zip(chain.modules, own, strict=True)]
 
 
 def chains_of(robot: HybridRobot, requests: Requests) -> tuple[Requests, list[Chain]]:
     """Return the requests that each module meets alone, and the chains that meet the other poses.
 
-    A whole pose of a link whose own module alone is open is met by that module alone.
+    A pose that determines what is open of its link's module is met by this module alone. Poses of a module
+    alone that leave it freedoms of its motors are met by a chain of that module.
     """
-    known = [(ways_between(robot, pose), pose) for pose in requests.poses]
-    if all(is_own(pose, way) for way, pose in known):
-        return requests, []
-    known.sort(key=lambda pair: pair[0][0][0][0] if pair[0][0] else -1)  # the poses nearer to the root first
-    ways, poses = [way for way, _ in known], [pose for _, pose in known]
-    own = [is_own(pose, way) for way, pose in known]
-    between = {k for way, alone in zip(ways, own, strict=True) if not alone for side in way for k, _ in side}
-    still_open = {k for k in between if not _is_determined(robot, requests, k)}
-    coupled: list[set[int]] = []
-    for (way, pose), meets in zip(known, own, strict=True):
-        coupled.append(set() if meets else _coupled(way, pose, still_open))
-        if not (coupled[-1] or meets):
-            still_open.discard(way[0][0][0])
-    passed = [
-        set() if meets else {k for side in way for k, _ in side} for way, meets in zip(ways, own, strict=True)
-    ]
-    groups: Groups[int] = Groups()
-    members, wanted = set[int](), coupled
+    poses = _passing(robot, requests)
+    still_open = _open_modules(robot, requests, poses)
+    coupled = _coupled(robot, requests, poses, still_open)
     while True:
-        for modules in wanted:
-            groups.join_all(sorted(modules))
-            members |= modules
+        members = frozenset[int]().union(*coupled)
         # A pose through a module of a chain belongs to it, also if its link's own module could meet it alone.
         grown = [
-            one | (modules & members) | ({way[0][0][0]} if modules & members and not one else set())
-            for one, modules, way in zip(coupled, passed, ways, strict=True)
+            now
+            if one.own or not one.modules & members
+            else (now or frozenset({one.owner})) | one.modules & members
+            for one, now in zip(poses, coupled, strict=True)
         ]
-        if grown == wanted:
+        if grown == coupled:
             break
-        wanted = grown
-    alone = tuple(pose for pose, modules in zip(poses, wanted, strict=True) if not modules)
-    chains = [
-        Chain(tuple(modules), tuple(_within(modules, poses, wanted)))
-        for modules in groups.classes(sorted(members))
-    ]
-    return requests._replace(poses=alone), chains
+        coupled = grown
+    groups: Groups[int] = Groups()
+    for modules in coupled:
+        groups.join_all(sorted(modules))
+    chains = []
+    for own in groups.classes(sorted(members)):
+        met = (one.pose for one, modules in zip(poses, coupled, strict=True) if modules & {*own})
+        chains.append(Chain(tuple(own), tuple(met)))
+    alone = [one for one, modules in zip(poses, coupled, strict=True) if not modules]
+    for k in sorted(still_open - members):
+        if (own_poses := _own_poses(alone, k)) and driven_alone(robot.modules[k]):
+            chains.append(Chain((k,), own_poses))
+            alone = [one for one in alone if not (one.own and one.owner == k)]
+    return requests._replace(poses=tuple(one.pose for one in alone)), chains
 
 
-def _coupled(ways: tuple[Way, Way], pose: PoseRequest, still_open: Collection[int]) -> set[int]:
-    """Return the modules that a pose couples; none where the link's own module meets it alone."""
-    link, other = ({k for k, _ in way} for way in ways)
-    left = (link | other) & set(still_open)
-    owner = ways[0][0][0] if ways[0] else -1
-    if pose.motion is not None and left <= {owner} and owner not in other and max(other, default=-1) < owner:
-        return set()
-    return left or {max(link | other)}
+def _passing(robot: HybridRobot, requests: Requests) -> list[_Passing]:
+    """Return the poses of requests, those nearer to the root first."""
+    out = []
+    for pose in requests.poses:
+        ways = ways_between(robot, pose)
+        link, other = (frozenset(k for k, _ in way) for way in ways)
+        owner = ways[0][0][0] if ways[0] else -1
+        out.append(_Passing(pose, link | other, other, owner, is_own(pose, ways)))
+    return sorted(out, key=lambda one: one.owner)
 
 
-def _within(
-    modules: Iterable[int], poses: Iterable[PoseRequest], wanted: Iterable[set[int]]
-) -> Iterable[PoseRequest]:
-    """Return the poses that couple some modules."""
-    return (pose for pose, coupled in zip(poses, wanted, strict=True) if coupled & set(modules))
+def _own_poses(poses: Iterable[_Passing], number: int) -> tuple[PoseRequest, ...]:
+    """Return those of some poses that are in the base of a module."""
+    return tuple(one.pose for one in poses if one.own and one.owner == number)
 
 
-def _is_determined(robot: HybridRobot, requests: Requests, number: int) -> bool:
-    """Return whether what is given in a module's own base determines its posture."""
-    request = module_request(own_request(robot, requests, number), robot, number, {})
-    try:
-        module_task(robot, robot.modules[number], request)
-    except AssemblyError:
-        return False
-    return True
+def _open_modules(robot: HybridRobot, requests: Requests, poses: Sequence[_Passing]) -> set[int]:
+    """Return the modules that poses pass, and that what is given in their own base leaves open."""
+    passed = sorted(frozenset[int]().union(*(one.modules for one in poses)))
+    return {k for k in passed if _leaves_open(robot, requests, k, _own_poses(poses, k))}
+
+
+def _coupled(
+    robot: HybridRobot, requests: Requests, poses: Sequence[_Passing], still_open: set[int]
+) -> list[frozenset[int]]:
+    """Return the modules that each pose couples; none where its link's own module meets it alone.
+
+    Modules that are met alone by poses of other bases are taken from `still_open`.
+    """
+    out = list[frozenset[int]]()
+    for one in poses:
+        left, k = one.modules & still_open, one.owner
+        alone = one.alone(robot) if left <= {k} else None
+        if alone and left and not one.own:
+            met = _leaves_open(robot, requests, k, (*_own_poses(poses, k), alone))
+            alone = None if met else alone
+        if one.own or alone:
+            out.append(frozenset())
+            still_open -= set() if one.own else {k}
+        else:
+            out.append(left or frozenset({max(one.modules)}))
+    return out
+
+
+def _leaves_open(robot: HybridRobot, requests: Requests, number: int, poses: Iterable[PoseRequest]) -> bool:
+    """Return whether given joints and some poses in a module's base leave it freedoms."""
+    first = requests._replace(poses=tuple(poses)).part(0, 1)
+    return left_open(robot, robot.modules[number], module_request(first, robot, number, {})) > 0

@@ -13,17 +13,19 @@ from ...linkage.reduction import decide_rank
 from ...linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target, TurnTarget, named_rows
 from ...linkage.tree import Motion
 from ...spatial import Array
+from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..follow import follow
-from ..module_request import ModuleRequest, body_in_tree, module_request
+from ..free_motions import IDLE, effects
+from ..module_request import ModuleRequest, body_in_tree
 from ..poses import PoseRequest
 from ..requests import Requests, in_root
 from ..spanning import settled, spanning_states
 from ..task import Task, module_task
 from .bodies import Carried, ChainMotion, Place
-from .coupling import Chain, chains_of, own_request, way_to_root
+from .coupling import Chain, chains_of, own_requests, way_to_root
 from .least import ease_of
-from .problem import ChainProblem, Relative
+from .problem import ChainProblem, Relative, Split
 from .rates import ChainRates
 from .task import ChainTask
 
@@ -133,11 +135,6 @@ class _Known:
         return self._motions[number]
 
 
-def own_requests(robot: HybridRobot, requests: Requests, chain: Chain) -> list[ModuleRequest]:
-    """Return what is given in each module of a chain alone."""
-    return [module_request(own_request(robot, requests, k), robot, k, {}) for k in chain.modules]
-
-
 def cut_positions(robot: HybridRobot, modules: Sequence[int], q: Array) -> Array:
     """Return positions of the trees of modules, one after the other, shape (T, their nq), from q (T, nq)."""
     own = [robot.modules[k] for k in modules]
@@ -161,12 +158,25 @@ def chain_task(
     """
     numbers = chain.modules
     problem, parts = chain_problem(robot, chain, own, states)
-    reach = generic_reach(problem, robot, numbers, states[0][:1])
-    rank = decide_rank(reach, TOLERANCE).rank
+    motion = generic_motion(problem, robot, numbers, states[0][:1])
+    split = problem.split(problem.matrix(motion))
+    rank = decide_rank(split.reach, TOLERANCE).rank
     if not rank:
-        raise _immovable(robot, chain, problem, reach.shape[2])
-    problem = replace(problem, rank=rank)
-    return ChainTask(problem, parts, reach.shape[2] - rank)
+        raise _immovable(robot, chain, problem, split.reach.shape[2])
+    left = _left([robot.modules[k] for k in numbers], motion, split, rank)
+    return ChainTask(replace(problem, rank=rank), parts, left)
+
+
+def _left(modules: Sequence[Module], motion: ChainMotion, split: Split, rank: int) -> int:
+    """Return how many motions targets of a rank leave free at generic postures, idle ones apart."""
+    first, at, moved = np.zeros(1, dtype=int), 0, []
+    free = np.linalg.svd(split.reach[0], full_matrices=True)[2][rank:].T
+    for module, own, N in zip(modules, motion.take(first).parts, split.bases, strict=True):
+        x = N[0] @ free[at : at + N.shape[2]]
+        at += N.shape[2]
+        units = module.mechanism.reduction.col_scale[:, None]
+        moved += [x[module.motor_columns], effects(module.mechanism, own)[0] @ (x * units)]
+    return int(np.sum(np.linalg.svd(np.concatenate(moved), compute_uv=False) > IDLE))
 
 
 def _immovable(robot: HybridRobot, chain: Chain, problem: ChainProblem, motions: int) -> AssemblyError:
@@ -203,8 +213,10 @@ def chain_problem(
     return ChainProblem(tuple(part.problem for part in parts), carried, relatives, ease), parts
 
 
-def generic_reach(problem: ChainProblem, robot: HybridRobot, numbers: Sequence[int], q: Array) -> Array:
-    """Compute the targets over free motions at generic postures, shape (n, targets, motions).
+def generic_motion(
+    problem: ChainProblem, robot: HybridRobot, numbers: Sequence[int], q: Array
+) -> ChainMotion:
+    """Compute the motion of a chain at generic postures.
 
     Args:
         problem: Rows and free freedoms.
@@ -212,14 +224,6 @@ def generic_reach(problem: ChainProblem, robot: HybridRobot, numbers: Sequence[i
         numbers: Its modules.
         q: A posture about which modules without loops are turned, shape (1, nq).
     """
-    motion = generic_motion(problem, robot, numbers, q)
-    return problem.split(problem.matrix(motion)).reach
-
-
-def generic_motion(
-    problem: ChainProblem, robot: HybridRobot, numbers: Sequence[int], q: Array
-) -> ChainMotion:
-    """Compute the motion at generic postures, see `generic_reach`."""
     rng, postures, modules = np.random.default_rng(0), [], [robot.modules[k] for k in numbers]
     guess = cut_positions(robot, numbers, q)
     for module, tree, at in zip(modules, problem.tree.trees, problem.tree.q_of, strict=True):
