@@ -193,10 +193,15 @@ def kept_generic_postures(
     name = hashed(about, pickle.dumps(given).hex())
     found = kept(name, FOLDER)
     if found is not None:
-        return np.array(found["postures"], dtype=float).reshape(-1, closures.tree.nq), found["best"]
+        return _postures(found["postures"], closures.tree.nq), found["best"]
     postures, best = generic_postures(*given)
     keep(name, {"postures": postures.tolist(), "best": best}, FOLDER)
     return postures, best
+
+
+def _postures(listed: list[list[float]] | list[Array], nq: int) -> Array:
+    """Return postures as an array, shape (postures, nq), where either may be 0."""
+    return np.array(listed, dtype=float).reshape(len(listed), nq)
 
 
 class _Search:
@@ -232,7 +237,7 @@ class _Search:
 
     def resume(self, count: int) -> None:
         """Resume the `count` dropped starts with the smallest residuals, without dropping any."""
-        q = np.array([q for _, q in self._left[:count]]).reshape(-1, self._problem.tree.nq)
+        q = _postures([q for _, q in self._left[:count]], self._problem.tree.nq)
         self._keep(close(self._problem, q, least=True))
 
     def _keep(self, closed: Closed) -> Closed:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import pytest
 
 import hybridyn
+from hybridyn.errors import HybridynError
 from hybridyn.loading import of_files
 from hybridyn.studies.workspace.workspace import workspace
 from tests.comparing import refused
@@ -133,6 +134,19 @@ def test_a_robot_of_few_bodies_is_read_and_checked(ending: str, tmp_path: Path) 
         assert driven or not signs, (bodies, signs)
         found = hybridyn.check(path, robot, meshes=False)
         assert not [finding for finding in found if finding.severity == "error"], (bodies, found)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic", "planar", "floating", "fixed"])
+def test_a_weld_of_one_joint_that_cannot_close_is_refused(kind: str, tmp_path: Path) -> None:
+    weld = (
+        '<loop name="weld" type="fixed"><predecessor link="world"><origin xyz="0.3 0 0" rpy="1 2 0.5"/>'
+        '</predecessor><successor link="a"/></loop></robot>'
+    )
+    text = urdf([Body("a", "", "hinge")]).replace("revolute", kind).replace("</robot>", weld)
+    if kind == "floating":
+        assert hybridyn.load(save(tmp_path, text)).mobility == 0
+    else:
+        refused(lambda: hybridyn.load(save(tmp_path, text)), HybridynError, "closes its loops|weld")
 
 
 @pytest.mark.parametrize("ending", FORMATS)

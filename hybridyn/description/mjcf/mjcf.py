@@ -268,6 +268,10 @@ def _notes(compiled: Compiled, root: int, pairs: bool) -> dict[str, list[str]]:
             [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)],
         "drops the forces of a fluid, of <option> {}":
             [word for word in ("density", "viscosity") if getattr(model.opt, word)],
+        "limits of balls {} are not read":
+            [compiled.joints[n] for n in np.flatnonzero(
+                model.jnt_limited & (model.jnt_type == compiled.code("mjJNT_BALL"))
+            ).tolist()],
         "drops the limits of tendons {}":
             [compiled.name("tendon", n) or str(n) for n in np.flatnonzero(
                 model.tendon_limited | getattr(model, "tendon_actfrclimited", model.tendon_limited)

@@ -45,6 +45,7 @@ NEEDED = 4
 
 #: What is noted of links and joints.
 ASSUMED = "{}: no mass or inertia is stated, so SDFormat's default counts (1 kg, 1 kg m^2 about each axis)"
+ENDLESS_LIMITS = "limits of position of continuous joints {} are ignored, as Gazebo and Drake do"
 IDLE = "joints {}: an axis that the joint does not have, and its dynamics, are ignored, as Gazebo does"
 
 
@@ -210,6 +211,8 @@ def _read_joint(item: Item, models: Models, file: str, notes: Notes) -> Stated:
         raise node.error(
             "the axes of a universal joint are perpendicular; mend them, or write two revolute joints"
         )
+    if kind == "continuous" and any(math.isfinite(axes[0].numbers[word]) for word in ENDLESS):
+        notes.setdefault(ENDLESS_LIMITS, []).append(item.full_name)
     first, second = (WORLD if end is None else end.full_name for end in (parent, child))
     return Stated(
         item.full_name, (first, second), (), _line(node, file), _must_close(item), False, item, kind,

@@ -228,7 +228,12 @@ def _limits(node: Node | None, name: str, kind: str, notes: list[str]) -> dict[s
             out[word] = math.inf
         elif abs(value) >= UNLIMITED:
             out[word] = math.copysign(math.inf, value)
-    return out if kind in ("revolute", "prismatic") else out | {"lower": -math.inf, "upper": math.inf}
+    if kind in ("revolute", "prismatic"):
+        return out
+    if kind != "fixed" and any(math.isfinite(out[word]) and out[word] for word in ("lower", "upper")):
+        limits = f"limits of position of the {kind} joint '{name}' ({node.where})"
+        notes.append(f"{limits} are ignored, as Pinocchio and Drake do")
+    return out | {"lower": -math.inf, "upper": math.inf}
 
 
 def _forces(node: Node | None, name: str, kind: JointKind, robot: RobotFile) -> dict[str, float]:
