@@ -122,9 +122,11 @@ class Pair:
         description = self.description
         rows = {closure.name: self._closure_rows(closure) for closure in description.closures}
         for coupling in description.couplings:
+            numbers = {name: self.robot.joints.index(name) for name, _ in coupling.terms}
+            at = {name: q[self.robot.q_slices[number].start] for name, number in numbers.items()}
             row = np.zeros((1, self.robot.model.nv))
-            for name, coefficient in coupling.terms:
-                row[0, self.robot.v_slices[self.robot.joints.index(name)].start] = coefficient
+            for name, rate in coupling.rates(at).items():
+                row[0, self.robot.v_slices[numbers[name]].start] = rate
             rows[coupling.name] = row
         names = [self.model.equality(number).name for number in range(self.model.neq)]
         T, start = self.rates(), 0

@@ -124,6 +124,13 @@ ROBOTS = {
     "tendons": loops(
         '<tendon name="x" tendon1="t1" tendon2="t2" polycoef=".1 3 0 0 0"/><tendon name="y" tendon1="t2"/>'
     ),
+    "curves of joints": loops(
+        '<joint name="x" joint1="a1" joint2="c1" polycoef=".1 -2 .3 .4 -.2"/>'
+        '<joint name="y" joint1="e1" joint2="a1" polycoef=".3 0 0 .7 0"/>'
+    ),
+    "curves of tendons": loops(
+        '<tendon name="x" tendon1="t1" tendon2="t2" polycoef=".1 3 -.5 0 .3"/><tendon name="y" tendon1="t2"/>'
+    ),
     "a floating loop": mjcf('<equality><connect name="x" site1="s" site2="f"/></equality>', world=FLOATING),
     "a foot on the ground": mjcf(
         '<equality><connect name="x" body1="foot" anchor="0 0 -.1"/></equality>', world=FLOATING

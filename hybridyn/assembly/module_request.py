@@ -107,8 +107,12 @@ class ModuleRequest:
         self.given.append(joint)
 
     def give_followers(self) -> None:
-        """Set the joints that couplings determine from joints that are set."""
-        tree, waiting = self.mechanism.tree, list(self.mechanism.spec.cut_couplings)
+        """Set the joints that linear couplings determine from joints that are set.
+
+        Between two samples these move as the others do; followers along a curve are left to Newton's method.
+        """
+        tree = self.mechanism.tree
+        waiting = [coupling for coupling in self.mechanism.spec.cut_couplings if not coupling.curve]
         while True:
             unknown = [{joint for joint, _ in c.terms}.difference(self.given) for c in waiting]
             ready = next((i for i, joints in enumerate(unknown) if len(joints) == 1), None)

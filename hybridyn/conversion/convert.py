@@ -289,8 +289,7 @@ def _openings(d: Description) -> Iterator[tuple[float, str]]:
         yield float(off.max(initial=0.0)), closure.name
     at = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}
     for coupling in d.couplings:
-        error = sum(factor * at[name] for name, factor in coupling.terms) - coupling.offset
-        yield abs(error) / max(abs(factor) for _, factor in coupling.terms), coupling.name
+        yield abs(coupling.open_by(at)) / max(abs(factor) for _, factor in coupling.terms), coupling.name
 
 
 def _refuse_replacing(target: Path, source: str | None) -> None:

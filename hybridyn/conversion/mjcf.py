@@ -22,10 +22,11 @@ from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from ..description.names import unique
 from ..description.placement import inverse, motion_of, placement_from, turned
-from ..description.records import FREEDOMS, ZERO, Array, Description, Joint, JointKind, Link
+from ..description.records import FREEDOMS, ZERO, Array, Curve, Description, Joint, JointKind, Link
 from ..description.shape_files import Shape
 from ..description.side_cars.model_toml import model_file
 from ..errors import ModelError
@@ -51,6 +52,8 @@ DEEPEST = 240
 FREE_FALL = 10.0
 #: Impedance of equalities, the largest that MuJoCo takes.
 HARDEST = 0.9999
+#: Numbers of `polycoef`.
+MOST_POWERS = 5
 #: Longest time step [s]; slower motions than those of the closures need to be followed, too.
 LONGEST_STEP = 1e-3
 
@@ -383,7 +386,7 @@ def _add_robot(root: ET.Element, d: Description, losses: Losses) -> Tree:
         equality = add(root, "equality")
         taken = {closure.name for closure in parts.closures}
         _add_closures(equality, parts, tree, sizes.size, taken, losses)
-        _add_couplings(root, equality, parts, taken)
+        _add_couplings(root, equality, parts, taken, losses)
     add_forces(root, parts, tree)
     for link in d.links:
         if link.name not in tree.bodies:
@@ -449,7 +452,9 @@ def _add_closures(
             add(equality, word, name=name, site1=f"{stem}a", site2=f"{stem}b")
 
 
-def _add_couplings(root: ET.Element, equality: ET.Element, d: Description, taken: set[str]) -> None:
+def _add_couplings(
+    root: ET.Element, equality: ET.Element, d: Description, taken: set[str], losses: Losses
+) -> None:
     """Add the couplings of a robot.
 
     Args:
@@ -459,17 +464,46 @@ def _add_couplings(root: ET.Element, equality: ET.Element, d: Description, taken
         taken: Names of equalities.
     """
     at = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}
+
+    def tendon(name: str, terms: Iterable[tuple[str, float]]) -> None:
+        """Add a fixed tendon."""
+        every = root.find("tendon")
+        fixed = add(add(root, "tendon") if every is None else every, "fixed", name=name)
+        for joint, coefficient in terms:
+            add(fixed, "joint", joint=joint, coef=coefficient)
+
     for coupling in d.couplings:
-        name = unique(coupling.name, taken)
-        offset = coupling.offset - sum(coefficient * at[joint] for joint, coefficient in coupling.terms)
+        name, coupling = unique(coupling.name, taken), coupling.moved(at)
         (first, factor), *others = coupling.terms
-        if len(others) > 1:
-            tendon = root.find("tendon")
-            fixed = add(add(root, "tendon") if tendon is None else tendon, "fixed", name=name)
-            for joint, coefficient in coupling.terms:
-                add(fixed, "joint", joint=joint, coef=coefficient)
-            add(equality, "tendon", name=name, tendon1=name, polycoef=(offset, 0, 0, 0, 0))
-            continue
-        second, coefficient = others[0] if others else (None, 0.0)
-        polynomial = (offset / factor, -coefficient / factor, 0, 0, 0)
-        add(equality, "joint", name=name, joint1=first, joint2=second, polycoef=polynomial)
+        if coupling.curve:
+            bent = _powers(coupling.curve, coupling.offset)
+            factors = dict(coupling.terms)
+            leaders = [joint for joint, _ in coupling.curve.terms]
+            if len(bent) > MOST_POWERS:
+                losses.add("couplings of an order above four, which are left out", name)
+            elif len(leaders) == 1 and len({*factors} - {*leaders}) == 1:
+                (follower,), (leader,) = {*factors} - {*leaders}, leaders
+                ratio = [coupling.curve.terms[0][1] ** k for k in range(MOST_POWERS)]
+                own = [x * by / factors[follower] for x, by in zip(bent, ratio, strict=False)]
+                own[1] -= factors[leader] / factors[follower]
+                add(equality, "joint", name=name, joint1=follower, joint2=leader, polycoef=tuple(own))
+            else:
+                lead = unique(f"{name}:leader", taken)
+                tendon(name, [term for term in coupling.terms if term[1]])
+                tendon(lead, coupling.curve.terms)
+                add(equality, "tendon", name=name, tendon1=name, tendon2=lead, polycoef=tuple(bent))
+        elif len(others) > 1:
+            tendon(name, coupling.terms)
+            add(equality, "tendon", name=name, tendon1=name, polycoef=(coupling.offset, 0, 0, 0, 0))
+        else:
+            second, coefficient = others[0] if others else (None, 0.0)
+            line = (coupling.offset / factor, -coefficient / factor, 0, 0, 0)
+            add(equality, "joint", name=name, joint1=first, joint2=second, polycoef=line)
+
+
+def _powers(curve: Curve, offset: float) -> list[float]:
+    """Return offset - curve as numbers times powers of the sum of its terms, lowest first, at least five."""
+    rest = Polynomial([-curve.reference, 1.0])
+    whole = Polynomial([offset]) - Polynomial([0.0, 0.0, *curve.coefficients])(rest)
+    out: list[float] = whole.trim().coef.tolist()
+    return out + [0.0] * (MOST_POWERS - len(out))

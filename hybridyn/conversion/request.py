@@ -135,7 +135,9 @@ def followers_of(
     found: dict[str, tuple[str, float, float]] = {}
     left = []
     for coupling in couplings:
-        ends = (coupling.terms, coupling.terms[::-1]) if len(coupling.terms) == 2 else ()
+        ends = (
+            (coupling.terms, coupling.terms[::-1]) if len(coupling.terms) == 2 and not coupling.curve else ()
+        )
         for (follower, own), (leader, other) in ends:
             if follower not in found:
                 found[follower] = leader, -other / own, coupling.offset / own
@@ -207,9 +209,7 @@ def allowed(d: Description, losses: Losses, words: str, change: Callable[[str], 
             replace(c, name=closures[c.name], link_a=links[c.link_a], link_b=links[c.link_b])
             for c in d.closures
         ),
-        couplings=tuple(
-            replace(c, terms=tuple((joints[name], factor) for name, factor in c.terms)) for c in d.couplings
-        ),
+        couplings=tuple(c.of(joints) for c in d.couplings),
         motors=tuple(joints[name] for name in d.motors),
         home={joints[name]: x for name, x in d.home.items()},
         effects=tuple(

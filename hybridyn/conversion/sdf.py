@@ -219,10 +219,7 @@ def counted_from_home(d: Description, losses: Losses) -> Description:
                 losses.add("positions of joints count from home, where the loops are closed", joint.name)
             joint = replace(joint, placement=joint.placement @ motion)
         joints.append(replace(joint, lower=joint.lower - by, upper=joint.upper - by))
-    couplings = []
-    for coupling in d.couplings:
-        by = sum(factor * shift.get(name, 0.0) for name, factor in coupling.terms)
-        couplings.append(replace(coupling, offset=coupling.offset - by))
+    couplings = [coupling.moved(shift) for coupling in d.couplings]
     effects = tuple((name, _shifted(numbers, shift)) for name, numbers in d.effects)
     left = {name: x for name, x in d.home.items() if name not in home}
     out = replace(d, joints=tuple(joints), couplings=tuple(couplings), effects=effects, home=left)

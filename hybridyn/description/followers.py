@@ -20,14 +20,15 @@ def followers_at_home(
     mimics = [
         one for one in couplings
         if len(one.terms) == 2 and one.name == one.terms[0][0] and one.name not in home
+        and not (one.curve and one.name in dict(one.curve.terms))
     ]  # fmt: skip
     out: dict[str, tuple[float, ...]] = {}
     for _ in mimics:  # a leader may follow another
         before = dict(out)
         at = {name: _number(position) for name, position in ({**home} | out).items()}
         for one in mimics:
-            (follower, ratio), (leader, factor) = one.terms
-            rest = one.offset - factor * at.get(leader, 0.0)
+            (follower, ratio), (leader, _) = one.terms
+            rest = -one.open_by({leader: at.get(leader, 0.0), follower: 0.0})
             if rest:
                 out[follower] = (rest / ratio,)
         if out == before:

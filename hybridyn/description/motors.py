@@ -21,6 +21,8 @@ MEND = "To drive other joints, name them: motors=[..], --motors, or motors = [..
 #: Couplings are dependent below this singular value, where factors are at most 1, and hold a joint that the
 #: motions they leave move by less.
 COUPLED = 1e-9
+#: Position at which the slopes of bent couplings are taken: any that is no root of theirs [m or rad].
+GENERIC = 0.3819660113
 
 #: The rule for a tree whose files name no motor.
 EVERY_JOINT = "every joint, because there is no closure and no file names motors"
@@ -64,10 +66,11 @@ def moved_by(driven: Iterable[str], couplings: Sequence[Coupling]) -> set[str]:
         return moved
     K = np.zeros((len(couplings), len(left)))
     for row, coupling in zip(K, couplings, strict=True):
-        size = max(abs(factor) for _, factor in coupling.terms)
-        for name, factor in coupling.terms:
+        rates = coupling.rates(dict.fromkeys((name for name, _ in coupling.terms), GENERIC))
+        size = max(map(abs, rates.values()))
+        for name, rate in rates.items():
             if name not in moved and size:
-                row[left.index(name)] += factor / size
+                row[left.index(name)] += rate / size
     s, Vt = np.linalg.svd(K)[1:]
     open_motions = np.abs(Vt[int((s > COUPLED).sum()) :]).max(axis=0, initial=0.0)
     return moved | {name for name, most in zip(left, open_motions, strict=True) if most <= COUPLED}

@@ -9,7 +9,7 @@ homogeneous matrix, "frame B in A": it holds the coordinates of B's axes and ori
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -193,20 +193,100 @@ class Closure:
 
 
 @dataclass(frozen=True)
+class Curve:
+    """What bends a coupling: c2 s^2 + c3 s^3 + ..., with s = sum of factor x position - reference.
+
+    Attributes:
+        terms: Pairs (joint, factor): the joint's name, or its number in a tree.
+        coefficients: c2, c3, ...
+        reference: What is taken from the sum [m or rad].
+    """
+
+    terms: tuple[tuple[Any, float], ...]
+    coefficients: tuple[float, ...]
+    reference: float = 0.0
+
+    def of(self, names: Mapping[Any, Any]) -> Curve:
+        """Return the curve of joints of other names or numbers."""
+        return replace(self, terms=tuple((names[joint], factor) for joint, factor in self.terms))
+
+    def argument(self, positions: Mapping[Any, Any]) -> Any:
+        """Compute s from positions by joint: numbers, arrays or expressions."""
+        return sum(factor * positions[joint] for joint, factor in self.terms) - self.reference
+
+    def at(self, s: Any) -> tuple[Any, Any, Any]:
+        """Compute the curve and its first two derivatives at s: a number, an array or an expression."""
+        value, slope, bend = 0.0 * s, 0.0 * s, 0.0 * s
+        for coefficient in (
+            *self.coefficients[::-1],
+            0.0,
+            0.0,
+        ):  # Horner's rule; c1 and c0 are 0
+            bend = bend * s + 2.0 * slope
+            slope = slope * s + value
+            value = value * s + coefficient
+        return value, slope, bend
+
+
+@dataclass(frozen=True)
 class Coupling:
-    """A linear relation between joint positions: sum of coefficient x position = offset.
+    """A relation between joint positions: sum of coefficient x position + curve = offset.
 
     Attributes:
         name: Name of the coupling (a mimic joint's own name).
-        terms: Pairs (joint name, coefficient); every joint has one freedom.
+        terms: Pairs (joint name, coefficient); every joint has one freedom. Joints of the curve alone have
+            the coefficient 0 here.
         offset: Right-hand side [m or rad].
         line: Line in the file, or None.
+        curve: What bends the relation; None if it is linear.
     """
 
     name: str
     terms: tuple[tuple[str, float], ...]
     offset: float = 0.0
     line: int | None = None
+    curve: Curve | None = None
+
+    def __post_init__(self) -> None:
+        known = {joint for joint, _ in self.terms}
+        more = tuple(
+            (joint, 0.0) for joint, _ in (self.curve.terms if self.curve else ()) if joint not in known
+        )
+        object.__setattr__(self, "terms", self.terms + more)
+
+    def of(self, names: Mapping[str, str]) -> Coupling:
+        """Return the coupling of joints of other names."""
+        terms = tuple((names[joint], factor) for joint, factor in self.terms)
+        return replace(self, terms=terms, curve=self.curve and self.curve.of(names))
+
+    def moved(self, shift: Mapping[str, float]) -> Coupling:
+        """Return the coupling of positions that count from other zeros.
+
+        Args:
+            shift: Old position of the new zero, by joint; 0 for those left out.
+        """
+        by = sum(factor * shift.get(joint, 0.0) for joint, factor in self.terms)
+        curve = self.curve
+        if curve:
+            back = sum(factor * shift.get(joint, 0.0) for joint, factor in curve.terms)
+            curve = replace(curve, reference=curve.reference - back)
+        return replace(self, offset=self.offset - by, curve=curve)
+
+    def open_by(self, positions: Mapping[str, float]) -> float:
+        """Return by how much positions miss the relation."""
+        total = sum(factor * positions[joint] for joint, factor in self.terms) - self.offset
+        return total + (self.curve.at(self.curve.argument(positions))[0] if self.curve else 0.0)
+
+    def rates(self, positions: Mapping[str, float]) -> dict[str, float]:
+        """Return the derivative of the relation by each joint's position."""
+        out: dict[str, float] = {}
+        for joint, factor in self.terms:
+            out[joint] = out.get(joint, 0.0) + factor
+        if self.curve:
+            slope = self.curve.at(self.curve.argument(positions))[1]
+            for joint, factor in self.curve.terms:
+                out[joint] += slope * factor
+        return out
 
 
 class ReadFrom(NamedTuple):

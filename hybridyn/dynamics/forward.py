@@ -77,7 +77,7 @@ def forward(
         ak = None if a is None else a[:, module.v_index]
         spanning = m.spanning.sweep(qk, vk, ak)
         x, x_dot, x_ddot = m.cut.coordinates(qk, vk, ak, spanning)
-        motion = m.cut.motion(spanning) if m.spec.wrists else spanning
+        motion = m.cut.motion(spanning, x) if m.spec.wrists else spanning
         locked = m.wrists.near_gimbal_lock(spanning)
         if len(locked):
             m.platforms_from_legs(x, x_dot, None if a is None else x_ddot, motion, locked)

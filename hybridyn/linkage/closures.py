@@ -9,7 +9,7 @@ with r = p_B - p_A, the relative angular velocity w = w_B - w_A and the axes of 
     "perpendicular"  A_z . B_z = 0           row   (B_z x A_z) . w
 
 K stacks all rows of a tree: K q_dot = 0 and K q_ddot + gamma = 0 on every motion that keeps the loops
-closed. A coupling adds one constant row without drift.
+closed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +33,7 @@ from ..spatial import (
     select,
     slices,
 )
+from .couplings import CouplingRows, TreeCoupling
 from .tree import Motion, Tree
 
 #: Axes of frame A in the rotational rows.
@@ -73,19 +73,6 @@ class TreeClosure:
     def rows(self) -> int:
         """Number of constraint rows."""
         return len(self.translations) + len(range(3)[TURNING[self.rotation]])
-
-
-class TreeCoupling(NamedTuple):
-    """A linear relation between joint positions of a tree: sum of coefficient x position = offset.
-
-    Attributes:
-        terms: Pairs (joint index in the tree, coefficient).
-        offset: Right-hand side.
-    """
-
-    name: str
-    terms: tuple[tuple[int, float], ...]
-    offset: float
 
 
 def normals(rotation: RotationKind, A: Array, z: Array) -> Array:
@@ -236,7 +223,7 @@ class Closures:
             _Group(tree, [closures[i] for i in members], [self.row_slices[i].start for i in members])
             for members in shapes.values()
         ]
-        self._coupling_rows = coupling_rows(tree, couplings)
+        self._coupled = CouplingRows(tree, couplings)
         self.is_angle = np.zeros(self.rows, dtype=bool)
         for c, at in zip(closures, self.row_slices, strict=False):
             self.is_angle[at.start + len(c.translations) : at.stop] = True
@@ -246,8 +233,7 @@ class Closures:
         out = np.zeros((len(q), self.rows))
         for group in self._groups:
             out[:, group.rows] = group.residual(motion)
-        for coupling, at in zip(self.couplings, self.row_slices[len(self.closures) :], strict=True):
-            out[:, at.start] = coupling_residual(self.tree, coupling, q)
+        out[:, self.rows - len(self.couplings) :] = self._coupled.residual(q)
         return out
 
     def matrix(self, motion: Motion, scales: tuple[Array, Array] | None = None) -> Array:
@@ -266,14 +252,14 @@ class Closures:
             at, cols = group.rows[:, :, None], group.cols[:, None, :]
             by_row[at, cols] = rows * (row_scale[at] * col_scale[cols])[..., None]
         first = self.rows - len(self.couplings)
-        K[:, first:] = self._coupling_rows * row_scale[first:, None] * col_scale
+        K[:, first:] = self._coupled.matrix(motion.q) * row_scale[first:, None] * col_scale
         return K
 
     def moved_by(self, free: Mask) -> Closures:
         """Return the closures with a matrix filled in only for freedoms in the mask `free`, shape (nv,)."""
         out = copy(self)
         out._groups = [group.moved_by(free) for group in self._groups]
-        out._coupling_rows = self._coupling_rows * free
+        out._coupled = self._coupled.moved_by(free)
         return out
 
     def rates(self, motion: Motion, v: Array, a: Array | None = None) -> tuple[Array, Array]:
@@ -291,23 +277,5 @@ class Closures:
         for group in self._groups:
             first[:, group.rows], second[:, group.rows] = group.rates(motion)
         couplings = self.rows - len(self.couplings)
-        first[:, couplings:] = v @ self._coupling_rows.T
-        second[:, couplings:] = 0.0 if a is None else a @ self._coupling_rows.T
+        first[:, couplings:], second[:, couplings:] = self._coupled.rates(motion.q, v, a)
         return first, second
-
-
-def coupling_rows(tree: Tree, couplings: Sequence[TreeCoupling]) -> Array:
-    """Return the constant rows of couplings over the tree's freedoms, shape (couplings, nv)."""
-    rows = np.zeros((len(couplings), tree.nv))
-    for row, coupling in zip(rows, couplings, strict=True):
-        for joint, coefficient in coupling.terms:
-            row[tree.v_slices[joint]] += coefficient
-    return rows
-
-
-def coupling_residual(tree: Tree, coupling: TreeCoupling, q: Array) -> Array:
-    """Compute the residual of a coupling, shape (T,), in the unit of coefficient times position."""
-    total = np.full(len(q), -coupling.offset)
-    for joint, coefficient in coupling.terms:
-        total += coefficient * q[:, tree.q_slices[joint].start]
-    return total

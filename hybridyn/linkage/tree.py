@@ -38,6 +38,7 @@ class Motion(NamedTuple):
         p_dot: Velocities of the origins, shape (T, ..., 3), [m/s].
         w_dot: Angular accelerations, shape (T, ..., 3), [rad/s^2].
         p_ddot: Classical accelerations of the origins, shape (T, ..., 3), [m/s^2].
+        q: Joint positions of the tree that was swept, shape (T, nq); None for frames.
     """
 
     R: Array
@@ -46,6 +47,7 @@ class Motion(NamedTuple):
     p_dot: Array
     w_dot: Array
     p_ddot: Array
+    q: Array | None = None
 
     @property
     def arrays(self) -> tuple[Array, ...]:
@@ -55,7 +57,8 @@ class Motion(NamedTuple):
     def take(self, samples: Index | Mask) -> Motion:
         """Return the motion at some samples (indices or a mask)."""
         kept = (np.ascontiguousarray(x.transpose(*range(1, x.ndim), 0)[..., samples]) for x in self.arrays)
-        return Motion(*(x.transpose(-1, *range(x.ndim - 1)) for x in kept))
+        frames = Motion(*(x.transpose(-1, *range(x.ndim - 1)) for x in kept))
+        return frames if self.q is None else frames._replace(q=self.q[samples])
 
     @classmethod
     def at_rest(cls, samples: int, R: Array | None = None, p: Array | None = None) -> Motion:
@@ -229,10 +232,10 @@ class Tree:
         R, p = self._placements(q) if at is None else (at.R, at.p)
         if v is None:
             rest = np.broadcast_to(0.0, (T, n, 3))
-            return Motion(R, p, rest, rest, rest, rest)
+            return Motion(R, p, rest, rest, rest, rest, q)
         w, p_dot, w_dot, p_ddot = (samples_inside((T, n, 3)) for _ in range(4))
         self._sweep_rates(R, p, v, a, (w, p_dot, w_dot, p_ddot))
-        return Motion(R, p, w, p_dot, w_dot, p_ddot)
+        return Motion(R, p, w, p_dot, w_dot, p_ddot, q)
 
     def _sweep_rates(self, R: Array, p: Array, v: Array, a: Array | None, out: tuple[Array, ...]) -> None:
         """Fill in w, p_dot, w_dot, p_ddot of `Motion` for body placements (R, p), parents first."""

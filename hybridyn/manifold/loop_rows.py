@@ -6,7 +6,8 @@ and scales are the same (`linkage/closures.py` defines them, a test compares bot
 
 import numpy as np
 
-from ..linkage.closures import TreeClosure, coupling_residual, coupling_rows
+from ..linkage.closures import TreeClosure
+from ..linkage.couplings import CouplingRows
 from ..linkage.retraction import Retraction
 from ..spatial import Array, rotation_vector
 from ..structure.mechanism import Mechanism
@@ -34,7 +35,7 @@ class LoopRows:
         self.rank = tree.nv - mechanism.mobility
         self.closed = CHART_CLOSED + mechanism.rounding
         self._retraction = Retraction([j.kind for j in tree.joints])
-        self._tree, self._closures = tree, closures
+        self._closures = closures
         self._scale = mechanism.spanning_row_scale
         self.model = pin.Model()
         for joint in tree.joints:
@@ -52,7 +53,7 @@ class LoopRows:
         self.data = self.model.createData()
         support = tree.support.astype(float)
         self._sign = [support[c.body_b] - support[c.body_a] for c in closures.closures]
-        self._coupled = coupling_rows(tree, closures.couplings)
+        self._coupled = CouplingRows(tree, closures.couplings)
 
     def moved(self, q: Array, x: Array) -> Array:
         """Compute the posture at a scaled displacement x from q, shapes (nq,), (nv,)."""
@@ -69,10 +70,9 @@ class LoopRows:
             A = pin.updateFramePlacement(self.model, self.data, a)
             B = pin.updateFramePlacement(self.model, self.data, b)
             residual[at], K[at] = _closure(c, A.rotation, A.translation, B.rotation, B.translation, J * sign)
-        first = len(self._scale) - len(self._coupled)
-        for i, coupling in enumerate(self._closures.couplings):
-            residual[first + i] = coupling_residual(self._tree, coupling, q[None])[0]
-        K[first:] = self._coupled
+        if self._closures.couplings:
+            first = len(self._scale) - len(self._closures.couplings)
+            residual[first:], K[first:] = self._coupled.residual(q[None])[0], self._coupled.matrix(q[None])
         return residual * self._scale, K * self._scale[:, None] * self.unit
 
 

@@ -67,9 +67,14 @@ class Cut:
         """Convert positions of the spanning tree, shape (T, nq), to those of `tree`, shape (T, its nq)."""
         return self.coordinates(q, None, None, self.spanning.sweep(q))[0]
 
-    def motion(self, spanning: Motion) -> Motion:
-        """Select the motion of the bodies of `tree` from the motion of the spanning tree."""
-        return Motion(*(select(x, self.bodies) for x in spanning.arrays))
+    def motion(self, spanning: Motion, x: Array) -> Motion:
+        """Select the motion of the bodies of `tree` from that of the spanning tree.
+
+        Args:
+            spanning: Motion of the spanning tree.
+            x: Positions of `tree`, shape (T, its nq).
+        """
+        return Motion(*(select(part, self.bodies) for part in spanning.arrays))._replace(q=x)
 
     def to_spanning(self, x: Array) -> Array:
         """Copy rates (or accelerations) of the legs from `tree` to the spanning tree; wrists have zeros.

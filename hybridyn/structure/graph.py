@@ -13,7 +13,8 @@ from ..description.groups import Groups
 from ..description.names import did_you_mean
 from ..description.records import Closure, Description
 from ..errors import ModelError
-from ..linkage.closures import TreeClosure, TreeCoupling
+from ..linkage.closures import TreeClosure
+from ..linkage.couplings import TreeCoupling
 from .bodies import Bodies, merge_fixed_joints
 
 
@@ -46,7 +47,9 @@ def find_modules(
     closures = [body_closure(bodies, c, description) for c in description.closures]
     number = {j.joint.name: i for i, j in enumerate(bodies.joints)}
     couplings = [
-        TreeCoupling(c.name, tuple((number[name], k) for name, k in c.terms), c.offset)
+        TreeCoupling(
+            c.name, tuple((number[name], k) for name, k in c.terms), c.offset, c.curve and c.curve.of(number)
+        )
         for c in description.couplings
     ]
     kept = frozenset(number[name] for name in (*description.motors, *held))

@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..linkage.closures import Closures, TreeClosure, TreeCoupling
+from ..linkage.closures import Closures, TreeClosure
+from ..linkage.couplings import TreeCoupling
 from ..linkage.joints import TreeJoint
 from ..linkage.reduction import Block, Reduction
 from ..linkage.tree import Tree
@@ -71,7 +72,7 @@ class ModuleSpec:
             for closures in (self.closures, self.cut_closures)
         )
         wrists = tuple((w.joints, w.end, w.target, w.carries) for w in self.wrists)
-        return trees, loops, wrists, tuple(c.terms for c in self.couplings), self.platforms, self.outputs
+        return trees, loops, wrists, tuple(c.form for c in self.couplings), self.platforms, self.outputs
 
     @cached_property  # pickled once: a mechanism may later cache values in the spec's joints
     def key(self) -> bytes:
@@ -96,7 +97,7 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array, *, cut: bool = 
     own = [replace(bodies.bodies[b], name="", joint=0, heaviest=0.0) for b in number]
     spanning = tuple(TreeJoint("", j.joint.kind, number[j.parent], j.R, j.p, j.joint.axis) for j in joints)
     closures = tuple(_renumbered(replace(c, name="", kind=""), number) for c in graph.closures)
-    couplings = tuple(_coupled(c, joint_number) for c in graph.couplings)
+    couplings = tuple(c.of(joint_number) for c in graph.couplings)
     carried = [number[b] for b in graph.carried]
     held = {i for joint, i in joint_number.items() if joint in graph.held}
     held |= {i for c in couplings for i, _ in c.terms}
@@ -117,7 +118,7 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array, *, cut: bool = 
         closures=closures,
         couplings=couplings,
         cut_closures=tuple(_renumbered(c, of_tree) for c in parts.closures),
-        cut_couplings=tuple(_coupled(c, {i: of_tree[i + 1] - 1 for i, _ in c.terms}) for c in couplings),
+        cut_couplings=tuple(c.of({i: of_tree[i + 1] - 1 for i, _ in c.terms}) for c in couplings),
         wrists=tuple(sorted(parts.wrists, key=lambda w: w.joints)),
         legs=tuple(tuple(of_tree[b] for b in leg) for leg in parts.legs()),
         outputs=tuple(of_tree[b] for b in outputs),
@@ -130,11 +131,6 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array, *, cut: bool = 
 def _renumbered(closure: TreeClosure, number: Mapping[int, int]) -> TreeClosure:
     """Return a closure between bodies of other numbers."""
     return replace(closure, body_a=number[closure.body_a], body_b=number[closure.body_b])
-
-
-def _coupled(coupling: TreeCoupling, number: Mapping[int, int]) -> TreeCoupling:
-    """Return a coupling of joints of other numbers, without its name."""
-    return coupling._replace(name="", terms=tuple((number[i], k) for i, k in coupling.terms))
 
 
 def _cut_tree(parts: Cutting) -> tuple[list[TreeJoint], list[int | None], list[int]]:
@@ -193,7 +189,7 @@ def row_factors(tree: Tree, closures: Closures, length: float) -> Array:
     unit = freedom_units(tree, length)
     for i, coupling in enumerate(closures.couplings):
         at = closures.row_slices[len(closures.closures) + i]
-        sizes = [abs(k) * unit[tree.v_slices[j].start] for j, k in coupling.terms]
+        sizes = [size * unit[tree.v_slices[j].start] for j, size in coupling.sizes]
         out[at] = 1.0 / 2.0 ** np.round(np.log2(max(sizes)))
     return out
 

@@ -17,7 +17,8 @@ import numpy as np
 
 from ..description.groups import Groups
 from ..description.records import Joint, RotationKind
-from ..linkage.closures import TreeClosure, TreeCoupling
+from ..linkage.closures import TreeClosure
+from ..linkage.couplings import TreeCoupling
 from ..linkage.joints import TreeJoint
 from ..spatial import Array
 from .bodies import Body

@@ -52,10 +52,6 @@ def including(part: str, name: str = "b.xml") -> dict[str, str]:
 
 
 CASES: dict[str, tuple[Texts, str]] = {
-    "higher order": (
-        loops('<joint name="x" joint1="a1" joint2="c1" polycoef="0 1 2 0 0"/>'),
-        "equality 'x': polycoef of order 2",
-    ),
     "couples nothing": (loops('<joint name="x" joint1="a1" joint2="a1" polycoef="0 1 0 0 0"/>'), ""),
     "cable equality": (
         mjcf(CABLE, '<equality><tendon name="x" tendon1="t"/></equality>', world=hinge()),

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from hybridyn.linkage.closures import Closures, TreeClosure, TreeCoupling
+from hybridyn.description.records import Curve
+from hybridyn.linkage.closures import Closures, TreeClosure
+from hybridyn.linkage.couplings import TreeCoupling
 from hybridyn.linkage.tree import Tree, TreeJoint
 from hybridyn.spatial import Array, rotation_from_axis_angle, rotation_from_vector
 from hybridyn.structure.bodies import merge_fixed_joints
@@ -94,13 +96,16 @@ def test_rows_are_the_derivatives_of_the_residual(name: str) -> None:
 def test_drift_is_the_derivative_of_the_rows(name: str) -> None:
     """At open postures too: the second derivative is that of K v along the motion."""
     tree = two_arms()
-    closures = Closures(tree, [closure(name)], [TreeCoupling("", ((0, 0.7), (3, -2.0), (5, 0.1)), 0.3)])
+    terms = (0, 0.7), (3, -2.0), (5, 0.1)
+    bent = Curve(((2, 0.9), (5, -0.4)), (0.3, -0.5, 0.2), 0.15)
+    couplings = [TreeCoupling("", terms, 0.3, bent), TreeCoupling("", terms, 0.3)]
+    closures = Closures(tree, [closure(name)], couplings)
     q, v, a = postures(tree)
     K_v, K_v_dot = closures.rates(tree.sweep(q, v, a), v)
     close_to(np.einsum("tij,tj->ti", closures.matrix(tree.sweep(q)), v), K_v, ROUNDING)
     gamma = closures.rates(tree.sweep(q, v), v)[1]
     K_a = np.einsum("tij,tj->ti", closures.matrix(tree.sweep(q)), a)
-    on_closure = slice(0, closures.rows - 1)
+    on_closure = slice(0, closures.rows - 2)
     close_to((K_a + gamma)[:, on_closure], K_v_dot[:, on_closure], ROUNDING)
     assert not gamma[:, -1].any()
     along = []

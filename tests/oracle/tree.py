@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from hybridyn.description.records import Closure, Description, Joint, JointKind
+from hybridyn.description.records import Closure, Coupling, Curve, Description, Joint, JointKind
 
 from .arithmetic import Arithmetic, Factor, Numbers
 from .joints import FREEDOMS, SLIDES, displacement, moved, triad
@@ -65,6 +65,7 @@ class Posture:
         scale: Divisor of each row of K, shape (rows,).
         factor: Factors of the scaled K, restricted to its free columns.
         Z: Null space of the scaled K, shape (nv, mobility), zero on a prescribed base.
+        q: The positions, shape (nq,).
     """
 
     links: dict[str, Frame]
@@ -75,6 +76,7 @@ class Posture:
     scale: Numbers
     factor: Factor
     Z: Numbers
+    q: Numbers
 
     @property
     def origins(self) -> list[Numbers]:
@@ -168,12 +170,12 @@ class Tree:
             self._closure(c, ends, links)
             for c, ends in zip(self.description.closures, self._ends, strict=True)
         ]
-        K, scale = self._closure_rows(closures, G)
+        K, scale = self._closure_rows(closures, G, q)
         scaled = (K * self.unit / scale[:, None])[:, self.free]
         factor = self.arithmetic.factor(scaled, self.rank_tolerance, ROW)
         Z = self.arithmetic.array(np.zeros((self.nv, factor.Z.shape[1])))
         Z[self.free] = factor.Z
-        return Posture(links, joints, closures, np.concatenate(G), K, scale, factor, Z)
+        return Posture(links, joints, closures, np.concatenate(G), K, scale, factor, Z, q)
 
     def _closure(
         self, closure: Closure, ends: tuple[tuple[Numbers, Numbers], ...], links: dict[str, Frame]
@@ -181,7 +183,7 @@ class Tree:
         A, B = _attach(links[closure.link_a], *ends[0]), _attach(links[closure.link_b], *ends[1])
         return Loop(A, B, constraint_rows(A, B, closure.translations, closure.rotation))
 
-    def _closure_rows(self, closures: list[Loop], G: list[Numbers]) -> tuple[Numbers, Numbers]:
+    def _closure_rows(self, closures: list[Loop], G: list[Numbers], q: Numbers) -> tuple[Numbers, Numbers]:
         """Compute K and the divisor of each of its rows."""
         K = [row.at_a @ G[loop.A.body] + row.at_b @ G[loop.B.body] for loop in closures for row in loop.rows]
         scale = [self.length if row.slides else 1.0 for loop in closures for row in loop.rows]
@@ -189,9 +191,33 @@ class Tree:
             row = self.arithmetic.array(np.zeros(self.nv))
             for name, coefficient in coupling.terms:
                 row[self.coordinates[name][2].start] += self.arithmetic.array(coefficient)[()]
+            if coupling.curve:
+                slope = self._power_sum(coupling.curve, q, 1)
+                for name, factor in coupling.curve.terms:
+                    row[self.coordinates[name][2].start] += slope * self.arithmetic.array(factor)[()]
             K.append(row)
             scale.append(self.arithmetic.sqrt((row * self.unit) @ (row * self.unit)))
         return self.arithmetic.array(K).reshape(-1, self.nv), self.arithmetic.array(scale)
+
+    def _power_sum(self, curve: Curve, q: Numbers, order: int) -> Any:
+        """Compute a derivative of a coupling's curve by its argument, power by power."""
+        s = -self.arithmetic.array(curve.reference)[()]
+        for name, factor in curve.terms:
+            s += self.arithmetic.array(factor)[()] * q[self.coordinates[name][1]][0]
+        out = 0 * s
+        for power, coefficient in enumerate(curve.coefficients, 2):
+            if power >= order:
+                out += math.perm(power, order) * self.arithmetic.array(coefficient)[()] * s ** (power - order)
+        return out
+
+    def _bend(self, coupling: Coupling, q: Numbers, v: Numbers) -> Numbers:
+        """Compute the drift of a coupling's row, shape (1,)."""
+        if not coupling.curve:
+            return self.arithmetic.array(np.zeros(1))
+        rate = 0 * v[0]
+        for name, factor in coupling.curve.terms:
+            rate += self.arithmetic.array(factor)[()] * v[self.coordinates[name][2].start]
+        return self.arithmetic.array([self._power_sum(coupling.curve, q, 2) * rate * rate])
 
     def integrate(self, q: Numbers, step: Numbers) -> Numbers:
         """Integrate a step of tree velocity x time from q (first order in each joint, on its manifold)."""
@@ -212,7 +238,7 @@ class Tree:
             loop.drift(V) + loop.at_a @ g[loop.A.body] + loop.at_b @ g[loop.B.body]
             for loop in posture.closures
         ]
-        k.append(self.arithmetic.array(np.zeros(len(self.description.couplings))))
+        k += [self._bend(coupling, posture.q, v) for coupling in self.description.couplings]
         return V, g, np.concatenate(k)
 
     def least_change(self, posture: Posture, missing: Numbers) -> Numbers:
@@ -228,7 +254,7 @@ class Tree:
             value = -self.arithmetic.array(coupling.offset)[()]
             for name, coefficient in coupling.terms:
                 value += coefficient * q[self.coordinates[name][1]][0]
-            values.append(value)
+            values.append(value + (self._power_sum(coupling.curve, q, 0) if coupling.curve else 0))
         return self.arithmetic.array(values)
 
     def turned(self, posture: Posture) -> Numbers:

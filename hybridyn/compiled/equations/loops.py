@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 
 from ...description.records import RotationKind
-from ...linkage.closures import TURNING, TreeClosure, TreeCoupling, normals
+from ...linkage.closures import TURNING, TreeClosure, normals
+from ...linkage.couplings import TreeCoupling
 from ...linkage.joints import TreeJoint
 from ...spatial import Array
 from ...structure.mechanism import Mechanism
@@ -158,7 +159,24 @@ def coupling_row(
         at = chain.v_slices[joint].start
         row[at] = row[at] + coefficient
         total = total + coefficient * positions[joint][0]
+    if curve := coupling.curve:
+        value, slope, _ = curve.at(curve.argument({joint: positions[joint][0] for joint, _ in curve.terms}))
+        total = total + value
+        for joint, factor in curve.terms:
+            at = chain.v_slices[joint].start
+            row[at] = row[at] + factor * slope
     return total, row
+
+
+def coupling_drift(
+    chain: Chain, coupling: TreeCoupling, positions: list[Expression], rates: Expression
+) -> Any:
+    """Compute the derivative of a coupling's row times the chain's rates: that of its curve."""
+    if not (curve := coupling.curve):
+        return 0.0
+    bend = curve.at(curve.argument({joint: positions[joint][0] for joint, _ in curve.terms}))[2]
+    rate = sum(factor * rates[chain.v_slices[joint].start] for joint, factor in curve.terms)
+    return bend * rate * rate
 
 
 @dataclass
@@ -246,12 +264,15 @@ def write_rows(
         opened, row = coupling_row(chain, coupling, q, coupling.offset)
         # The unit of its residual is the largest of a radian, or the length, in its terms.
         units_of = {"prismatic": scale.length}
-        unit = max(abs(k) * units_of.get(chain.links[j].kind, 1.0) for j, k in coupling.terms)
-        K, gamma = [*K, np.concatenate([zeros(6), row])[None]], [*gamma, zeros(1)]
+        unit = max(size * units_of.get(chain.links[j].kind, 1.0) for j, size in coupling.sizes)
+        drift = np.array([coupling_drift(chain, coupling, q, rates[6:])], dtype=object)
+        K, gamma = [*K, np.concatenate([zeros(6), row])[None]], [*gamma, drift]
         guard = guard + weighed([(np.array([opened], dtype=object), unit)], scale.weight_of_positions)
-        moving = [rates[6:]] if accelerations is None else [rates[6:], accelerations]
-        for weight, motion in zip(weights, moving, strict=True):
-            guard = guard + weighed([(dot(row[None], motion), unit)], weight)
+        moving = [dot(row[None], rates[6:])]
+        if accelerations is not None:
+            moving.append(plus(dot(row[None], accelerations), drift))
+        for weight, value in zip(weights, moving, strict=True):
+            guard = guard + weighed([(value, unit)], weight)
     return Rows(np.concatenate(K), np.concatenate(gamma), guard if scale.compared else ca.SX(0.0))
 
 
@@ -343,7 +364,7 @@ def shape_of(module: Module, *more: Any) -> Any:
         return tuple(joint.kind for joint in spec.spanning), *more
     joints = tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in spec.spanning)
     closures = tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in spec.closures)
-    couplings = tuple(c.terms for c in spec.couplings)
+    couplings = tuple(c.form for c in spec.couplings)
     return joints, closures, couplings, module.mobility, module.mechanism.length, *more
 
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...linkage.closures import TreeClosure, TreeCoupling
+from ...linkage.closures import TreeClosure
+from ...linkage.couplings import TreeCoupling
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
@@ -245,9 +246,7 @@ def parts_of(
         bodies=tuple(number),
         platforms=frozenset(number[j + 1] - 1 for j in spec.platforms),
         closures=core_closures,
-        couplings=tuple(
-            c._replace(terms=tuple((number[j + 1] - 1, k) for j, k in c.terms)) for c in spec.cut_couplings
-        ),
+        couplings=tuple(c.of({j: number[j + 1] - 1 for j, _ in c.terms}) for c in spec.cut_couplings),
         checked=len(used) if arguments else sum(i < len(spec.closures) for i in used),
         closure_rows=_rows(mechanism, used),
         **columns,

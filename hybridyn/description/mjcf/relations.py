@@ -15,7 +15,7 @@ from ...errors import ModelError
 from ..closure_forms import FORMS, closure_of
 from ..motors import MEND
 from ..names import DROPS, noted, unique
-from ..records import Array, Coupling, MotorStatement, RobotFile
+from ..records import Array, Coupling, Curve, MotorStatement, RobotFile
 from .compiling import Compiled, pose
 
 #: Closures by MuJoCo's word.
@@ -29,7 +29,7 @@ def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
     """Add every active equality to the robot; those that start inactive are noted.
 
     Raises:
-        ModelError: An equality is of another kind, of higher order, or all are disabled.
+        ModelError: An equality is of another kind, or all are disabled.
     """
     model = compiled.model
     if model.neq and model.opt.disableflags & (
@@ -59,9 +59,9 @@ def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
             form = KINDS["connect" if word == "weld" and not model.eq_data[number][10] else word]
             robot.closures.append(closure_of(name, word, sides, form=form, line=line))
         else:
-            terms, offset = _sum(compiled, number, word)
+            terms, offset, curve = _relation(compiled, number, word)
             name = name or unique(next(iter(terms)), taken)  # as a mimic joint's, that of its follower
-            robot.couplings.append(Coupling(name, tuple(terms.items()), offset, line))
+            robot.couplings.append(Coupling(name, tuple(terms.items()), offset, line, curve))
         if model.eq_active0[number] and _is_soft(compiled, number):
             soft.append(name or str(number))
     robot.notes += noted({
@@ -112,41 +112,43 @@ def _frames(compiled: Compiled, number: int, word: str) -> tuple[Array, Array]:
     return pose(data[3:6], data[6:10]), pose(data[:3], level)
 
 
-def _sum(compiled: Compiled, number: int, word: str) -> tuple[dict[str, float], float]:
-    """Return y - y0 = a0 + a1 (x - x0) as coefficients of joints and the right-hand side.
+def _relation(compiled: Compiled, number: int, word: str) -> tuple[dict[str, float], float, Curve | None]:
+    """Return y - y0 = a0 + a1 (x - x0) + ... + a4 (x - x0)^4: coefficients of joints, right-hand side, curve.
 
     y and x are positions of joints or lengths of fixed tendons, y0 and x0 those at the reference.
     """
-    model = compiled.model
-    offset, factor, *higher = (float(a) for a in model.eq_data[number][:5])
-    follower, leader = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
-    if any(higher) and leader >= 0:
-        raise compiled.error(
-            "equality", number,
-            f"polycoef of order {max(i for i, a in enumerate(higher, 2) if a)}; hybridyn couples linearly: "
-            "keep the first two numbers of polycoef",
-        )  # fmt: skip
+    offset, factor, *higher = (float(a) for a in compiled.model.eq_data[number][:5])
+    follower, leader = int(compiled.model.eq_obj1id[number]), int(compiled.model.eq_obj2id[number])
     terms: dict[str, float] = {}
+    curve = None
     for end, weight in ((follower, 1.0), (leader, -factor)):
         if end < 0:
             continue
-        if word == "joint":
-            parts: dict[str, float] | None = {compiled.joints[end]: 1.0}
-            reference = float(model.qpos0[model.jnt_qposadr[end]])
-        else:
-            parts, reference = fixed_terms(compiled, end), float(model.tendon_length0[end])
-        if parts is None:
-            raise compiled.error(
-                "equality", number,
-                f"its tendon '{compiled.name('tendon', end)}' is spatial; hybridyn has no cables: remove it",
-            )  # fmt: skip
+        parts, reference = _coupled(compiled, number, word, end)
         offset += weight * reference
         for joint, coefficient in parts.items():
             terms[joint] = terms.get(joint, 0.0) + weight * coefficient
+        if end == leader and any(higher):
+            least = max(i for i, a in enumerate(higher, 1) if a)
+            curve = Curve(tuple(parts.items()), tuple(-a for a in higher[:least]), reference)
     terms = {joint: coefficient for joint, coefficient in terms.items() if coefficient}
     if not terms:
         raise compiled.error("equality", number, "it couples nothing; remove it")
-    return terms, offset
+    return terms, offset, curve
+
+
+def _coupled(compiled: Compiled, number: int, word: str, end: int) -> tuple[dict[str, float], float]:
+    """Return an end of an equality as coefficients of joints, and its value at the reference."""
+    model = compiled.model
+    if word == "joint":
+        return {compiled.joints[end]: 1.0}, float(model.qpos0[model.jnt_qposadr[end]])
+    parts = fixed_terms(compiled, end)
+    if parts is None:
+        raise compiled.error(
+            "equality", number,
+            f"its tendon '{compiled.name('tendon', end)}' is spatial; hybridyn has no cables: remove it",
+        )  # fmt: skip
+    return parts, float(model.tendon_length0[end])
 
 
 def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
@@ -222,8 +224,9 @@ def _driven_joint(
 
 
 def _rates_along(couplings: Sequence[Coupling], joint: str) -> dict[str, float]:
-    """Return the rate of each joint that couplings of two joints tie to one, where that has the rate 1."""
-    rates, waiting = {joint: 1.0}, [coupling for coupling in couplings if len(coupling.terms) == 2]
+    """Return the rate of each joint that linear couplings of two tie to one, where that has the rate 1."""
+    linear = [coupling for coupling in couplings if not coupling.curve]
+    rates, waiting = {joint: 1.0}, [coupling for coupling in linear if len(coupling.terms) == 2]
     while tied := [c for c in waiting if len({name for name, _ in c.terms} & set(rates)) == 1]:
         for coupling in tied:
             (a, of_a), (b, of_b) = sorted(coupling.terms, key=lambda term: term[0] not in rates)

@@ -31,7 +31,7 @@ from ...errors import ModelError
 from ..cache_folder import hashed, keep, kept, state_of
 from ..closure_forms import FORMS
 from ..names import did_you_mean
-from ..records import ZERO, Coupling, Description, JointKind, MotorStatement, RobotFile
+from ..records import ZERO, Coupling, Curve, Description, JointKind, MotorStatement, RobotFile
 from ..writing import write_text
 from .toml_file import line_of, parse_toml
 
@@ -76,7 +76,13 @@ def apply_model_file(
         raise ModelError(message, file=file, line=line_of(text, keys), element=keys[-1])
     for name, coupling in model["couplings"].items():
         line = line_of(text, ("couplings", name))
-        robot.couplings.append(Coupling(name, tuple(coupling["terms"].items()), coupling["offset"], line))
+        curve = coupling.get("curve") and Curve(
+            tuple(coupling["curve"]["terms"].items()),
+            tuple(coupling["curve"]["coefficients"]),
+            coupling["curve"]["reference"],
+        )
+        terms = tuple(coupling["terms"].items())
+        robot.couplings.append(Coupling(name, terms, coupling["offset"], line, curve))
     for number, closure in enumerate(robot.closures):
         if kind := model["closures"].get(closure.name):
             form = FORMS[kind]
@@ -125,7 +131,8 @@ def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tupl
         if numbers.get("gear_ratio") == 0:
             yield ("joints", name), "a gear ratio of 0 moves nothing"
     for name, coupling in model["couplings"].items():
-        for joint, factor in coupling["terms"].items():
+        bent = (coupling.get("curve") or {}).get("terms", {})
+        for joint, factor in (*coupling["terms"].items(), *bent.items()):
             if kinds.get(joint, "fixed") == "fixed" or not factor:
                 hint = "" if joint in kinds else did_you_mean(joint, kinds)
                 yield ("couplings", name), f"'{joint}' is no movable joint with a coefficient{hint}"
@@ -176,13 +183,21 @@ def model_file(
     parts = [f"motors = {_value(description.motors)}\n"] if motors else []
     parts += [home_table(description.home)] if home and description.home else []
     parts += [_table(f"joints.{key_of(name)}", numbers) for name, numbers in (joints or {}).items()]
-    parts += [
-        _table(f"couplings.{key_of(one.name)}", {"terms": dict(one.terms), "offset": one.offset})
-        for one in couplings
-    ]
+    parts += [_table(f"couplings.{key_of(one.name)}", _coupling(one)) for one in couplings]
     wanted = set(effects)
     parts += [_table(f"effects.{name}", numbers) for name, numbers in description.effects if name in wanted]
     return "\n".join(parts)
+
+
+def _coupling(coupling: Coupling) -> dict[str, Any]:
+    """Return the table of a coupling; joints of its curve alone stand there."""
+    terms = {joint: factor for joint, factor in coupling.terms if factor}
+    out: dict[str, Any] = {"terms": terms, "offset": coupling.offset}
+    if curve := coupling.curve:
+        out["curve"] = {
+            "terms": dict(curve.terms), "coefficients": [*curve.coefficients], "reference": curve.reference
+        }  # fmt: skip
+    return out
 
 
 def home_table(home: Mapping[str, tuple[float, ...]]) -> str:

@@ -115,10 +115,18 @@ JointNumbers: Any = table(
     damping=NotNegative | None, friction=NotNegative | None,
 )  # fmt: skip
 
-#: A linear relation between joint positions; see `records.Coupling`.
+#: What bends a relation between joint positions; see `records.Curve`.
+CurveTable: Any = table(
+    "CurveTable", terms=Annotated[dict[str, FiniteFloat], Field(min_length=1)],
+    coefficients=Annotated[list[FiniteFloat], Field(min_length=1, max_length=8)],
+    reference=(FiniteFloat, 0.0),
+)  # fmt: skip
+
+#: A relation between joint positions; see `records.Coupling`.
 CouplingTable: Any = table(
-    "CouplingTable", terms=Annotated[dict[str, FiniteFloat], Field(min_length=1)], offset=(FiniteFloat, 0.0)
-)
+    "CouplingTable", terms=Annotated[dict[str, FiniteFloat], Field(min_length=1)], offset=(FiniteFloat, 0.0),
+    curve=CurveTable | None,
+)  # fmt: skip
 
 #: The tables of model.toml.
 ModelFile: Any = table(

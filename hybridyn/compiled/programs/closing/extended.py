@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....linkage.closures import TreeClosure, TreeCoupling
+from ....linkage.closures import TreeClosure
+from ....linkage.couplings import TreeCoupling
 from ....linkage.joints import TreeJoint
 from ....linkage.tree import Tree
 from ....spatial import Array
@@ -56,7 +57,7 @@ class Extended:
         """Everything but the numbers in which modules with the same kernel may differ."""
         joints = tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in self.tree.joints)
         loops = tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in (*self.closures, *self.welds))
-        return joints, self.cut, self.source, loops, tuple(c.terms for c in self.couplings), self.length
+        return joints, self.cut, self.source, loops, tuple(c.form for c in self.couplings), self.length
 
     @property
     def weight(self) -> Array:

@@ -1,0 +1,125 @@
+"""Couplings of joint positions of a tree: residual, constraint rows and drift term.
+
+A coupling is one row, sum of coefficient x position + curve(s) - offset = 0, with s a sum of positions. A
+linear one has a constant row and no drift. A curve adds its slope times the factors of s, and its drift is
+its second derivative times s_dot^2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from typing import NamedTuple
+
+import numpy as np
+
+from ..description.records import Curve
+from ..spatial import Array, Mask
+from .tree import Tree
+
+
+class TreeCoupling(NamedTuple):
+    """A relation between joint positions of a tree (defined in `description.records.Coupling`).
+
+    Attributes:
+        terms: Pairs (joint index in the tree, coefficient).
+        offset: Right-hand side.
+        curve: What bends the relation, over joint indices; None if it is linear.
+    """
+
+    name: str
+    terms: tuple[tuple[int, float], ...]
+    offset: float
+    curve: Curve | None = None
+
+    @property
+    def form(self) -> tuple[object, ...]:
+        """Everything but name and offset."""
+        return self.terms, self.curve
+
+    @property
+    def sizes(self) -> list[tuple[int, float]]:
+        """How strongly each joint counts: coefficients, and those of the curve, without sign."""
+        bent = self.curve and [
+            (joint, abs(factor) * max(map(abs, self.curve.coefficients)))
+            for joint, factor in self.curve.terms
+        ]
+        return [(joint, abs(factor)) for joint, factor in self.terms] + (bent or [])
+
+    def of(self, number: Mapping[int, int]) -> TreeCoupling:
+        """Return the coupling of joints of other numbers, without its name."""
+        terms = tuple((number[i], k) for i, k in self.terms)
+        return self._replace(name="", terms=terms, curve=self.curve and self.curve.of(number))
+
+
+class CouplingRows:
+    """Residuals and rows of the couplings of a tree.
+
+    Attributes:
+        constant: Rows over the tree's freedoms without curves, shape (couplings, nv).
+    """
+
+    def __init__(self, tree: Tree, couplings: Sequence[TreeCoupling]) -> None:
+        self._tree, self._couplings = tree, tuple(couplings)
+        self.constant = np.zeros((len(couplings), tree.nv))
+        self._curves: list[tuple[int, Curve, Array]] = []
+        for i, coupling in enumerate(couplings):
+            for joint, coefficient in coupling.terms:
+                self.constant[i, tree.v_slices[joint]] += coefficient
+            if coupling.curve:
+                factors = np.zeros(tree.nv)
+                for joint, factor in coupling.curve.terms:
+                    factors[tree.v_slices[joint]] += factor
+                self._curves.append((i, coupling.curve, factors))
+
+    def moved_by(self, free: Mask) -> CouplingRows:
+        """Return the rows filled in only for freedoms in the mask `free`, shape (nv,)."""
+        out = copy(self)
+        out.constant = self.constant * free
+        out._curves = [(i, curve, factors * free) for i, curve, factors in self._curves]
+        return out
+
+    def residual(self, q: Array) -> Array:
+        """Compute the residuals, shape (T, couplings), in the unit of coefficient times position."""
+        out = np.empty((len(q), len(self._couplings)))
+        for i, coupling in enumerate(self._couplings):
+            total = np.full(len(q), -coupling.offset)
+            for joint, coefficient in coupling.terms:
+                total += coefficient * q[:, self._tree.q_slices[joint].start]
+            if coupling.curve:
+                total += coupling.curve.at(self._argument(coupling.curve, q))[0]
+            out[:, i] = total
+        return out
+
+    def matrix(self, q: Array | None) -> Array:
+        """Compute the rows at positions (T, nq): shape (couplings, nv) if none is bent, else (T, ...)."""
+        if not self._curves:
+            return self.constant
+        assert q is not None
+        out: Array = np.repeat(self.constant[None], len(q), axis=0)
+        for i, curve, factors in self._curves:
+            out[:, i] += curve.at(self._argument(curve, q))[1][:, None] * factors
+        return out
+
+    def rates(self, q: Array | None, v: Array, a: Array | None) -> tuple[Array, Array]:
+        """Compute the first two time derivatives of the residuals, each of shape (T, couplings).
+
+        Args:
+            q: Positions, shape (T, nq); None if no coupling is bent.
+            v: Rates, shape (T, nv).
+            a: Accelerations, shape (T, nv), or None for zero.
+        """
+        rows = self.matrix(q)
+        if rows.ndim == 2:
+            return v @ rows.T, np.zeros((len(v), len(rows))) if a is None else a @ rows.T
+        assert q is not None
+        first = np.einsum("tij,tj->ti", rows, v)
+        second = np.zeros_like(first) if a is None else np.einsum("tij,tj->ti", rows, a)
+        for i, curve, factors in self._curves:
+            second[:, i] += curve.at(self._argument(curve, q))[2] * (v @ factors) ** 2
+        return first, second
+
+    def _argument(self, curve: Curve, q: Array) -> Array:
+        """Compute what a curve depends on, shape (T,)."""
+        out: Array = curve.argument({j: q[:, self._tree.q_slices[j].start] for j, _ in curve.terms})
+        return out
