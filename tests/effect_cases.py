@@ -44,6 +44,34 @@ def ground(robot: HybridRobot) -> Units:
     return [fx.GroundContact(points, 300.0, 0.2, 0.6, width=0.05, height=3.0)]
 
 
+def springs(robot: HybridRobot) -> Units:
+    """Springs along lines between a link, the root, and another link."""
+    links = [link.name for link in robot.description.links]
+    far, near, root = links[-1], links[len(links) // 2], robot.description.root
+    point = [[0.1, 0.0, 0.2], [0.3, -0.2, 0.4], [0.0, 0.1, -0.1]]
+    return [
+        fx.LineSprings(
+            {"one": [far, root, near], "two": [near, root]}, {"one": point, "two": point[:2]},
+            {"one": 30.0, "two": 20.0}, {"one": 3.0}, {"two": 2.0}, {}, {"one": 0.3, "two": 0.1}, 0.4,
+        )
+    ]  # fmt: skip
+
+
+def tendons(robot: HybridRobot) -> Units:
+    """Two tendons over the motors that count turns."""
+    kinds = dict(zip(robot.joints, robot.kinds, strict=True))
+    geared = [motor for motor in robot.motors if kinds[motor] in ("revolute", "prismatic")]
+    arms = {motor: {"t": 0.5 + i, "u": 1.0 - 0.3 * i} for i, motor in enumerate(geared)}
+    stated = [{"t": a, "u": b} for a, b in ((30.0, 20.0), (3.0, 1.0), (2.0, 1.0), (-0.01, 0.01), (0.0, 0.02))]
+    return [fx.Tendons(arms, *(numbers if geared else {} for numbers in stated), 0.4)]
+
+
+def balls(robot: HybridRobot) -> list[str]:
+    """Return the ball joints that were not cut."""
+    pairs = zip(robot.joints, robot.kinds, strict=True)
+    return [name for name, kind in pairs if kind == "spherical" and name not in robot.cut_joints]
+
+
 CASES: dict[str, Callable[[HybridRobot], Units]] = {
     "gravity": lambda robot: ["gravity"],
     "leg_inertia": lambda robot: ["leg_inertia"],
@@ -60,6 +88,21 @@ CASES: dict[str, Callable[[HybridRobot], Units]] = {
     "stop": stop,
     "wrench": wrench,
     "ground_contact": ground,
+    "polynomial_spring": lambda robot: [
+        fx.PolynomialSpring(
+            {motor: [k, 30.0, 50.0] for motor, k in per_motor(robot, 20, 90, 9).items()},
+            per_motor(robot, -0.2, 0.2, 6),
+        )
+    ],
+    "polynomial_damper": lambda robot: [
+        fx.PolynomialDamper({motor: [c, 3.0, 2.0] for motor, c in per_motor(robot, 1, 5, 10).items()})
+    ],
+    "ball_spring": lambda robot: [fx.BallSpring(dict.fromkeys(balls(robot), 5.0))],
+    "tendons": tendons,
+    "gravity_compensation": lambda robot: [
+        fx.GravityCompensation({link.name: 0.7 for link in robot.description.links[1::2]})
+    ],
+    "line_springs": springs,
 }
 """Effects that one robot can have without being rebuilt, by name."""
 

@@ -17,7 +17,7 @@ import numpy as np
 from ..description.closure_forms import PERPENDICULAR, ROWS, words_of_rows
 from ..description.names import listed, unique
 from ..description.placement import angle_of
-from ..description.records import FREEDOMS, ZERO, Array, Closure, Coupling, Description, Joint
+from ..description.records import FREEDOMS, ON_LINKS, ZERO, Array, Closure, Coupling, Description, Joint
 from ..description.shape_files import Shape
 from ..spatial import quaternion_from_rotation
 
@@ -213,18 +213,20 @@ def allowed(d: Description, losses: Losses, words: str, change: Callable[[str], 
         motors=tuple(joints[name] for name in d.motors),
         home={joints[name]: x for name, x in d.home.items()},
         effects=tuple(
-            (name, _renamed(numbers, links if name == "ground_contact" else joints))
-            for name, numbers in d.effects
+            (name, _renamed(numbers, links if name in ON_LINKS else joints)) for name, numbers in d.effects
         ),
     )
 
 
 def _renamed(numbers: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
     """Return the numbers of an effect with the new names of joints and links."""
-    return {
-        key: {names[name]: x for name, x in value.items()} if isinstance(value, Mapping) else value
+    out = {
+        key: {names.get(name, name): x for name, x in value.items()} if isinstance(value, Mapping) else value
         for key, value in numbers.items()
     }
+    if ends := out.get("ends"):
+        out["ends"] = {line: [names[link] for link in links] for line, links in ends.items()}
+    return out
 
 
 def numeral(value: float) -> str:

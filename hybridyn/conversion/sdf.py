@@ -8,7 +8,7 @@ axes, with massless links, and a loop joint behind them (see `parts`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,17 @@ import numpy as np
 
 from ..description.names import noted, unique
 from ..description.placement import angle_of, free_pose, inverse, motion_of, poses_at, turned
-from ..description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link, RotationKind
+from ..description.records import (
+    FREEDOMS,
+    ZERO,
+    Array,
+    Closure,
+    Coupling,
+    Description,
+    Joint,
+    Link,
+    RotationKind,
+)
 from ..description.sdf.elements import NUMBERS
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
@@ -220,20 +230,63 @@ def counted_from_home(d: Description, losses: Losses) -> Description:
             joint = replace(joint, placement=joint.placement @ motion)
         joints.append(replace(joint, lower=joint.lower - by, upper=joint.upper - by))
     couplings = [coupling.moved(shift) for coupling in d.couplings]
-    effects = tuple((name, _shifted(numbers, shift)) for name, numbers in d.effects)
+    effects = tuple((name, _shifted(name, numbers, shift, home)) for name, numbers in d.effects)
     left = {name: x for name, x in d.home.items() if name not in home}
     out = replace(d, joints=tuple(joints), couplings=tuple(couplings), effects=effects, home=left)
     springs = [replace(spring, rest=spring.rest - shift.get(spring.name, 0.0)) for spring in d.springs]
     return out.with_springs(springs) if springs else out
 
 
-def _shifted(numbers: dict[str, Any], shift: Mapping[str, float]) -> dict[str, Any]:
-    """Return the numbers of an effect, whose limits by joint count from home."""
+def _shifted(
+    name: str, numbers: dict[str, Any], shift: Mapping[str, float], home: Mapping[str, tuple[float, ...]]
+) -> dict[str, Any]:
+    """Return the numbers of an effect, whose positions count from home.
+
+    Args:
+        shift: Position of home by joint with one freedom.
+        home: Positions of home.
+    """
+    if not any(shift.get(joint) or joint in home for values in numbers.values() for joint in _names(values)):
+        return numbers
+    if name == "tendons":
+        by: dict[str, float] = {}
+        for joint, arms in numbers["arms"].items():
+            for tendon, arm in arms.items():
+                by[tendon] = by.get(tendon, 0.0) + arm * shift.get(joint, 0.0)
+        springs = numbers.get("stiffness", {})
+        bounds = {
+            key: {t: numbers.get(key, {}).get(t, 0.0) - by[t] for t in springs} for key in ("lower", "upper")
+        }
+        return numbers | (bounds if springs else {})
+    if name == "polynomial_spring":
+        rest = {joint: numbers.get("rest", {}).get(joint, 0.0) for joint in numbers["coefficients"]}
+        return numbers | {"rest": {joint: x - shift.get(joint, 0.0) for joint, x in rest.items()}}
+    if name == "ball_spring":
+        return numbers | {"rest": numbers.get("rest", {}) | {
+            joint: _turned_back(home[joint], numbers.get("rest", {}).get(joint, ZERO["spherical"]))
+            for joint in numbers["stiffness"] if joint in home
+        }}  # fmt: skip
     limits = {
-        key: {name: x - shift.get(name, 0.0) for name, x in numbers[key].items()}
-        for key in ("lower", "upper") if key in numbers
+        key: {joint: x - shift.get(joint, 0.0) for joint, x in numbers[key].items()}
+        for key in ("lower", "upper") if key in numbers and name == "stop"
     }  # fmt: skip
     return numbers | limits
+
+
+def _names(values: Any) -> Sequence[str]:
+    """Return the names that numbers of an effect are by, none of other values."""
+    return [*values] if isinstance(values, dict) else []
+
+
+def _turned_back(home: Sequence[float], rest: Sequence[float]) -> list[float]:
+    """Return an orientation as seen from another one: quaternions x, y, z, w."""
+    (x, y, z, w), (a, b, c, d) = home, rest
+    return [
+        w * a - x * d - y * c + z * b,
+        w * b - y * d - z * a + x * c,
+        w * c - z * d - x * b + y * a,
+        w * d + x * a + y * b + z * c,
+    ]
 
 
 def _notes(d: Description, couplings: list[Coupling]) -> list[str]:

@@ -85,6 +85,10 @@ class StatedSpring:
     rest: float
 
 
+#: Effects whose numbers are by link.
+ON_LINKS = ("ground_contact", "gravity_compensation", "line_springs")
+
+
 def spring_effect(springs: Iterable[StatedSpring]) -> tuple[str, dict[str, Any]]:
     """Return springs as an effect: its name, and its numbers by parameter."""
     stated = [*springs]

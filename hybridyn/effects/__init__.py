@@ -8,11 +8,15 @@ May import: `structure`, `tables` and below.
 """
 
 from ..structure.bodies import Payload
+from .bodies import GravityCompensation, LineSprings
 from .choice import DEFAULT, UNITS, Effects, choose
 from .inputs import BaseMotion, Limits
 from .joint_laws import (
+    BallSpring,
     CoulombFriction,
     Damper,
+    PolynomialDamper,
+    PolynomialSpring,
     RotorInertia,
     Spring,
     Stop,
@@ -21,26 +25,33 @@ from .joint_laws import (
 )
 from .links import GroundContact, Wrench
 from .rebuild import with_effects
+from .tendons import Tendons
 from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
 
 __all__ = [
     "DEFAULT",
     "UNITS",
+    "BallSpring",
     "BaseMotion",
     "CoulombFriction",
     "Damper",
     "Effects",
     "Gravity",
+    "GravityCompensation",
     "GroundContact",
     "Inertia",
     "LegInertia",
     "Limits",
+    "LineSprings",
     "MasslessLegs",
     "Payload",
+    "PolynomialDamper",
+    "PolynomialSpring",
     "RotorInertia",
     "Spring",
     "Stop",
     "StribeckFriction",
+    "Tendons",
     "VelocityTerms",
     "ViscousFriction",
     "Wrench",

@@ -16,10 +16,14 @@ from ..structure.bodies import Payload
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_numbers
+from .bodies import GravityCompensation, LineSprings
 from .inputs import BaseMotion, Limits
 from .joint_laws import (
+    BallSpring,
     CoulombFriction,
     Damper,
+    PolynomialDamper,
+    PolynomialSpring,
     RotorInertia,
     Spring,
     Stop,
@@ -28,10 +32,17 @@ from .joint_laws import (
 )
 from .joints import OnJoints, placed
 from .links import GroundContact, Wrench
+from .tendons import OnTendons, Tendons, on_tendons
 from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
 
-JOINTS = (RotorInertia, ViscousFriction, CoulombFriction, StribeckFriction, Spring, Damper, Stop)
-LINKS = (Wrench, GroundContact)
+JOINTS = (
+    RotorInertia, ViscousFriction, CoulombFriction, StribeckFriction, Spring, Damper, Stop, PolynomialSpring,
+    PolynomialDamper, BallSpring, Tendons,
+)  # fmt: skip
+LINKS = (Wrench, GroundContact, GravityCompensation, LineSprings)
+#: Laws of wrenches that depend on the motion of links alone.
+OF_MOTION = (GroundContact, GravityCompensation, LineSprings)
+OfMotion = GroundContact | GravityCompensation | LineSprings
 #: Every effect by name.
 UNITS: dict[str, type[Any]] = {
     unit.name: unit
@@ -71,9 +82,9 @@ class Effects:
     inertia: Inertia | None = None
     leg_inertia: LegInertia | None = None
     velocity: VelocityTerms | None = None
-    joints: tuple[OnJoints, ...] = ()
+    joints: tuple[OnJoints | OnTendons, ...] = ()
     rotors: tuple[OnJoints, ...] = ()
-    links: tuple[Wrench | GroundContact, ...] = ()
+    links: tuple[Wrench | OfMotion, ...] = ()
     limits: Limits | None = None
     base: BaseMotion | None = None
     names: tuple[str, ...] = ()
@@ -136,9 +147,9 @@ class Effects:
         return out
 
     @property
-    def contacts(self) -> tuple[GroundContact, ...]:
-        """Laws of contact with the ground."""
-        return tuple(law for law in self.links if isinstance(law, GroundContact))
+    def of_motion(self) -> tuple[OfMotion, ...]:
+        """Laws of wrenches that depend on the motion of links alone."""
+        return tuple(law for law in self.links if isinstance(law, OF_MOTION))
 
     @property
     def observed_links(self) -> tuple[str, ...]:
@@ -215,7 +226,7 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
                     f"{unit.name}: no such link '{link}'{did_you_mean(link, robot.bodies.place)}",
                     element=link,
                 )
-    laws = [law for unit in units if isinstance(unit, JOINTS) and (law := placed(unit, robot))]
+    laws = [law for unit in units if isinstance(unit, JOINTS) and (law := _placed(unit, robot))]
 
     def one(kind: type[Any]) -> Any:
         """Return the only effect of a class, or None."""
@@ -227,10 +238,21 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
     out = Effects(
         one(Gravity), one(Inertia), one(LegInertia), one(VelocityTerms),
         tuple(law for law in laws if not isinstance(law.effect, RotorInertia)),
-        tuple(law for law in laws if isinstance(law.effect, RotorInertia)),
-        tuple(unit for unit in units if isinstance(unit, LINKS)), one(Limits), one(BaseMotion),
+        tuple(law for law in laws if isinstance(law, OnJoints) and isinstance(law.effect, RotorInertia)),
+        tuple(bound_to(unit, robot) for unit in units if isinstance(unit, LINKS)), one(Limits),
+        one(BaseMotion),
     )  # fmt: skip
     return replace(out, names=out.named(names))
+
+
+def bound_to(unit: Any, robot: HybridRobot) -> Any:
+    """Return a law of wrenches with the numbers that it takes from a robot."""
+    return unit.bound(robot) if isinstance(unit, GravityCompensation | LineSprings) else unit
+
+
+def _placed(unit: Any, robot: HybridRobot) -> OnJoints | OnTendons | None:
+    """Find the joints of a law in a robot; None if it has none."""
+    return on_tendons(unit, robot) if isinstance(unit, Tendons) else placed(unit, robot)
 
 
 def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:

@@ -7,7 +7,7 @@ Units are those of the joint: N, m, m/s for a prismatic joint, N m, rad, rad/s f
 
 from abc import ABC
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -31,12 +31,15 @@ class JointEffect(ABC):
         by_joint: Its fields that hold a number by joint.
         from_files: Attribute of the files' joints that replaces the first field where this is None.
         several: Kinds of joints with several freedoms to which it applies, to each freedom alike.
+        coordinates: Number of a joint's coordinates that a position is computed from; 0 where that depends on
+            its kind: an angle, or its cosine and sine.
     """
 
     name: ClassVar[str]
     by_joint: ClassVar[tuple[str, ...]]
     from_files: ClassVar[str] = ""
     several: ClassVar[tuple[str, ...]] = ()
+    coordinates: ClassVar[int] = 0
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return the law's parameters by joint.
@@ -49,6 +52,14 @@ class JointEffect(ABC):
             return given(self.name, *tables)
         stated = {j.joint.name: float(getattr(j.joint, self.from_files)) for j in robot.bodies.joints}
         return {name: (number,) for name, number in stated.items() if number}
+
+    def by_freedom(self, values: tuple[float, ...], freedoms: int) -> list[tuple[float, ...]]:
+        """Return the parameters of each freedom of a joint; by default all have the joint's."""
+        return [values] * freedoms
+
+    def position(self, p: Numerals, q: Sequence[Any]) -> Any:
+        """Compute a position from coordinates: arrays or expressions, one, or a cosine and a sine."""
+        return q[0] if len(q) == 1 else np.arctan2(q[1], q[0])
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the effort, shape (T, k), from parameters p, positions x and rates v (T, k)."""
@@ -87,10 +98,22 @@ class OnJoints(NamedTuple):
 
     def positions(self, q: Array) -> Array:
         """Return joint positions, shape (T, k), [m or rad]; angles of continuous joints in [-pi, pi]."""
+        if several := self.effect.coordinates:
+            out: Array = self.effect.position(self.p, [q[:, self.at + i] for i in range(several)])
+            return out
         x = q[:, self.at]
         if self.turns.any():
             x[:, self.turns] = np.arctan2(q[:, self.at[self.turns] + 1], x[:, self.turns])
         return x
+
+    def reads(self, i: int) -> tuple[Index, Index]:
+        """Return the indices in q and in v of what the effort on freedom i depends on."""
+        count = self.effect.coordinates or 1 + bool(self.turns[i])
+        return self.at[i] + np.arange(count), self.columns[i : i + 1]
+
+    def written(self, i: int, p: Sequence[Any], q: Sequence[Any], v: Sequence[Any]) -> Any:
+        """Write the effort on freedom i from its parameters and from what it `reads`, as expressions."""
+        return self.effect.effort(p, self.effect.position(p, q), v[0])
 
     def effort(self, q: Array, v: Array) -> Array:
         """Compute the efforts, shape (T, k), from the robot's q and v."""
@@ -130,7 +153,8 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
                 f"{effect.name}: joint '{name}' is {kind}; it must have one freedom{or_several}", element=name
             )
         place = robot.q_slices[index].start, robot.kinds[index] == "continuous"
-        rows += [(column, *place, *values) for column in range(freedoms.start, freedoms.stop)]
+        each = effect.by_freedom(values, freedoms.stop - freedoms.start)
+        rows += [(at, *place, *own) for at, own in enumerate(each, freedoms.start)]
     cut = [name for name in numbers if name in robot.cut_joints]
     if cut:
         raise ModelError(

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from ..description.names import did_you_mean
 from ..effects.choice import FROM_FILES, Choice, Effects, choose, listed_units
 from ..effects.choice import JOINTS as LAWS
-from ..effects.joints import OnJoints, placed
+from ..effects.joints import JointEffect, OnJoints, placed
 from ..errors import ModelError
 from ..spatial import Array, Index
 from ..structure.bodies import Payload
@@ -36,7 +36,13 @@ SYMBOLS = {
     "spring": ("k",),
     "damper": ("d",),
     "stop": ("k_stop",),
+    "ball_spring": ("k",),
 }
+#: Effects of which no number is identified.
+WITHOUT_NUMBERS = (
+    "wrench", "ground_contact", "base_motion", "polynomial_spring", "polynomial_damper", "tendons",
+    "gravity_compensation", "line_springs",
+)  # fmt: skip
 #: What laws' numbers are called in `HybridRobot.with_parameters`.
 FIELDS = {
     "viscous_friction": "viscous_friction",
@@ -176,7 +182,7 @@ def standard_parameters(
             payloads.append((body, at))
             loads.append(load)
             centres[int(at[0])] = _centre(robot, load.link, load.com)
-    for law in (*on.rotors, *on.joints):
+    for law in (law for law in (*on.rotors, *on.joints) if isinstance(law, OnJoints)):
         freedoms = [robot.v_slices[robot.joint_index[joint]] for joint in law.joints]
         widths = [at.stop - at.start for at in freedoms]
         each = np.repeat(np.arange(len(law.joints)), widths)
@@ -207,7 +213,7 @@ def _selected(robot: HybridRobot, effects: Choice) -> tuple[Effects, bool]:
     offsets = OFFSETS in words
     words = [word for word in words if not (isinstance(word, str) and word == OFFSETS)]
     on = choose(robot, words)
-    lost = [name for name in on.names if name in ("wrench", "ground_contact", "base_motion")]
+    lost = [name for name in on.names if name in WITHOUT_NUMBERS]
     if lost:
         raise ModelError(
             f"the effect '{lost[0]}' has no number to identify: leave it out, and subtract its efforts from "
@@ -216,7 +222,7 @@ def _selected(robot: HybridRobot, effects: Choice) -> tuple[Effects, bool]:
     stated = [
         _on_motors(robot, unit) if unit.name in FROM_FILES else unit
         for unit in listed_units(robot, words)
-        if isinstance(unit, LAWS)
+        if isinstance(unit, LAWS) and isinstance(unit, JointEffect)
     ]
     laws = [law for unit in stated if (law := placed(unit, robot))]
     rotors = tuple(law for law in laws if law.effect.name == "rotor_inertia")

@@ -320,8 +320,8 @@ def test_attached_models_frames_and_replicas_are_those_of_mujoco(tmp_path: Path)
     [
         ('axis="0 0 0"', ("MuJoCo", "axis too small"), ""),
         (
-            'type="ball" stiffness="1"',
-            ("one_bend", "a spring of a joint with several freedoms"),
+            'type="ball" armature="-1"',
+            ("one_bend", "damping, armature or frictionloss is negative"),
             "finger.xml:5",
         ),
     ],

@@ -12,7 +12,7 @@ from hybridyn.description import read
 from tests.description.reading import Texts, holds, refused, save_all
 from tests.extras import needs
 from tests.files import save
-from tests.mjcf_texts import BAR, FLOATING, HEAD, loops, mjcf
+from tests.mjcf_texts import BAR, HEAD, loops, mjcf
 from tests.robot_texts import line_of
 
 mujoco = needs("mjcf")
@@ -61,32 +61,15 @@ CASES: dict[str, tuple[Texts, str]] = {
         loops('<weld name="x" body1="a" body2="b"/>').replace("<flag ", '<flag equality="disable" '),
         'remove equality="disable"',
     ),
-    "tendon spring": (mjcf(TENDON.format('stiffness="2"'), world=hinge()), "tendon 't': stiffness"),
-    "tendon damping": (mjcf(TENDON.format('damping="2"'), world=hinge()), "tendon 't': damping"),
-    "tendon friction": (mjcf(TENDON.format('frictionloss="2"'), world=hinge()), "tendon 't': frictionloss"),
-    "ball spring": (
-        mjcf(world=BALL.format('stiffness="1"')),
-        "joint 'j': a spring of a joint with several freedoms is not read; set it to 0",
-    ),
-    "ball friction": (mjcf(world=BALL.format('frictionloss="1"')), "joint 'j': frictionloss"),
     "armature of an actuator that is no motor": (
         mjcf(
             '<actuator><motor name="m" joint="j" gear="1 0 0" damping="1"/></actuator>', world=BALL.format("")
         ),
         "damping",  # before MuJoCo 4, actuators have none
     ),
-    "gravcomp": (mjcf(world=hinge(body='gravcomp="1"')), "body 'a': gravcomp"),
     "mocap": (
         mjcf('<equality><weld body1="a" body2="m"/></equality>', world=hinge() + MOCAP),
         "body 'm': a program moves a mocap body",
-    ),
-    "free friction": (
-        mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" frictionloss="1"')),
-        "joint 'free': frictionloss of a joint with several freedoms",
-    ),
-    "free spring": (
-        mjcf(world=FLOATING.replace("<freejoint", '<joint type="free" stiffness="1"')),
-        "joint 'free': a spring of a joint with several freedoms is not read; set it to 0",
     ),
     "plugin": (mjcf(world=hinge('/><plugin plugin="mujoco.elasticity.cable"')), "a plugin"),
     "plugin that makes mass": (
@@ -186,12 +169,6 @@ def test_forces_of_a_fluid_and_plugins_of_shapes_are_noted(tmp_path: Path) -> No
         "links": [{"mass": 0}, {"mass": 1}], "joints": [{"effort": 7}], "motors": ("j",),
         "notes": {"of <option> 'density'", "robot.xml:", "<plugin> in <geom>", "actuators 'm' have a servo"},
     })  # fmt: skip
-
-
-@pytest.mark.parametrize("what", ["damping", "stiffness"])
-def test_forces_of_higher_order(what: str, tmp_path: Path) -> None:
-    said = str(refused(save(tmp_path, mjcf(world=hinge(f'{what}="1 2"')), "robot.xml")))
-    assert f"joint 'j': {what} that depends" in said or "bad format" in said or "MuJoCo" in said
 
 
 def test_lines_are_those_of_the_file(tmp_path: Path) -> None:

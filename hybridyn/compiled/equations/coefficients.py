@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from ...description.records import StatedSpring
-from ...effects.choice import Effects
+from ...effects.choice import Effects, bound_to
 from ...effects.joint_laws import Spring
 from ...effects.joints import JointEffect, OnJoints, placed
+from ...effects.tendons import OnTendons
 from ...errors import ModelError
 from ...structure.parameters.entries import OF_EFFECTS
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 
 
-def slots_of(robot: HybridRobot, law: OnJoints, i: int) -> list[Slot | None]:
+def slots_of(robot: HybridRobot, law: OnJoints | OnTendons, i: int) -> list[Slot | None]:
     """Return for each coefficient of a law's freedom i the number of the description that it is, or None."""
     none: list[Slot | None] = [None] * len(law.p)
+    if isinstance(law, OnTendons):
+        return none
     if isinstance(law.effect, Spring):
         joint = _joint_of(robot, law, i)
         return [Slot("springs", joint, "stiffness"), Slot("springs", joint, "rest"), *none[2:]]
@@ -57,11 +62,20 @@ def with_stated_springs(robot: HybridRobot, effects: Effects) -> HybridRobot:
 
 def at_robot(effects: Effects, robot: HybridRobot) -> Effects:
     """Return effects whose laws have the coefficients of another robot's description."""
-    laws, rotors = (
-        tuple(law for one in group if (law := placed(_stated(one.effect, robot), robot)) is not None)
-        for group in (effects.joints, effects.rotors)
+
+    def stated(group: Sequence[Any]) -> tuple[Any, ...]:
+        """Return laws with the coefficients of the description; those of tendons stay."""
+        laws = (
+            one if isinstance(one, OnTendons) else placed(_stated(one.effect, robot), robot) for one in group
+        )
+        return tuple(law for law in laws if law is not None)
+
+    return replace(
+        effects,
+        joints=stated(effects.joints),
+        rotors=stated(effects.rotors),
+        links=tuple(bound_to(law, robot) for law in effects.links),
     )
-    return replace(effects, joints=laws, rotors=rotors)
 
 
 def _stated(effect: JointEffect, robot: HybridRobot) -> JointEffect:

@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from ...assembly.free_motions import MASSLESS_MOTION, own_inertia
 from ...dynamics.actuation import load_share
-from ...effects.choice import Choice, Effects, choose
+from ...effects.bodies import GravityCompensation, LineSprings
+from ...effects.choice import OF_MOTION, Choice, Effects, OfMotion, choose
 from ...effects.links import GroundContact
 from ...errors import ActuationError, ModelError
 from ...spatial import Array, Index
@@ -26,6 +27,9 @@ from .parts import Parts, parts_of
 from .rigid import ten_expressions, ten_numbers
 from .spins import ROUNDED_SPIN
 from .states import generic_positions
+
+#: Laws whose numbers of links parameters may not change.
+FIXED = (GravityCompensation, LineSprings)
 
 
 @dataclass(frozen=True)
@@ -52,9 +56,15 @@ class Request:
         return [self._placed(link) for link in self.links]
 
     @cached_property
-    def contacts(self) -> list[tuple[Acting, GroundContact]]:
-        """Where the ground's wrenches enter, and their laws."""
-        return [(self._placed(link), law) for law in self.on.contacts for link in law.links]
+    def contacts(self) -> list[tuple[Acting, OfMotion]]:
+        """Where wrenches that depend on the motion of links enter, and their laws; none on a base at rest."""
+        place, still = self.robot.bodies.place, self.robot.base != "floating"
+        return [
+            (self._placed(link), law)
+            for law in self.on.of_motion
+            for link in law.links
+            if isinstance(law, GroundContact) or not (still and place[link][0] == 0)
+        ]
 
     def _placed(self, link: str) -> Acting:
         """Return where a wrench on a link enters.
@@ -232,9 +242,15 @@ def request(
     """
     on = choose(robot, effects)
     for unit in (*on.links, *((on.base,) if on.base else ())):
-        if contacts and isinstance(unit, GroundContact):
+        if contacts and isinstance(unit, OF_MOTION) and not (parameters and isinstance(unit, FIXED)):
             continue
-        why = "these models have no contact" if isinstance(unit, GroundContact) else "it depends on time"
+        why = "it depends on time"
+        if isinstance(unit, OF_MOTION):
+            why = (
+                "its numbers are none of the parameters"
+                if contacts
+                else "these models have no forces that follow the motion of links"
+            )
         raise ModelError(
             f"the effect '{unit.name}' cannot be compiled: {why}. Use the general path for it",
             element=unit.name,

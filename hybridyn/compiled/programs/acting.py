@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ...effects.bodies import GravityCompensation, LineSprings
+from ...effects.choice import OfMotion
 from ...effects.links import GroundContact
 from ...structure.robot import HybridRobot
 from ..equations.acting import Acting, along_path
@@ -40,14 +43,22 @@ class ActingWrenches:
             return
         bodies = [w.shared(WIDTH) for _ in request.robot.bodies.bodies]
         write_motions(request, w, bodies, _carrying(request.robot, request.contacts), moved=False)
+        place = request.robot.bodies.place
         for at, law in request.contacts:
-            self._add(at, "contact", _contact(at, law), bodies[at.body])
+            if isinstance(law, GroundContact):
+                self._add(at, "contact", _contact(at, law), bodies[at.body])
+                continue
+            watched = {link: place[link] for link in law.watched(at.link)}
+            function = (
+                _compensation(at, law) if isinstance(law, GravityCompensation) else _lines(at, law, watched)
+            )
+            self._add(at, law.name, function, *(bodies[body] for body, _, _ in watched.values()))
 
-    def _add(self, at: Acting, name: str, function: ca.Function, source: Source) -> None:
+    def _add(self, at: Acting, name: str, function: ca.Function, *sources: Source) -> None:
         """Add a wrench on a body, in the body's frame, and what follows from it."""
         w, robot = self._w, self._request.robot
         wrench, key = w.shared(6), (name, at.link, len(self.required), len(self.along))
-        w.call(w.kernel(key, function, "effects"), 1, [source], [wrench])
+        w.call(w.kernel(key, function, "effects"), 1, [*sources], [wrench])
         if at.output is not None:
             self.required.append((at.module, at.output, self._less(wrench)))
             return
@@ -55,11 +66,11 @@ class ActingWrenches:
         given = self._request.arguments
         own = None if given is None else given.of_modules[at.module]
         efforts, base = w.shared(len(at.path)), w.shared(6)
-        sources: list[Source] = [w.from_given("q", module.q_index), wrench]
+        given_to: list[Source] = [w.from_given("q", module.q_index), wrench]
         if own is not None:
-            sources.append(w.from_given("parameters", own.index))
+            given_to.append(w.from_given("parameters", own.index))
         kernel = w.kernel((*key, "along"), along_path(module, at, own), "effects")
-        w.call(kernel, 1, sources, [efforts, base])
+        w.call(kernel, 1, given_to, [efforts, base])
         for i, column in enumerate(at.path):
             self.along.setdefault((at.module, column), []).append(Shared(efforts.start + i, 1))
         if module.parent >= 0:
@@ -80,15 +91,50 @@ def _in_body(at: Acting) -> ca.Function:
     return ca.Function("wrench", [column], [pack(to_parent(numbers(at.R), numbers(at.p), wrench))])
 
 
-def _carrying(robot: HybridRobot, contacts: Sequence[tuple[Acting, GroundContact]]) -> set[int]:
-    """Return the numbers of the modules that carry links in contact."""
+def _carrying(robot: HybridRobot, contacts: Sequence[tuple[Acting, OfMotion]]) -> set[int]:
+    """Return the numbers of the modules that carry the links that laws watch."""
     out = set[int]()
-    for at, _ in contacts:
-        k = at.module
-        while k >= 0 and k not in out:
-            out.add(k)
-            k = robot.modules[k].parent
+    for at, law in contacts:
+        links = (at.link,) if isinstance(law, GroundContact) else law.watched(at.link)
+        for link in links:
+            k = robot.body_owner[robot.bodies.place[link][0]][0]
+            while k >= 0 and k not in out:
+                out.add(k)
+                k = robot.modules[k].parent
     return out
+
+
+def _compensation(at: Acting, law: GravityCompensation) -> ca.Function:
+    """Return the kernel of the force against a link's weight, in its body's frame."""
+    column, motion = symbols("motion", WIDTH)
+    force, com = law.forces[at.link]
+    own = dot(motion[:9].reshape(3, 3).T, numbers(force))
+    return ca.Function(
+        "compensation", [column], [pack(np.concatenate([own, cross(numbers(at.p + at.R @ com), own)]))]
+    )
+
+
+def _lines(at: Acting, law: LineSprings, watched: Mapping[str, tuple[int, Any, Any]]) -> ca.Function:
+    """Return the kernel of the pull of lines on a link, in its body's frame, from the bodies' motion."""
+    motions = {link: symbols(f"motion {i}", WIDTH) for i, link in enumerate(watched)}
+    total, R_own = zeros(6), motions[at.link][1][:9].reshape(3, 3)
+    for line in law.lines_at(at.link):
+        points, rates, arms = [], [], []
+        for link, point in zip(law.ends[line], law.points[line], strict=True):
+            _, R, p = watched[link]
+            motion = motions[link][1]
+            arms.append(numbers(p + R @ np.asarray(point, dtype=float)))
+            arm = dot(motion[:9].reshape(3, 3), arms[-1])
+            points.append(motion[9:12] + arm)
+            rates.append(motion[12:15] + cross(motion[15:18], arm))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+            forces, _, _ = law.pulls(line, points, rates)
+        for link, arm, force in zip(law.ends[line], arms, forces, strict=True):
+            if link == at.link:
+                own = dot(R_own.T, np.array(force, dtype=object))
+                total = total + np.concatenate([own, cross(arm, own)])
+    return ca.Function("lines", [column for column, _ in motions.values()], [pack(total)])
 
 
 def _contact(at: Acting, law: GroundContact) -> ca.Function:

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ...effects.joints import OnJoints
+from ...effects.tendons import OnTendons
 from ...errors import ModelError
 from ...spatial import Index
 from ...structure.module import Module
@@ -295,16 +296,16 @@ class Sweeps:
             for i in np.flatnonzero(law.columns == at).tolist():
                 coefficients = self._coefficients(law, i)
                 p = ca.SX.sym("p", len(law.p))
-                x, v = ca.SX.sym("x", 2 if law.turns[i] else 1), ca.SX.sym("v")
+                at_q, at_v = law.reads(i)
+                x, v = ca.SX.sym("x", len(at_q)), ca.SX.sym("v", len(at_v))
                 inputs += [*ca.vertsplit(p), x, v] if len(coefficients) > 1 else [p, x, v]
-                positions = w.from_given("q", int(law.at[i]) + np.arange(x.numel()))
-                sources += [*coefficients, positions, w.from_given("v", np.array([at]))]
-                total = total + _written(law.effect, p, ca.atan2(x[1], x[0]) if law.turns[i] else x[0], v)
-                key = (*key, x.numel(), repr(law.effect.name), len(coefficients))
+                sources += [*coefficients, w.from_given("q", at_q), w.from_given("v", at_v)]
+                total = total + _written(law, i, p, x, v)
+                key = (*key, x.numel(), v.numel(), repr(law.effect.name), len(law.p), len(coefficients))
         kernel = w.kernel(key, ca.Function("effort", inputs, [pack([total])]), "effects")
         w.call(kernel, 1, sources, [place])
 
-    def _coefficients(self, law: OnJoints, i: int) -> list[Source]:
+    def _coefficients(self, law: OnJoints | OnTendons, i: int) -> list[Source]:
         """Return the sources of a law's coefficients: one for all, or one for each with arguments."""
         chosen = self.request.arguments
         values = np.array([[row[i] for row in law.p]])
@@ -319,13 +320,14 @@ class Sweeps:
         ]
 
 
-def _written(effect: Any, p: ca.SX, x: Any, v: ca.SX) -> Any:
+def _written(law: OnJoints | OnTendons, i: int, p: ca.SX, x: ca.SX, v: ca.SX) -> Any:
     """Return a law's effort as an expression by running its NumPy code on symbols."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
-            return effect.effort(tuple(p[n] for n in range(p.numel())), x, v)
+            return law.written(i, *(tuple(s[n] for n in range(s.numel())) for s in (p, x, v)))
     except (TypeError, AttributeError, ValueError, RuntimeError, NotImplementedError) as error:
+        name = law.effect.name
         raise ModelError(
-            f"the effect '{effect.name}' cannot be compiled: use the general path for it", element=effect.name
+            f"the effect '{name}' cannot be compiled: use the general path for it", element=name
         ) from error

@@ -42,27 +42,19 @@ NUMBERS = {
     },
     **{f"dof_{what}": (0.0, _NEGATIVE) for what in ("damping", "armature", "frictionloss")},
 }
-_ALONG = "along a tendon is not read; remove it, or put it on joints"
 #: What nothing may have.
 REFUSED = {
-    "body_gravcomp": "gravcomp is not read; remove it, or state it as a wrench",
-    "tendon_stiffness": f"stiffness {_ALONG}",
-    "tendon_stiffnesspoly": f"stiffness {_ALONG}",
-    "tendon_damping": f"damping {_ALONG}",
-    "tendon_dampingpoly": f"damping {_ALONG}",
-    "tendon_frictionloss": f"frictionloss {_ALONG}",
-    "tendon_armature": f"armature {_ALONG}",
-    "jnt_stiffnesspoly": "stiffness that depends on the position is not read; keep its first number",
+    "tendon_stiffnesspoly": "stiffness that depends on a tendon's length is not read; keep its first number",
+    "tendon_dampingpoly": "damping that depends on a tendon's speed is not read; keep its first number",
+    "tendon_armature": "armature along a tendon is not read; remove it, or put it on joints",
     "jnt_springyield": "springyield is not read; remove it",
-    "jnt_actgravcomp": "actuatorgravcomp is not read; remove it",
-    "dof_dampingpoly": "damping that depends on the speed is not read; keep its first number",
     "actuator_dampingpoly": "damping that depends on the speed is not read; keep its first number",
 }
-_OF_SEVERAL = "of a joint with several freedoms is not read; set it to 0"
 #: What a joint with several freedoms may not have.
 REFUSED_OF_SEVERAL = {
-    "jnt_stiffness": f"a spring {_OF_SEVERAL}", "dof_frictionloss": f"frictionloss {_OF_SEVERAL}"
-}  # fmt: skip
+    "jnt_stiffnesspoly": "stiffness that depends on the position of a joint with several freedoms is not "
+    "read; keep its first number"
+}
 
 _LINE = re.compile(r"\bline (\d+)")
 _NAME = re.compile(r"Element name '([^']+)'")
@@ -126,6 +118,10 @@ class Compiled:
         group, _, _ = word.partition("_")
         value = getattr(getattr(self.mujoco, ENUMERATIONS[group]), word, None)
         return -1 if value is None else int(value)
+
+    def rows(self, field: str) -> Array:
+        """Return an array of the model as rows of numbers; none where this version of MuJoCo lacks it."""
+        return np.atleast_2d(np.asarray(getattr(self.model, field, ()), dtype=float).T).T
 
     def line(self, kind: str, number: int) -> int | None:
         """Return the line of an element in the robot's own file, or None if it is in an included file.
@@ -254,7 +250,7 @@ def _refuse_numbers(compiled: Compiled) -> None:
         ModelError: There is such a number, or damping, armature or friction is negative.
     """
     for field, (least, sentence) in NUMBERS.items():
-        rows = _rows(compiled, field)
+        rows = compiled.rows(field)
         _refuse(compiled, field, ~((rows >= least) & (rows <= LARGEST_NUMBER)), sentence)
 
 
@@ -266,21 +262,15 @@ def _refuse_forces(compiled: Compiled) -> None:
     """
     model = compiled.model
     for field, sentence in REFUSED.items():
-        _refuse(compiled, field, _rows(compiled, field) != 0, sentence)
+        _refuse(compiled, field, compiled.rows(field) != 0, sentence)
     several = np.isin(model.jnt_type, [compiled.code("mjJNT_BALL"), compiled.code("mjJNT_FREE")])
     for field, sentence in REFUSED_OF_SEVERAL.items():
-        on = several if field.startswith("jnt") else several[model.dof_jntid]
-        _refuse(compiled, field, (_rows(compiled, field) != 0) & on[:, None], sentence)
+        _refuse(compiled, field, (compiled.rows(field) != 0) & several[:, None], sentence)
     for body in sorted({body for pair in compiled.tied_bodies.values() for body in pair}):
         if model.body_mocapid[body] >= 0:
             raise compiled.error(
                 "body", body, "a program moves a mocap body; remove mocap, or give it joints"
             )
-
-
-def _rows(compiled: Compiled, field: str) -> Array:
-    """Return an array of the model as rows of numbers; none where this version of MuJoCo lacks it."""
-    return np.atleast_2d(np.asarray(getattr(compiled.model, field, ()), dtype=float).T).T
 
 
 def _refuse(compiled: Compiled, field: str, wrong: NDArray[np.bool_], sentence: str) -> None:

@@ -17,10 +17,11 @@ import numpy as np
 from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
 from ..names import listed, noted, unique
 from ..placement import motion_of, placement_from
-from ..records import Array, Joint, JointKind, Link, RobotFile, StatedSpring, spring_effect
+from ..records import Array, Joint, JointKind, Link, RobotFile
 from ..urdf.xml_node import Node
 from .compiling import Compiled, compile_text, pose
 from .document import Document, screen
+from .forces import Part, add_forces, bodies_of, pulling, split
 from .relations import add_actuators, add_equalities
 
 #: Kinds of joints by MuJoCo's words.
@@ -29,7 +30,8 @@ KINDS: dict[str, JointKind] = {
     "mjJNT_FREE": "floating",
 }  # fmt: skip
 
-#: Endings and kinds of the joints that stand for a free joint with armature. MuJoCo adds armature to the
+#: Endings and kinds of the joints that stand for a free joint with armature, friction or springs. MuJoCo adds
+#: armature to the
 #: diagonal of the mass matrix in its own rates: those of the body's origin along the axes of the world, and
 #: angular ones about the axes of the body. Slides along the world's axes and a ball have the same rates.
 FREE_PARTS: tuple[tuple[str, JointKind], ...] = (
@@ -48,32 +50,35 @@ def find_root(robot: RobotFile, compiled: Compiled) -> int:
     if len(free) != 1:
         return 0
     body, dof = int(model.jnt_bodyid[free[0]]), int(model.jnt_dofadr[free[0]])
+    tied = [*compiled.tied_bodies.values(), *(bodies_of(compiled, n) for n in pulling(compiled))]
     others = model.body_rootid != body
     moving = (model.body_jntnum > 0) | (model.body_mocapid >= 0)
-    if (others & moving).any() or any(others[[*pair]].any() for pair in compiled.tied_bodies.values()):
+    if (others & moving).any() or any(others[[*bodies]].any() for bodies in tied if bodies):
         return 0
-    if model.dof_damping[dof] or model.dof_armature[dof]:
+    if model.dof_damping[dof] or split(compiled, int(free[0])):
         robot.notes.append(
-            f"the base does not float, because its free joint '{compiled.joints[free[0]]}' has damping or "
-            "armature: it is a joint on the world; <freejoint/> takes no defaults, and has neither"
+            f"the base does not float, because its free joint '{compiled.joints[free[0]]}' has damping, "
+            "armature, friction or a spring: it is a joint on the world; <freejoint/> takes no defaults, and "
+            "has none of them"
         )
         return 0
     return body
 
 
 def add_bodies(robot: RobotFile, compiled: Compiled, root: int, q: Array) -> None:
-    """Add links and joints of the root's tree to the robot, with springs and home posture.
+    """Add links and joints of the root's tree to the robot, with forces and home posture.
 
     Args:
         root: Number of the root body.
         q: Home positions of all joints, MuJoCo's `qpos`.
     """
     model, links, joints = compiled.model, {*compiled.bodies}, {*compiled.joints}
+    parts: list[Part] = []
     for body in range(model.nbody):
         if root and model.body_rootid[body] != root:
             continue
         if body != root:
-            steps = _steps(robot, compiled, body, joints, q)
+            steps = _steps(robot, compiled, body, joints, q, parts)
             chain, name = _chain(compiled, body, steps, joints), compiled.bodies[body]
             between = [unique(f"{name}_{joint.name}", links) for joint in chain[:-1]]
             add_chain(robot, chain, [compiled.bodies[model.body_parentid[body]], *between, name])
@@ -81,14 +86,7 @@ def add_bodies(robot: RobotFile, compiled: Compiled, root: int, q: Array) -> Non
     if root:
         at = int(model.jnt_qposadr[model.body_jntadr[root]])
         robot.base, robot.base_home = "floating", _coordinates("floating", q[at:])
-    springs = [
-        StatedSpring(
-            compiled.joints[n], float(model.jnt_stiffness[n]), float(model.qpos_spring[model.jnt_qposadr[n]])
-        )
-        for n in np.flatnonzero(model.jnt_stiffness)
-    ]  # fmt: skip
-    if springs:
-        robot.effects += (spring_effect(springs),)
+    add_forces(robot, compiled, parts)
 
 
 def _link(compiled: Compiled, body: int) -> Link:
@@ -105,13 +103,14 @@ def _link(compiled: Compiled, body: int) -> Link:
 
 
 def _steps(
-    robot: RobotFile, compiled: Compiled, body: int, taken: set[str], q: Array
+    robot: RobotFile, compiled: Compiled, body: int, taken: set[str], q: Array, parts: list[Part]
 ) -> list[tuple[Joint, Array]]:
     """Return the joints of a body in their order, and add their positions at home to the robot.
 
     Args:
         taken: Names of joints; those that are made are added.
         q: As in `add_bodies`.
+        parts: The joints are added to it.
 
     Returns:
         Each joint without its links, whose placement is its motion from the reference to position zero, and
@@ -126,8 +125,8 @@ def _steps(
         origin = next((x for x in (*own[i:], *own[:i][::-1]) if x is not None), np.zeros(3))
         kind = next(kind for word, kind in KINDS.items() if compiled.code(word) == model.jnt_type[number])
         at, dof = int(model.jnt_qposadr[number]), int(model.jnt_dofadr[number])
-        split = kind == "floating" and bool(model.dof_armature[dof])
-        for k, (ending, part) in enumerate(FREE_PARTS if split else (("", kind),)):
+        several = kind == "floating" and split(compiled, number)
+        for k, (ending, part) in enumerate(FREE_PARTS if several else (("", kind),)):
             name = compiled.joints[number]
             if ending:
                 name = unique(name + ending, taken)
@@ -135,6 +134,7 @@ def _steps(
             axis, reference = (np.eye(3)[k % 3], 0.0) if ending else (model.jnt_axis[number], model.qpos0[at])
             joint = _joint(compiled, number, dof + k, name, part, axis, reference)
             robot.home[name] = _coordinates(part, q[at + k :])
+            parts.append(Part(number, name, part, at + k, dof + k))
             out.append((joint, origin))
     return out
 
@@ -262,7 +262,7 @@ def _notes(compiled: Compiled, root: int, pairs: bool) -> dict[str, list[str]]:
     """
     model, flags = compiled.model, compiled.model.opt.disableflags
     others = [name for name, top in zip(compiled.bodies, model.body_rootid, strict=True) if top != root]
-    of_free = model.dof_armature[model.jnt_dofadr[model.jnt_type == compiled.code("mjJNT_FREE")]]
+    free = np.flatnonzero(model.jnt_type == compiled.code("mjJNT_FREE")).tolist()
     return {
         "mocap bodies are read as fixed: {}":
             [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)],
@@ -278,8 +278,9 @@ def _notes(compiled: Compiled, root: int, pairs: bool) -> dict[str, list[str]]:
             ).tolist()],
         "bodies {} do not move and have no joint; they are left out, because the base floats":
             others[1:] if root else [],
-        "free joints with armature are read as three slides and a ball, which have it in MuJoCo's rates":
-            [""] if of_free.any() else [],
+        "free joints with armature, friction or springs are read as three slides and a ball, which have them "
+        "in MuJoCo's rates":
+            [""] if any(split(compiled, number) for number in free) else [],
         "contacts between geoms are not read: the robot touches nothing (the effect ground_contact has "
         "points on compliant ground)":
             [""] if pairs or _can_touch(compiled) else [],

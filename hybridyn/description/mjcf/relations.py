@@ -17,6 +17,7 @@ from ..motors import MEND
 from ..names import DROPS, noted, unique
 from ..records import Array, Coupling, Curve, MotorStatement, RobotFile
 from .compiling import Compiled, pose
+from .forces import fixed_terms
 
 #: Closures by MuJoCo's word.
 KINDS = {"connect": FORMS["point"], "weld": FORMS["fixed"]}
@@ -80,19 +81,6 @@ def _is_soft(compiled: Compiled, number: int) -> bool:
     frequency = np.sqrt(-first) if first <= 0 else 1 / (first * max(ratio, np.finfo(float).tiny))
     slack = 1 - 1e-9
     return bool(frequency < slack / STIFFNESS or low < slack * IMPEDANCE[0] or high < slack * IMPEDANCE[1])
-
-
-def fixed_terms(compiled: Compiled, tendon: int) -> dict[str, float] | None:
-    """Return the coefficient of each joint in a fixed tendon's length, or None for a spatial tendon."""
-    model = compiled.model
-    first = int(model.tendon_adr[tendon])
-    terms: dict[str, float] = {}
-    for wrap in range(first, first + int(model.tendon_num[tendon])):
-        if model.wrap_type[wrap] != compiled.code("mjWRAP_JOINT"):
-            return None
-        joint = compiled.joints[model.wrap_objid[wrap]]
-        terms[joint] = terms.get(joint, 0.0) + float(model.wrap_prm[wrap])
-    return terms
 
 
 def _frames(compiled: Compiled, number: int, word: str) -> tuple[Array, Array]:

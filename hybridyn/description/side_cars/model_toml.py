@@ -31,7 +31,7 @@ from ...errors import ModelError
 from ..cache_folder import hashed, keep, kept, state_of
 from ..closure_forms import FORMS
 from ..names import did_you_mean
-from ..records import ZERO, Coupling, Curve, Description, JointKind, MotorStatement, RobotFile
+from ..records import ON_LINKS, ZERO, Coupling, Curve, Description, JointKind, MotorStatement, RobotFile
 from ..writing import write_text
 from .toml_file import line_of, parse_toml
 
@@ -116,9 +116,14 @@ def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tupl
     if link is not None and link not in links:
         yield ("effects", "payload", "link"), f"no such link '{link}'{did_you_mean(link, links)}"
     for effect, table in model["effects"].items():
-        on_links = effect == "ground_contact"
+        on_links = effect in ON_LINKS
         what, names = ("link", links) if on_links else ("movable joint", movable)
-        for key, name in ((key, name) for key, x in table.items() if isinstance(x, dict) for name in x):
+        by_name = {key: x for key, x in table.items() if isinstance(x, dict)}
+        if effect == "tendons":  # all other numbers are by tendon
+            by_name = {"arms": by_name["arms"]}
+        if effect == "line_springs":
+            by_name = {"ends": dict.fromkeys(link for links in by_name["ends"].values() for link in links)}
+        for key, name in ((key, name) for key, x in by_name.items() for name in x):
             if name not in names:
                 hint = did_you_mean(name, names)
                 yield ("effects", effect, key, name), f"no such {what} '{name}'{hint}"

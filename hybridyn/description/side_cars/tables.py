@@ -34,6 +34,8 @@ from .toml_file import Keys, line_of, parse_toml
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 ByJoint = dict[str, NotNegative]
+Coefficients = Annotated[list[FiniteFloat], Field(min_length=1, max_length=8)]
+Quaternion = Annotated[list[FiniteFloat], Field(min_length=4, max_length=4)]
 Point = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 
 
@@ -95,6 +97,20 @@ EFFECTS: dict[str, dict[str, Any]] = {
         "stiffness": ByJoint, "damping": NotNegative | None, "lower": dict[str, FiniteFloat] | None,
         "upper": dict[str, FiniteFloat] | None,
     },
+    "polynomial_spring": {"coefficients": dict[str, Coefficients], "rest": dict[str, FiniteFloat] | None},
+    "polynomial_damper": {"coefficients": dict[str, Coefficients]},
+    "ball_spring": {"stiffness": ByJoint, "rest": dict[str, Quaternion] | None},
+    "tendons": {
+        "arms": dict[str, dict[str, FiniteFloat]], "stiffness": ByJoint | None, "damping": ByJoint | None,
+        "friction": ByJoint | None, "lower": dict[str, FiniteFloat] | None,
+        "upper": dict[str, FiniteFloat] | None, "width": Positive | None,
+    },
+    "gravity_compensation": {"fraction": dict[str, FiniteFloat]},
+    "line_springs": {
+        "ends": dict[str, Annotated[list[str], Field(min_length=2)]], "points": dict[str, list[Point]],
+        "stiffness": ByJoint | None, "damping": ByJoint | None, "friction": ByJoint | None,
+        "lower": ByJoint | None, "upper": ByJoint | None, "width": Positive | None,
+    },
     "ground_contact": {
         "points": dict[str, list[Point]], "stiffness": Positive, "damping": NotNegative | None,
         "friction": NotNegative | None, "width": Positive | None, "height": FiniteFloat | None,
@@ -118,7 +134,7 @@ JointNumbers: Any = table(
 #: What bends a relation between joint positions; see `records.Curve`.
 CurveTable: Any = table(
     "CurveTable", terms=Annotated[dict[str, FiniteFloat], Field(min_length=1)],
-    coefficients=Annotated[list[FiniteFloat], Field(min_length=1, max_length=8)],
+    coefficients=Coefficients,
     reference=(FiniteFloat, 0.0),
 )  # fmt: skip
 

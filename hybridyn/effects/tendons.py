@@ -1,0 +1,168 @@
+"""Tendons over joints: springs, dampers and dry friction along sums of joint positions."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from ..description.names import did_you_mean
+from ..errors import ModelError
+from ..spatial import LARGEST, Array, Index
+from ..structure.robot import HybridRobot
+from .joints import WIDTH, Numbers, positive
+
+
+@dataclass(frozen=True)
+class Tendons:
+    """Springs, dampers and dry friction along tendons; the length of one is a sum of arm x joint position.
+
+    The force along a tendon of length l is -k (l - upper) above `upper` and -k (l - lower) below `lower`,
+    less c l_dot and f tanh(l_dot / width). It acts on each joint by its arm.
+
+    `arms`: by joint, its arm in each tendon [1, m or m/rad]; `stiffness`: k, `damping`: c, `friction`: f,
+    `lower` and `upper`: lengths between which the spring is slack, all by tendon, 0 by default; `width`
+    [m/s or rad/s]. Every joint has one freedom and counts turns.
+    Source: MuJoCo's fixed tendons, with smoothed friction.
+    """
+
+    arms: Mapping[str, Mapping[str, float]]
+    stiffness: Numbers = field(default_factory=dict)
+    damping: Numbers = field(default_factory=dict)
+    friction: Numbers = field(default_factory=dict)
+    lower: Numbers = field(default_factory=dict)
+    upper: Numbers = field(default_factory=dict)
+    width: float = WIDTH
+    name: ClassVar[str] = "tendons"
+
+    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
+        """Return the joints; each has the numbers of no tendon of its own.
+
+        Raises:
+            ModelError: Numbers are invalid.
+        """
+        positive(self.name, "width", self.width)
+        known = list(dict.fromkeys(tendon for arms in self.arms.values() for tendon in arms))
+        for what in ("stiffness", "damping", "friction", "lower", "upper"):
+            for tendon, value in getattr(self, what).items():
+                if tendon not in known:
+                    raise ModelError(
+                        f"{self.name}: '{what}' names the tendon '{tendon}', which has no arm"
+                        f"{did_you_mean(tendon, known)}", element=tendon,
+                    )  # fmt: skip
+                least = -LARGEST if what in ("lower", "upper") else 0.0
+                if not least <= value <= LARGEST:
+                    raise ModelError(
+                        f"{self.name}: {what} of '{tendon}' is {value:g}; it must be finite"
+                        + ("" if least else ", and not negative"), element=tendon,
+                    )  # fmt: skip
+        for tendon in known:
+            if self.lower.get(tendon, 0.0) > self.upper.get(tendon, 0.0):
+                raise ModelError(f"{self.name}: lower of '{tendon}' is above upper", element=tendon)
+        return dict.fromkeys(self.arms, ())
+
+    def force(self, p: Any, length: Any, rate: Any) -> Any:
+        """Compute the force along a tendon from k, c, f, lower, upper: arrays or expressions."""
+        k, c, f, _, _ = p
+        return -k * self.stretch(p, length) - c * rate - f * np.tanh(rate / self.width)
+
+    def stretch(self, p: Any, length: Any) -> Any:
+        """Compute by how much a tendon is longer than `upper`, or minus how much shorter than `lower`."""
+        return np.maximum(length - p[4], 0.0) - np.maximum(p[3] - length, 0.0)
+
+
+class OnTendons(NamedTuple):
+    """Tendons of one robot, as `joints.OnJoints`.
+
+    Attributes:
+        effect: The law.
+        joints: Names of the joints.
+        columns: Indices of their freedoms in v, shape (k,).
+        at: Indices of their positions in q, shape (k,).
+        arms: Arm of each joint in each tendon, shape (k, tendons).
+        own: Numbers of each tendon: stiffness, damping, friction, lower, upper; shape (5, tendons).
+    """
+
+    effect: Tendons
+    joints: tuple[str, ...]
+    columns: Index
+    at: Index
+    arms: Array
+    own: Array
+
+    @property
+    def p(self) -> Sequence[Array]:
+        """All numbers that the effort on a freedom depends on, each of shape (k,)."""
+        every = np.concatenate([self.own.ravel(), self.arms.ravel()])
+        return [*self.arms.T, *np.tile(every[:, None], len(self.columns))]
+
+    def reads(self, i: int) -> tuple[Index, Index]:
+        """Return the indices in q and in v of what the effort on freedom i depends on."""
+        return self.at, self.columns
+
+    def written(self, i: int, p: Sequence[Any], q: Sequence[Any], v: Sequence[Any]) -> Any:
+        """Write the effort on freedom i from its numbers and from what it `reads`, as expressions."""
+        count, total = self.own.shape[1], 0.0
+        own, arms = p[count : 6 * count], p[6 * count :]
+        for t in range(count):
+            length, rate = (sum(arms[j * count + t] * x for j, x in enumerate(xs)) for xs in (q, v))
+            total = total + p[t] * self.effect.force(own[t::count], length, rate)
+        return total
+
+    def effort(self, q: Array, v: Array) -> Array:
+        """Compute the efforts, shape (T, k), from the robot's q and v."""
+        out: Array = self.effect.force(self.own, *self._along(q, v)) @ self.arms.T
+        return out
+
+    def energy(self, q: Array) -> Array:
+        """Compute the stored energy, shape (T,), [J]."""
+        out: Array = (0.5 * self.own[0] * self.effect.stretch(self.own, q[:, self.at] @ self.arms) ** 2).sum(
+            axis=1
+        )
+        return out
+
+    def power(self, q: Array, v: Array) -> Array:
+        """Compute the dissipated power, shape (T,), [W]."""
+        length, rate = self._along(q, v)
+        still = self.effect.force(self.own, length, 0.0 * rate)
+        out: Array = ((still - self.effect.force(self.own, length, rate)) * rate).sum(axis=1)
+        return out
+
+    def _along(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Compute lengths and rates of the tendons, shape (T, tendons) each."""
+        return q[:, self.at] @ self.arms, v[:, self.columns] @ self.arms
+
+
+def on_tendons(effect: Tendons, robot: HybridRobot) -> OnTendons | None:
+    """Find the joints of tendons in a robot; None if there is none.
+
+    Raises:
+        ModelError: A joint is unknown, does not have one freedom that counts turns, or was cut.
+    """
+    joints = tuple(effect.numbers(robot))
+    for name in joints:
+        if name not in robot.joint_index:
+            raise ModelError(
+                f"{effect.name}: no such movable joint '{name}'{did_you_mean(name, robot.joints)}",
+                element=name,
+            )
+        kind = robot.kinds[robot.joint_index[name]]
+        if kind not in ("revolute", "prismatic"):
+            raise ModelError(
+                f"{effect.name}: joint '{name}' is {kind}; it must be revolute or prismatic",
+                element=name,
+            )
+    if cut := [name for name in joints if name in robot.cut_joints]:
+        raise ModelError(
+            f"{effect.name}: '{cut[0]}' sits in a wrist without mass, which was cut: load the robot with "
+            f"held={cut[:3]!r}, or take it from hybridyn.with_effects(robot, effects)", element=cut[0],
+        )  # fmt: skip
+    if not joints:
+        return None
+    tendons = list(dict.fromkeys(tendon for arms in effect.arms.values() for tendon in arms))
+    words = ("stiffness", "damping", "friction", "lower", "upper")
+    own = [[getattr(effect, word).get(tendon, 0.0) for tendon in tendons] for word in words]
+    arms = [[effect.arms[joint].get(tendon, 0.0) for tendon in tendons] for joint in joints]
+    numbers = [robot.joint_index[joint] for joint in joints]
+    columns, at = (np.array([where[n].start for n in numbers]) for where in (robot.v_slices, robot.q_slices))
+    return OnTendons(effect, joints, columns, at, np.array(arms), np.array(own))
