@@ -20,7 +20,7 @@ from .joints import WIDTH, Numbers, positive
 SHORTEST_LINE = 1e-150
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GravityCompensation:
     """A force against the weight of links, at their centres of mass: a part of it, 1 for a weightless link.
 
@@ -29,7 +29,7 @@ class GravityCompensation:
     """
 
     fraction: Mapping[str, float]
-    forces: Mapping[str, tuple[Array, Array]] = field(default_factory=dict, compare=False)
+    forces: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     name: ClassVar[str] = "gravity_compensation"
     needs_motion: ClassVar[bool] = True
 
