@@ -1,17 +1,15 @@
 """Read a Pinocchio model: joints as chains, links for its bodies and frames, closures, home posture.
 
 A joint that the description has not becomes a chain with massless links between its joints: composite and
-translation joints, universal ones, three angles. Coordinates stay those of Pinocchio. The fields of a
+translation joints, universal ones, three angles. Coordinates stay those of Pinocchio, but for joints that
+follow others: a joint that mimics another, and the slide of a screw, have a coordinate of their own and a
+coupling. The fields of a
 `pinocchio.Model` can be set to anything; Pinocchio itself may then crash, so they are checked first.
-
-`RigidConstraintModel` and the point and frame anchors of Pinocchio 4 state that frame 1 on joint 1 and
-frame 2 on joint 2 coincide, in their origins (3 rows) or altogether (6 rows). The reference frame is
-where Pinocchio expresses the forces of a constraint; the constraint itself is the same in each.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate
 from typing import Any
@@ -20,11 +18,11 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
-from .closure_forms import FORMS, closure_of
-from .joint_graph import add_chain, step
-from .names import counted, did_you_mean, listed, unique
-from .records import FREEDOMS, ZERO, Array, Closure, Joint, JointKind, Link, RobotFile, massless
-from .urdf.xml_node import LARGEST_NUMBER
+from .joint_graph import add_chain, screw, step
+from .names import counted, listed, noted, unique
+from .pin_constraints import closures_of, is_finite, is_placement, notes_on, plain_constraints
+from .placement import angle_of
+from .records import FREEDOMS, ZERO, Array, Coupling, Joint, JointKind, Link, RobotFile, massless
 
 #: Limits of this size or more are those of a joint without limit: Pinocchio fills in the largest float.
 UNLIMITED = 1e300
@@ -35,6 +33,8 @@ KINDS: dict[str, JointKind] = {
     "JointModelR": "revolute",
     "JointModelP": "prismatic",
 }
+#: How Pinocchio calls screws, and joints that mimic others.
+SCREW, MIMIC = "JointModelH", "JointModelMimic"
 #: Joints with several freedoms that the description has too.
 WHOLE: dict[str, JointKind] = {
     "JointModelSpherical": "spherical",
@@ -50,9 +50,6 @@ CHAINS: dict[str, tuple[JointKind, str]] = {
 REFUSED = {
     "JointModelEllipsoid": "moves on an ellipsoid",
     "JointModelSpline": "follows a spline",
-    "JointModelH": "is a screw",
-    "JointModelMimic": "mimics another (hybridyn.load of its URDF reads <mimic>; without mimic=True the "
-    "coupling is lost)",
 }
 
 #: Fields with a number for each freedom or coordinate: which of both, and whether it may be infinite.
@@ -61,42 +58,39 @@ NUMBERS = {
     "rotorInertia": ("nv", False), "rotorGearRatio": ("nv", False), "effortLimit": ("nv", True),
     "velocityLimit": ("nv", True), "lowerPositionLimit": ("nq", True), "upperPositionLimit": ("nq", True),
 }  # fmt: skip
-#: Largest difference of R^T R from the identity for a rotation that was rounded in single precision.
-ROTATION = 1e-5
 
 
-#: Kinds of closure by the names of Pinocchio's classes, those of its development branch included, and by the
-#: type of a `RigidConstraintModel`.
-ANCHORS = {
-    "PointAnchorConstraintModel": "point",
-    "FrameAnchorConstraintModel": "fixed",
-    "BilateralPointConstraintModel": "point",
-    "WeldConstraintModel": "fixed",
-    pin.ContactType.CONTACT_3D: "point",
-    pin.ContactType.CONTACT_6D: "fixed",
-}
-#: What must be zero in a constraint that closes a loop for good.
-OFFSETS = (
-    "desired_contact_velocity", "desired_contact_acceleration", "desired_constraint_offset",
-    "desired_constraint_velocity", "desired_constraint_acceleration",
-)  # fmt: skip
+#: Rates below which joints that follow others turn or slide, relative to the other.
+STILL = 1e-9
 
 
-def joints_of(model: pin.Model, number: int) -> list[Joint]:
+#: Couplings by the joint that follows another.
+Followers = dict[str, Coupling]
+
+
+def joints_of(model: pin.Model, number: int, followers: Followers) -> list[Joint]:
     """Return the chain of joints that stands for a joint, with its numbers, but without links.
+
+    Args:
+        followers: Joints of the chain that follow others are added.
 
     Raises:
         ModelError: The description has no such joint, or not its numbers.
     """
-    chain = _pieces(model, number, model.joints[number], str(model.names[number]))
+    chain = _pieces(model, number, model.joints[number], str(model.names[number]), followers)
     placement = np.asarray(model.jointPlacements[number].homogeneous)
     chain[0] = replace(chain[0], placement=placement @ chain[0].placement)
-    firsts = accumulate((FREEDOMS[joint.kind] for joint in chain), initial=0)
-    pieces = zip(chain, firsts, strict=False)
-    return [replace(joint, **_numbers_of(model, number, joint, at)) for joint, at in pieces]
+    counts = (0 if joint.name in followers else FREEDOMS[joint.kind] for joint in chain)
+    pieces = zip(chain, accumulate(counts, initial=0), strict=False)
+    return [
+        joint if joint.name in followers else replace(joint, **_numbers_of(model, number, joint, at))
+        for joint, at in pieces
+    ]
 
 
-def _pieces(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> list[Joint]:
+def _pieces(
+    model: pin.Model, number: int, joint: pin.JointModel, name: str, followers: Followers
+) -> list[Joint]:
     """Return the joints that stand for a joint or for a part of it, each placed behind the one before."""
     word = joint.shortname()
     for start, reason in REFUSED.items():
@@ -105,6 +99,8 @@ def _pieces(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> 
                 model, number, f"{word} {reason}, which hybridyn does not have; build it from revolute and "
                 "prismatic joints",
             )  # fmt: skip
+    if word == MIMIC:
+        return _mimic(model, number, name, followers)
     if word in WHOLE:
         return [step(name, WHOLE[word], np.array([0.0, 0.0, 1.0]))]
     if word in CHAINS:
@@ -115,21 +111,67 @@ def _pieces(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> 
         axes = (np.array(universal.axis1), np.array(universal.axis2))
         return [step(f"{name}_{i}", "revolute", axis) for i, axis in enumerate(axes, 1)]
     if word == "JointModelComposite":
-        return _composite(model, number, joint, name)
+        return _composite(model, number, joint, name, followers)
+    if word.startswith(SCREW):
+        return _screw(_axis(_alone(joint), 1, "revolute"), float(joint.extract().pitch), name, followers)
     for start, kind in KINDS.items():
         if word.startswith(start):
-            alone = pin.Model()
-            alone.addJoint(0, joint, pin.SE3.Identity(), "alone")
-            return [step(name, kind, _axis(alone, 1, kind))]
+            return [step(name, kind, _axis(_alone(joint), 1, kind))]
     raise joint_error(model, number, f"{word} is a kind of joint that hybridyn does not have")
 
 
-def _composite(model: pin.Model, number: int, joint: pin.JointModel, name: str) -> list[Joint]:
+def _alone(joint: pin.JointModel) -> pin.Model:
+    """Return a model of one joint."""
+    alone = pin.Model()
+    alone.addJoint(0, joint, pin.SE3.Identity(), "alone")
+    return alone
+
+
+def _screw(axis: Array, pitch: float, name: str, followers: Followers) -> list[Joint]:
+    """Return a hinge and the slide that follows it."""
+    chain, couplings = screw(step(name, "revolute", axis), f"{name}_slide", pitch, None)
+    followers |= {coupling.name: coupling for coupling in couplings}
+    return chain
+
+
+def _mimic(model: pin.Model, number: int, name: str, followers: Followers) -> list[Joint]:
+    """Return a joint that mimics another, from the motion that the other one causes.
+
+    Raises:
+        ModelError: The other joint does not move it.
+    """
+    leader = int(model.mimicked_joints[[*model.mimicking_joints].index(number)])
+    mimic = model.joints[number].extract()
+    scaling, offset = float(mimic.scaling), float(mimic.offset)
+    data, places, step_of = model.createData(), [], np.zeros(model.nv)
+    if scaling:
+        step_of[model.idx_vs[leader]] = 0.5 / scaling
+    for q in (pin.neutral(model), pin.integrate(model, pin.neutral(model), step_of)):
+        pin.forwardKinematics(model, data, q)
+        places.append(model.jointPlacements[number].actInv(data.liMi[number]))
+    twist = 2.0 * pin.log6(places[0].actInv(places[1])).vector
+    size = np.linalg.norm(twist[3:])
+    if np.linalg.norm(twist) < STILL:
+        message = f"mimics '{model.names[leader]}' with a factor of 0; replace it by a fixed frame"
+        raise joint_error(model, number, message)
+    if size < STILL:
+        chain = [step(name, "prismatic", twist[:3])]
+    else:
+        axis = twist[3:] / size
+        pitch = float(axis @ twist[:3])
+        chain = _screw(axis, pitch if abs(pitch) > STILL else 0.0, name, followers)
+    followers[name] = Coupling(name, ((name, 1.0), (str(model.names[leader]), -scaling)), offset)
+    return chain
+
+
+def _composite(
+    model: pin.Model, number: int, joint: pin.JointModel, name: str, followers: Followers
+) -> list[Joint]:
     """Return the joints of a composite one behind the other."""
     composite = joint.extract()
     out: list[Joint] = []
     for place, (part, at) in enumerate(zip(composite.joints, composite.jointPlacements, strict=True), 1):
-        first, *others = _pieces(model, number, part, f"{name}_{place}")
+        first, *others = _pieces(model, number, part, f"{name}_{place}", followers)
         out += [replace(first, placement=np.asarray(at.homogeneous) @ first.placement), *others]
     return out if len(out) > 1 else [replace(out[0], name=name)]
 
@@ -234,13 +276,19 @@ def read_model(
     taken = {*names, *(str(frame.name) for frame in model.frames if frame.type in LINKS)}
     robot.links.append(_link(names[first], model.inertias[first]))
     chains: dict[int, list[Joint]] = {}
+    followers: Followers = {}
     for number in range(first + 1, model.njoints):
-        chains[number] = _chain(robot, model, number, names, taken)
+        chains[number] = _chain(robot, model, number, names, taken, followers)
+    robot.couplings += followers.values()
     _add_frames(robot, model, names, first)
     robot.closures = closures_of(model, constraints, names, kinds or {})
+    robot.notes += noted(notes_on(constraints) | {
+        "joints {} follow others: q and v have a coordinate of their own for each, which the model has not":
+            [*followers]
+    })  # fmt: skip
     x, y, z = (float(g) for g in model.gravity.linear)
     robot.gravity = (x, y, z)
-    _add_home(robot, model, chains, _posture(model, home, robot.notes), first)
+    _add_home(robot, model, chains, _posture(model, home, robot.notes), first, followers)
     if not model.check(model.createData()):
         robot.notes.append(
             "the joints of the Pinocchio model are not numbered depth-first (Model.check is False): "
@@ -278,10 +326,11 @@ def _link(name: str, inertia: pin.Inertia) -> Link:
 
 
 def _chain(
-    robot: RobotFile, model: pin.Model, number: int, names: Sequence[str], taken: set[str]
-) -> list[Joint]:
+    robot: RobotFile, model: pin.Model, number: int, names: Sequence[str], taken: set[str],
+    followers: Followers,
+) -> list[Joint]:  # fmt: skip
     """Add the joints and links from a joint's parent to its body, and return the joints."""
-    chain = joints_of(model, number)
+    chain = joints_of(model, number, followers)
     between = [unique(f"{names[number]}_{place}", taken) for place in range(1, len(chain))]
     add_chain(robot, chain, [names[model.parents[number]], *between, names[number]])
     robot.links.append(_link(names[number], model.inertias[number]))
@@ -329,17 +378,27 @@ def _posture(model: pin.Model, home: Any, notes: list[str]) -> Array:
 
 
 def _add_home(
-    robot: RobotFile, model: pin.Model, chains: Mapping[int, list[Joint]], q: Array, first: int
-) -> None:
+    robot: RobotFile, model: pin.Model, chains: Mapping[int, list[Joint]], q: Array, first: int,
+    followers: Followers,
+) -> None:  # fmt: skip
     """Set the home posture from a configuration of the model."""
     if first:
         robot.base_home = tuple(float(x) for x in q[:7])
     for number, chain in chains.items():
         at = int(model.idx_qs[number])
-        for joint in chain:
+        for joint in (joint for joint in chain if joint.name not in followers):
             count = len(ZERO[joint.kind])
             robot.home[joint.name] = tuple(float(x) for x in q[at : at + count])
             at += count
+
+    def position(name: str) -> float:
+        """Return where a joint with one freedom is."""
+        if name not in followers:
+            return angle_of(robot.home[name])
+        (_, (leader, factor)), offset = followers[name].terms, followers[name].offset
+        return offset - factor * position(leader)
+
+    robot.home |= {name: (position(name),) for name in followers}
 
 
 def joint_error(model: pin.Model, joint: int, message: str) -> ModelError:
@@ -377,99 +436,3 @@ def check_model(model: pin.Model) -> None:
             raise ModelError(f"{name}: model.{word} must have {getattr(model, count)} finite numbers")
     if not is_finite(model.gravity.linear):
         raise ModelError(f"{name}: its gravity is not finite")
-
-
-def is_placement(placement: pin.SE3) -> bool:
-    """Say whether a placement is finite and its rotation is one, up to single precision."""
-    R = np.array(placement.rotation)
-    if not is_finite(placement.homogeneous) or np.abs(R).max() > 2:
-        return False
-    return bool(np.abs(R.T @ R - np.eye(3)).max() < ROTATION and np.linalg.det(R) > 0)
-
-
-def is_finite(values: Any) -> bool:
-    """Say whether all numbers are as small as those of a file have to be."""
-    return bool((np.abs(np.asarray(values, dtype=float)) <= LARGEST_NUMBER).all())
-
-
-def plain_constraints(constraints: Any) -> list[Any]:
-    """Return the constraint models of a list, one alone or lists in a tuple, taken out of their variants."""
-    word = type(constraints).__name__
-    if word.endswith("ConstraintModel") and not word.startswith("StdVec"):
-        return [constraints.extract() if hasattr(constraints, "extract") else constraints]
-    if constraints is None:
-        return []
-    if not isinstance(constraints, Iterable):
-        raise ModelError(f"constraint_models holds a {word}, which is not a constraint of Pinocchio")
-    return [one for item in constraints for one in plain_constraints(item)]
-
-
-def closures_of(
-    model: pin.Model, constraints: Sequence[Any], links: Sequence[str], kinds: Mapping[str | int, str]
-) -> list[Closure]:
-    """Return a closure for each constraint model.
-
-    Args:
-        links: Name of the link of each joint of the model.
-        kinds: Kinds of closure that replace those of the constraints, by the constraint's name or number;
-            their axis is the third axis of the constraint's frames.
-
-    Raises:
-        ModelError: A constraint is soft, moves, is not a closure, or `kinds` names what does not exist.
-    """
-    names: list[str] = []
-    for number, constraint in enumerate(constraints):
-        stated = str(getattr(constraint, "name", ""))
-        names.append(stated if stated and stated not in names else f"constraint{number}")
-    for key, kind in kinds.items():
-        if key not in names and not (isinstance(key, int) and 0 <= key < len(names)):
-            raise ModelError(
-                f"kinds: no constraint is called {key!r}{did_you_mean(str(key), names)}; "
-                f"they are {listed(names)}"
-            )
-        if kind not in FORMS or kind == "universal":
-            known = [form for form in FORMS if form != "universal"]
-            raise ModelError(
-                f"kinds: unknown kind {kind!r}{did_you_mean(kind, known)}; known: {listed(known)}"
-            )
-    return [
-        _closure(model, constraint, name, links, kinds.get(name, kinds.get(number)))
-        for number, (constraint, name) in enumerate(zip(constraints, names, strict=True))
-    ]
-
-
-def _closure(model: pin.Model, constraint: Any, name: str, links: Sequence[str], kind: str | None) -> Closure:
-    word = type(constraint).__name__
-    own = ANCHORS.get(word) or ANCHORS.get(getattr(constraint, "type", None))
-    if own is None:
-        raise ModelError(
-            f"constraint '{name}' is a {word}, which closes no loop; pass the point and frame constraints "
-            "alone (limits and friction are taken from the model)",
-            element=name,
-        )
-    if problem := _problem(constraint, model.njoints):
-        raise ModelError(f"constraint '{name}': {problem}", element=name)
-    frames = (constraint.joint1_placement, constraint.joint2_placement)
-    ends = (links[number] for number in (constraint.joint1_id, constraint.joint2_id))
-    sides = ((link, np.array(frame.homogeneous)) for link, frame in zip(ends, frames, strict=True))
-    return closure_of(name, kind or own, sides)
-
-
-def _problem(constraint: Any, joints: int) -> str:
-    """Return why a constraint does not hold two frames of the model together, "" if it does."""
-    placement = getattr(constraint, "desired_contact_placement", None)
-    moved = ["desired_contact_placement"] if placement is not None and not placement.isIdentity(1e-12) else []
-    values = {word: getattr(constraint, word, None) for word in OFFSETS}
-    moved += [word for word, x in values.items() if x is not None and np.any(getattr(x, "vector", x))]
-    if moved:
-        return (
-            f"{listed(moved)} is not zero, so its frames do not coincide; set it to zero and put the offset "
-            "into joint1_placement"
-        )
-    for side in (1, 2):
-        joint = getattr(constraint, f"joint{side}_id")
-        if not 0 <= joint < joints:
-            return f"joint {joint} does not exist; the model has {joints}"
-        if not is_placement(getattr(constraint, f"joint{side}_placement")):
-            return f"joint{side}_placement is not a finite rigid motion"
-    return ""

@@ -218,13 +218,7 @@ def alone(joint: object) -> pin.Model:
 @pytest.mark.parametrize(
     ("make", "options", "message"),
     [
-        (lambda: alone(pin.JointModelHX(0.1)), {}, "joint 'alone': JointModelHX is a screw"),
         (lambda: alone(pin.JointModelEllipsoid(1.0, 2.0, 3.0)), {}, "moves on an ellipsoid"),
-        (
-            lambda: pin.buildModelFromXML(MIMIC, mimic=True),
-            {},
-            "mimics another (hybridyn.load of its URDF reads <mimic>; without mimic=True the coupling is",
-        ),
         (lambda: changed(armature=np.arange(4.0)), {}, "different armature"),
         (lambda: changed(friction=0.1), {}, "friction of a joint with several freedoms"),
         (lambda: changed(damping=np.arange(4.0)), {}, "different damping"),
@@ -238,8 +232,8 @@ def alone(joint: object) -> pin.Model:
         (changed, {"constraint_models": moving("desired_contact_placement")}, "is not zero"),
         (
             changed,
-            {"constraint_models": [pin.JointLimitConstraintModel(changed())]},
-            "JointLimitConstraintModel, which closes no loop",
+            {"constraint_models": [pin.PointContactConstraintModel(changed(), 2, pin.SE3.Identity())]},
+            "PointContactConstraintModel, which closes no loop",
         ),
         (
             changed,
