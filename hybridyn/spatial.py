@@ -214,3 +214,8 @@ def rotation_from_vector(r: Array) -> Array:
     angle = np.linalg.norm(r, axis=-1)
     axis = r / np.where(angle > 0, angle, 1.0)[..., None]
     return rotation_from_axis_angle(axis, np.cos(angle), np.sin(angle))
+
+
+def in_turn(here: Array, there: Array) -> Array:
+    """Return the rows of two arrays, shape (n, ...), in turn, shape (2 n, ...)."""
+    return np.stack([here, there], axis=1).reshape(-1, *here.shape[1:])

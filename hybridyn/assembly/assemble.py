@@ -67,8 +67,10 @@ def assemble(
             velocity relative to the other link, in the other link's axes. The acceleration holds their time
             derivatives (classical). For a partial pose (the paper's v_r), each is a mapping from some of x,
             y, z, roll, pitch, yaw to numbers or shapes (T,); an orientation may also be qx, qy, qz, qw or
-            rx, ry, rz (axis times angle), with rates wx, wy, wz. For a moving or floating base, the root
-            link's name stands for the pose of the base in the world (at rest by default). A pose may go
+            rx, ry, rz (axis times angle), with rates wx, wy, wz. The direction of one of the link's axes is,
+            for its z axis, zx, zy, zz, a vector of any length. `distance` is that of the link's origin from
+            the other's, or from the point cx, cy, cz of the other link. For a moving or floating base, the
+            root link's name stands for the pose of the base in the world (at rest by default). A pose may go
             through several modules; where it leaves freedoms of motors, the motors move least from row to
             row, each measured by its range.
         guess: Initial posture, shape (nq,). If it closes the loops to 1e-3 module lengths, all that is given

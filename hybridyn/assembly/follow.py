@@ -13,8 +13,7 @@ import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.newton import SETTLED, STALLED, Closed
-from ..linkage.targets import pairwise
-from ..spatial import Array, Index, Mask
+from ..spatial import Array, Index, Mask, in_turn
 from .chain.task import ChainTask
 from .task import Task
 
@@ -144,7 +143,7 @@ def _on_branch_of(task: AnyTask, guess: Array, result: Closed, starts: Index, st
             raise _unreachable(task, result, 0)
         return found
     way = task.from_here(start.q, starts)
-    steady = _steps_as_predicted(way, pairwise(start.q, found), 2 * np.arange(len(guess)))
+    steady = _steps_as_predicted(way, in_turn(start.q, found), 2 * np.arange(len(guess)))
     closed = task.closed(result)
     for k in np.flatnonzero(~(steady & closed)):
         if closed[k] and _joined(way, start.q[k], found[k], 2 * int(k)):

@@ -1,17 +1,18 @@
 """The request for one module: given joints of its tree after the cuts, and targets for its bodies."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
-from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target, TurnTarget
+from ..linkage.targets import Target
 from ..linkage.tree import Motion
 from ..spatial import Array, quaternion_from_rotation
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
+from .pose_targets import partial_targets, whole_target
 from .poses import PoseRequest
 from .requests import Requests
 
@@ -96,7 +97,7 @@ class ModuleRequest:
             placement = Motion.at_rest(len(moved.p), joint.R, joint.p)
             self.give_floating(body - 1, moved.seen_from(placement))
             return
-        self.targets.append((link, PoseTarget(body, moved, units_of_pose(self.mechanism))))
+        self.targets.append((link, whole_target(body, moved, self.mechanism.length)))
 
     def give_floating(self, joint: int, inner: Motion) -> None:
         """Set the coordinates of a `floating` joint: its child's motion in its own frame on the parent."""
@@ -201,13 +202,12 @@ def module_request(
         if robot.body_owner[robot.bodies.place[pose.link][0]][0] != number:
             continue
         place = place_in_tree(robot, pose.link)
-        if pose.motion is None:
-            request.targets += [
-                (pose.link, t) for t in _partial_targets(robot, module, base_body, pose, place)
-            ]
-        else:
+        if pose.motion is not None:
             motion = _in_base(robot, module, base_body, bodies, pose, pose.motion)
             request.give_pose(pose.link, place, motion)
+        if pose.motion is None or pose.further:
+            targets = _partial_targets(robot, module, base_body, pose, place)
+            request.targets += [(pose.link, target) for target in targets]
     if followers:
         request.give_followers()
     return request
@@ -246,15 +246,10 @@ def body_in_tree(robot: HybridRobot, owner: tuple[int, int], link: str) -> tuple
     return found
 
 
-def units_of_pose(m: Mechanism) -> Array:
-    """Return the units of a pose's six rows: the module's length, and a radian."""
-    return np.array([m.length] * 3 + [1.0] * 3)
-
-
 def _partial_targets(
     robot: HybridRobot, module: Module, base_body: int, pose: PoseRequest, place: tuple[int, Array, Array]
-) -> Iterator[Target]:
-    """Yield the targets of a partial pose; `place` is the link's body and its placement in the body."""
+) -> list[Target]:
+    """Return the targets of a partial pose; `place` is the link's body and its placement in the body."""
     other_body, other_R, other_p = robot.bodies.place[pose.other]
     if other_body != base_body:
         raise AssemblyError(
@@ -263,13 +258,7 @@ def _partial_targets(
             module=module.name,
         )
     body, R, p = place
-    links, units = (pose.link, pose.other), units_of_pose(module.mechanism)
-    if pose.turn is not None:
-        yield TurnTarget(body, links, other_R, (R, p), pose.turn, units[3:])
-    if names := tuple(pose.coordinates):
-        value, rate, acceleration = (np.stack([pose.coordinates[n][i] for n in names], 1) for i in range(3))
-        own = units[[COORDINATES.index(name) for name in names]]
-        yield CoordinateTarget(body, links, names, other_R, other_p, (R, p), value, rate, acceleration, own)
+    return partial_targets(pose, body, (other_R, other_p), (R, p), module.mechanism.length)
 
 
 def _in_base(

@@ -1,4 +1,8 @@
-"""Complete orientations of a link: by roll, pitch and yaw, by a quaternion, or by a rotation vector."""
+"""Names in a partial pose, and complete orientations of a link.
+
+An orientation is given by roll, pitch and yaw, by a quaternion, or by a rotation vector; in part by an
+angle, or by the direction of an axis.
+"""
 
 from __future__ import annotations
 
@@ -12,35 +16,46 @@ from ..linkage.targets import COORDINATES
 from ..linkage.tree import Motion
 from ..spatial import Array, rotate, rotation_from_quaternion, rotation_from_vector
 from ..structure.samples import UNIT
+from ..tables.signals import (
+    ANGLES,
+    CENTRE,
+    DIRECTIONS,
+    DISTANCE,
+    FURTHER,
+    LENGTHS,
+    QUATERNION,
+    SPIN,
+    VECTOR,
+)
 
-LENGTHS, ANGLES = COORDINATES[:3], COORDINATES[3:]
-QUATERNION, VECTOR, SPIN = ("qx", "qy", "qz", "qw"), ("rx", "ry", "rz"), ("wx", "wy", "wz")
 #: All names in a partial pose.
-PLACES = (*COORDINATES, *QUATERNION, *VECTOR)
+PLACES = (*COORDINATES, *QUATERNION, *VECTOR, *FURTHER)
+#: Directions shorter than this have lost their digits.
+NO_DIRECTION = 1e-6
 
 
 def rate_names(places: Iterable[str], key: str) -> tuple[str, ...]:
     """Return the names of the rates of the coordinates in a partial pose: those of a turn are wx, wy, wz.
 
     Raises:
-        TrajectoryError: An orientation is incomplete, or given twice.
+        TrajectoryError: An orientation, a direction or a distance is incomplete, or given twice.
     """
     names = tuple(places)
+    axes = [group for group in DIRECTIONS.values() if set(group) & set(names)]
     turns = [group for group in (ANGLES, QUATERNION, VECTOR) if set(group) & set(names)]
-    if len(turns) > 1:
-        raise TrajectoryError(
-            f"the orientation of '{key}' is given twice, by {' and '.join(', '.join(g) for g in turns)}",
-            column=key,
-        )
-    for group in turns:
-        missing = [name for name in group if name not in names]
-        if group is not ANGLES and missing:
+    partial = not set(ANGLES) <= set(names) and turns in ([], [ANGLES])
+    if len(turns) > 1 or len(axes) > 1 or (axes and not partial):
+        twice = " and ".join(", ".join(group) for group in (*turns, *axes))
+        raise TrajectoryError(f"the orientation of '{key}' is given twice, by {twice}", column=key)
+    centre = [(DISTANCE, *CENTRE)] if set(CENTRE) & set(names) else []
+    for group in (*(turn for turn in turns if turn is not ANGLES), *axes, *centre):
+        if missing := [name for name in group if name not in names]:
+            what = "distance" if DISTANCE in group else "direction" if group in axes else "orientation"
             raise TrajectoryError(
-                f"the orientation of '{key}' lacks {', '.join(missing)}: it takes {', '.join(group)}",
-                column=key,
+                f"the {what} of '{key}' lacks {', '.join(missing)}: it takes {', '.join(group)}", column=key
             )
-    whole = turns and turns[0] is not ANGLES
-    return (*(name for name in names if name in COORDINATES), *(SPIN if whole else ()))
+    spin = SPIN if turns and turns[0] is not ANGLES else ()
+    return (*(name for name in names if name in (*COORDINATES, *FURTHER)), *spin)
 
 
 def turn_of(coordinates: Mapping[str, Array], key: str) -> Motion | None:
@@ -77,6 +92,51 @@ def turn_of(coordinates: Mapping[str, Array], key: str) -> Motion | None:
         return None
     p, p_dot, p_ddot = (of(LENGTHS, level) for level in range(3))
     return Motion(R, p, w, p_dot, w_dot, p_ddot)
+
+
+def direction_of(coordinates: Mapping[str, Array], key: str) -> tuple[int, Array] | None:
+    """Return the number of the axis whose direction is among coordinates, and the direction, shape (3, T, 3).
+
+    Directions of any length are made to have length one, with the rates that these then have.
+
+    Raises:
+        TrajectoryError: One has no length.
+    """
+    for i, names in enumerate(DIRECTIONS.values()):
+        if names[0] in coordinates:
+            d, d_dot, d_ddot = np.stack([coordinates[name] for name in names], axis=-1)
+            length = np.linalg.norm(d, axis=1)[:, None]
+            if len(bad := np.flatnonzero(~(length[:, 0] >= NO_DIRECTION))):
+                raise TrajectoryError(
+                    f"direction of length {length[bad[0], 0]:.3g} (at least {NO_DIRECTION:g}): give a longer",
+                    row=int(bad[0]) + 1,
+                    column=key,
+                )
+            unit = d / length
+            growth = np.sum(unit * d_dot, axis=1)[:, None]
+            rate = (d_dot - growth * unit) / length
+            # A component along the direction does not count.
+            return i, np.stack([unit, rate, (d_ddot - 2.0 * growth * rate) / length])
+    return None
+
+
+def distance_of(coordinates: Mapping[str, Array], key: str) -> tuple[Array, Array] | None:
+    """Return the distance among coordinates, shape (3, T), and the point it is from, shape (3, T, 3).
+
+    Raises:
+        TrajectoryError: It is not positive.
+    """
+    if DISTANCE not in coordinates:
+        return None
+    levels = coordinates[DISTANCE]
+    if len(bad := np.flatnonzero(~(levels[0] > 0.0))):
+        raise TrajectoryError(
+            f"distance {levels[0, bad[0]]:.3g} m: it must be positive; to reach a point give x, y, z",
+            row=int(bad[0]) + 1,
+            column=key,
+        )
+    still = np.zeros_like(levels)
+    return levels, np.stack([coordinates.get(name, still) for name in CENTRE], axis=-1)
 
 
 def check_unit(quaternions: Array, key: str) -> None:

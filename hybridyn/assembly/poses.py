@@ -14,8 +14,8 @@ from ..linkage.tree import Motion
 from ..spatial import LARGEST, Array, rotation_from_quaternion
 from ..structure.given import pose_numbers, triple
 from ..structure.samples import as_numbers
-from ..tables.signals import WORLD
-from .orientation import LENGTHS, PLACES, check_unit, rate_names, turn_of
+from ..tables.signals import LENGTHS, WORLD
+from .orientation import PLACES, check_unit, direction_of, distance_of, rate_names, turn_of
 
 #: Largest positions, rates and accelerations, and what messages say of it. A far position is out of reach.
 MOST = (float(np.finfo(float).max), LARGEST, LARGEST)
@@ -32,6 +32,10 @@ class PoseRequest(NamedTuple):
         turn: The complete orientation without the position, as a motion in the reference link, or None.
         frame: The motion, in the reference link, of the frame in which all this is measured; None for the
             link's own frame.
+        direction: Number of an axis of the link and the directions in which it points, with their first two
+            derivatives, shape (3, T, 3), or None.
+        distance: The distance of the link's origin and its derivatives, shape (3, T), from a point, shape
+            (3, T, 3), or None.
     """
 
     link: str
@@ -40,18 +44,27 @@ class PoseRequest(NamedTuple):
     coordinates: dict[str, Array]
     turn: Motion | None = None
     frame: Motion | None = None
+    direction: tuple[int, Array] | None = None
+    distance: tuple[Array, Array] | None = None
 
     @property
     def reference(self) -> str:
         """Name of the reference, for messages."""
         return self.other if self.frame is None else WORLD
 
+    @property
+    def further(self) -> bool:
+        """Whether it prescribes a direction or a distance."""
+        return self.direction is not None or self.distance is not None
+
     def part(self, start: int, stop: int) -> PoseRequest:
         """Return the pose at some consecutive samples."""
         coordinates = {name: x[:, start:stop] for name, x in self.coordinates.items()}
         whole = self.motion, self.turn, self.frame
         motion, turn, frame = (x and x.take(np.arange(start, stop)) for x in whole)
-        return PoseRequest(self.link, self.other, motion, coordinates, turn, frame)
+        direction = self.direction and (self.direction[0], self.direction[1][:, start:stop])
+        distance = self.distance and (self.distance[0][:, start:stop], self.distance[1][:, start:stop])
+        return PoseRequest(self.link, self.other, motion, coordinates, turn, frame, direction, distance)
 
 
 def pose_levels(key: str, value: object) -> list[Array] | dict[str, list[Array]]:
@@ -86,10 +99,12 @@ def pose_request(link: str, other: str, one: list[Array] | dict[str, list[Array]
         return PoseRequest(link, other, _motion(key, one, T), {})
     coordinates = for_all(one, T)
     turn = turn_of(coordinates, key)
-    if turn is not None and set(LENGTHS) <= set(coordinates):
-        return PoseRequest(link, other, turn, {})
     names = LENGTHS if turn is not None else COORDINATES
-    return PoseRequest(link, other, None, {n: x for n, x in coordinates.items() if n in names}, turn)
+    some = {n: x for n, x in coordinates.items() if n in names}
+    further = direction_of(coordinates, key), distance_of(coordinates, key)
+    if turn is not None and set(LENGTHS) <= set(coordinates):
+        return PoseRequest(link, other, turn, {}, None, None, *further)
+    return PoseRequest(link, other, None, some, turn, None, *further)
 
 
 def _array(key: str, value: object, width: int) -> Array:

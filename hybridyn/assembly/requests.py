@@ -98,7 +98,7 @@ def gather_requests(
             poses.append(pose)
         elif base is not None:
             raise TrajectoryError(f"the pose of '{link}' in the world is given twice", column=key)
-        elif pose.motion is None:
+        elif pose.motion is None or pose.further:
             raise TrajectoryError("the base needs its whole pose: x, y, z, qx, qy, qz, qw", column=key)
         else:
             base = pose.motion
@@ -158,7 +158,7 @@ def in_root(robot: HybridRobot, requests: Requests, guess: Array) -> Requests:
     for pose in requests.poses:
         if pose.other in robot.bodies.place:
             poses.append(pose)
-        elif pose.motion is None:
+        elif pose.motion is None or pose.further:
             poses.append(pose._replace(other=root, frame=world))
         else:
             poses.append(pose._replace(other=root, motion=pose.motion.seen_from(base)))

@@ -5,13 +5,12 @@ import numpy as np
 from ..linkage.closures import Closures
 from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import Block
-from ..linkage.targets import PoseTarget
 from ..linkage.tree import Motion, Tree
 from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from .follow import follow
-from .module_request import units_of_pose
+from .pose_targets import whole_target
 from .task import Task
 
 #: Closures with a larger relative residual are closed once more, with all freedoms free.
@@ -60,7 +59,7 @@ def spanning_positions(
         end = target.of_body(m.cut.tree_body(wrist.target)).then(Motion.at_rest(len(x), wrist.R, wrist.p))
         first = m.spanning.joints[wrist.joints[0]].parent
         relative = end.seen_from(target.of_body(m.cut.tree_body(first)))
-        goal = PoseTarget(len(tree.joints), relative, units_of_pose(m))
+        goal = whole_target(len(tree.joints), relative, m.length)
         free = np.ones(tree.nv, dtype=bool)
         none, units = Closures(tree, [], []), m.spanning_col_scale[m.wrists.columns(number)]
         blocks = [Block(np.arange(6), np.arange(tree.nv))]

@@ -17,8 +17,8 @@ from ..description.names import listed
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from ..linkage.reduction import Block, decide_rank
-from ..linkage.targets import CoordinateTarget, named_rows, pairwise
-from ..spatial import Array, Index, Mask, indices
+from ..linkage.targets import CoordinateTarget, named_rows
+from ..spatial import Array, Index, Mask, in_turn, indices
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions
@@ -123,7 +123,7 @@ class Task(NamedTuple):
         motion = self.problem.tree.sweep(q)
         targets = [target.from_here(motion, samples) for target in self.problem.targets]
         problem = replace(self.problem, targets=targets)
-        return self._replace(problem=problem, known=pairwise(q, self.known[samples]))
+        return self._replace(problem=problem, known=in_turn(q, self.known[samples]))
 
     def lacking(self, q: Array, samples: Index) -> Array:
         """Return the length that the loops lack in any posture, see `shortfall`."""

@@ -6,24 +6,27 @@ of the tree. Any N of them are the paper's v_r of a module with N freedoms.
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from ..spatial import Array, Index, cross, hat, rotate, rotation_from_vector, rotation_vector
+from ..spatial import (
+    Array,
+    Index,
+    cross,
+    hat,
+    in_turn,
+    rotate,
+    rotation_from_vector,
+    rotation_vector,
+)
 from .angles import angles_of, angular_drift, angular_map, headings_along, plain_heading, rate_map, wrapped
-from .tree import Motion
+from .pointing import DirectionTarget, DistanceTarget
+from .tree import Jacobians, Motion
 
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 #: Angles [rad] that differ by less are one, when the triples of a rotation are told apart.
 SAME_ANGLE = 1e-6
-
-
-class Jacobians(Protocol):
-    """A tree, or what gives Jacobians like one."""
-
-    def jacobian(self, motion: Motion, body: int) -> Array:
-        """Compute the Jacobian of a body's origin in base axes, shape (T, 6, nv), as `Tree.jacobian`."""
 
 
 class PoseTarget(NamedTuple):
@@ -70,7 +73,7 @@ class PoseTarget(NamedTuple):
     def from_here(self, motion: Motion, samples: Index) -> PoseTarget:
         """Return the way from where the body is now to the given samples."""
         here, there = motion.of_body(self.body), self.goal.take(samples)
-        return self._replace(goal=Motion(*map(pairwise, here.arrays, there.arrays)))
+        return self._replace(goal=Motion(*map(in_turn, here.arrays, there.arrays)))
 
     def headed(self, motion: Motion, samples: Index, *, on: bool = True) -> PoseTarget:
         """Return the target itself: a complete rotation has no second triple of angles."""
@@ -133,7 +136,7 @@ class TurnTarget(NamedTuple):
         """Return the way from where the body is now to the given samples."""
         R = np.matmul(self.R.T, np.matmul(motion.R[:, self.body], self.shift[0]))
         here, there = Motion.at_rest(len(R), R), self.goal.take(samples)
-        return self._replace(goal=Motion(*map(pairwise, here.arrays, there.arrays)))
+        return self._replace(goal=Motion(*map(in_turn, here.arrays, there.arrays)))
 
     def by_angles(self) -> CoordinateTarget:
         """Return the same target by roll, pitch and yaw of the upright triples."""
@@ -265,7 +268,7 @@ class CoordinateTarget(NamedTuple):
         """Return the way from where the body is now to the given samples."""
         heading = None if self.heading is None else np.repeat(self.heading[samples], 2)
         now = self.coordinates(motion, samples)
-        return self._replace(value=pairwise(now, self.value[samples]), heading=heading)
+        return self._replace(value=in_turn(now, self.value[samples]), heading=heading)
 
     def headed(self, motion: Motion, samples: Index, *, on: bool = True) -> CoordinateTarget:
         """Return the target with the headings of a motion, each near the one before.
@@ -326,17 +329,16 @@ class CoordinateTarget(NamedTuple):
 
 
 #: Rows that prescribe the motion of one body.
-Target = PoseTarget | TurnTarget | CoordinateTarget
+Target = PoseTarget | TurnTarget | CoordinateTarget | DirectionTarget | DistanceTarget
 
 
 def named_rows(target: Target, link: str) -> tuple[str, ...]:
     """Return what each row of a target of a link prescribes, for messages."""
     if isinstance(target, CoordinateTarget):
         return tuple(f"{name} of '{link}'" for name in target.names)
+    if isinstance(target, DirectionTarget):
+        return (f"the direction of the {COORDINATES[target.axis]} axis of '{link}'",) * 2
+    if isinstance(target, DistanceTarget):
+        return (f"the distance of '{link}'",)
     place = (f"the position of '{link}'",) * (len(target.units) - 3)
     return (*place, *(f"the orientation of '{link}'",) * 3)
-
-
-def pairwise(here: Array, there: Array) -> Array:
-    """Return the rows of two arrays, shape (n, ...), in turn, shape (2 n, ...)."""
-    return np.stack([here, there], axis=1).reshape(-1, *here.shape[1:])

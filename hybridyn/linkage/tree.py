@@ -6,7 +6,7 @@ accelerations are classical: those of the origin of each body frame, and the ang
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -103,6 +103,13 @@ class Motion(NamedTuple):
         """Compute the *spatial* accelerations of the frames, shape (T, ..., 6), own axes."""
         linear = self.p_ddot - cross(self.w, self.p_dot)
         return np.concatenate([rotate_back(self.R, linear), rotate_back(self.R, self.w_dot)], axis=-1)
+
+
+class Jacobians(Protocol):
+    """A tree, or what gives Jacobians like one."""
+
+    def jacobian(self, motion: Motion, body: int) -> Array:
+        """Compute the Jacobian of a body's origin in base axes, shape (T, 6, nv), as `Tree.jacobian`."""
 
 
 class Tree:

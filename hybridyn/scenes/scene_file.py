@@ -40,8 +40,9 @@ ByJoint = dict[str, FiniteFloat]
 Gains = NotNegative | dict[str, NotNegative]
 Coordinate = Literal["x", "y", "z", "roll", "pitch", "yaw"]
 Turn = Literal["qx", "qy", "qz", "qw", "rx", "ry", "rz"]
-Poses = dict[str, Seven | dict[Coordinate | Turn, FiniteFloat]]
-Twists = dict[str, Six | dict[Coordinate | Literal["wx", "wy", "wz"], FiniteFloat]]
+Further = Literal["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz", "distance", "cx", "cy", "cz"]
+Poses = dict[str, Seven | dict[Coordinate | Turn | Further, FiniteFloat]]
+Twists = dict[str, Six | dict[Coordinate | Further | Literal["wx", "wy", "wz"], FiniteFloat]]
 
 
 def exactly_one(table: Schema, *keys: str) -> None:

@@ -8,6 +8,9 @@
     <link>/pose/qx|qy|qz|qw                  its orientation, all components,
     <link>/pose/rx|ry|rz                     or all of these: a unit axis times the angle about it,
     <link>/pose/roll|pitch|yaw               or any of these: fixed-axis angles, as in URDF's rpy
+    <link>/pose/zx|zy|zz                     or all of these: where its z axis points; xx .., yx ..
+    <link>/pose/distance                     of its origin from that of the root link, or from
+    <link>/pose/cx|cy|cz                     this point in the root link's frame
     <link>/velocity/x|y|z|wx|wy|wz           of the link's origin, and angular, in the root link's axes
     <link>/acceleration/x|y|z|wx|wy|wz       classical: the time derivative of that velocity
     <link>@<other>/...                       the same relative to another link and in its axes, or, with

@@ -14,6 +14,12 @@ LENGTHS, ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
 COORDINATES = (*LENGTHS, *ANGLES)
 #: Complete orientations, whose rates are `SPIN`: by a quaternion, or by a unit axis times the angle about it.
 QUATERNION, VECTOR, SPIN = ("qx", "qy", "qz", "qw"), ("rx", "ry", "rz"), ("wx", "wy", "wz")
+#: Directions of a link's axes, by components in the other link; rates are the derivatives of these.
+DIRECTIONS = {axis: (f"{axis}x", f"{axis}y", f"{axis}z") for axis in LENGTHS}
+#: Distance of a link's origin from a point of the other link: its origin, or that with these coordinates.
+DISTANCE, CENTRE = "distance", ("cx", "cy", "cz")
+#: What a partial pose may prescribe beside coordinates and an orientation.
+FURTHER = (*(part for names in DIRECTIONS.values() for part in names), DISTANCE, *CENTRE)
 POSE, TWIST = (*LENGTHS, *QUATERNION), (*LENGTHS, *SPIN)
 RATES = ("velocity", "acceleration")
 #: The reference in which a moving or floating base moves: the root link's frame of a fixed one.
@@ -139,10 +145,13 @@ def read_signal(
 def _parts_of_pose(pose: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...], str]:
     """Return the components of a pose that has some columns, those of its rates, and how it is given."""
     lengths, angles = (tuple(name for name in names if name in pose) for names in (LENGTHS, ANGLES))
+    groups = (*DIRECTIONS.values(), CENTRE, (DISTANCE,) if set(CENTRE) & set(pose) else ())
+    whole = {name for group in groups if set(group) & set(pose) for name in group} | {*pose}
+    further = tuple(name for name in FURTHER if name in whole)
     for turn, by in ((QUATERNION, "quaternion"), (VECTOR, "rotation vector")):
         if set(turn) & set(pose):
-            return (*lengths, *turn), (*lengths, *SPIN), by
-    places = (*lengths, *angles) or COORDINATES
+            return (*further, *lengths, *turn), (*further, *lengths, *SPIN), by
+    places = (*further, *lengths, *angles) or COORDINATES
     return places, places, "coordinates"
 
 

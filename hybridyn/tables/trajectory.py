@@ -163,7 +163,7 @@ def _platform(signal: Signal, window: Window, fits: Fits, file: str | None) -> t
     if signal.turn:
         part = pose[:, signal.lengths :]
         pose = np.hstack([pose[:, : signal.lengths], part / np.linalg.norm(part, axis=1, keepdims=True)])
-        if signal.lengths == 3:
+        if signal.lengths == 3 and not signal.lacks:
             return pose, velocity, acceleration
         own = places[: signal.lengths]
         places, rates = (*own, *QUATERNION), (*own, *SPIN)

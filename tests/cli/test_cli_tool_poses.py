@@ -1,6 +1,7 @@
 """Poses of a tool that several modules move stand wherever motors stand: an excavator's teeth.
 
-Each case is given once by rods, once by teeth, whose closed form says that both are one motion.
+Each case is given once by rods, once by coordinates of the teeth, whose closed form says that both are one
+motion, and once by the direction of the teeth, their height, and their distance from a point.
 """
 
 from collections.abc import Callable
@@ -23,10 +24,13 @@ from tests.command_line import call, read_table
 from tests.comparing import close_to, refused
 from tests.excavator import HOME, MOTORS, cylinders, excavator, teeth
 from tests.files import save
+from tests.samples import slow
 
 TIME = np.linspace(0.0, 1.0, 9)
 ANGLES = HOME + 0.1 * np.sin(np.outer(TIME, [1.0, 1.3, 0.7]))
-WAYS = ("rods", "teeth")
+WAYS = ("rods", "teeth", "pointed")
+#: A point from which the distance of the teeth is measured.
+CENTRE = {"cx": 1.0, "cy": 0.3, "cz": 0.5}
 AXES = ("x", "z", "pitch")
 EXACT = 1e-9  # of postures, relative to the largest
 SPLINED = 2e-3  # of rates of splines through different columns, whose rows are 0.125 s apart
@@ -36,13 +40,18 @@ def numbers(way: str, angles: Array) -> dict[str, float]:
     """Return positions of the rods, or coordinates of the teeth."""
     if way == "rods":
         return dict(zip(MOTORS, (cylinders(angles) - cylinders(HOME)).tolist(), strict=True))
+    if way == "pointed":
+        x, z, pitch = teeth(angles).tolist()
+        axis = {"xx": 2.0 * float(np.cos(pitch)), "xy": 0.0, "xz": -2.0 * float(np.sin(pitch))}
+        way_to = np.array([x, 0.0, z]) - np.array([*CENTRE.values()])
+        return {**axis, "z": z, "distance": float(np.linalg.norm(way_to)), **CENTRE}
     return dict(zip(AXES, teeth(angles).tolist(), strict=True))
 
 
 def table(folder: Path, way: str, efforts: bool = False) -> None:
     """Write the motion, with efforts of zero if wanted, as a table."""
     rows = [numbers(way, angles) for angles in ANGLES]
-    named = {"rods": "{}/position", "teeth": "teeth/pose/{}"}[way]
+    named = {"rods": "{}/position", "teeth": "teeth/pose/{}", "pointed": "teeth/pose/{}"}[way]
     header = ["time", *map(named.format, rows[0]), *(f"{name}/effort" for name in MOTORS if efforts)]
     lines = [[t, *row.values(), *[0.0] * (3 * efforts)] for t, row in zip(TIME.tolist(), rows, strict=True)]
     text = "\n".join(",".join(map(repr, line)) for line in lines)
@@ -127,10 +136,22 @@ CASES: dict[str, tuple[Callable[[Path, str, pytest.CaptureFixture[str]], Array],
 }
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_teeth_stand_where_rods_stand(case: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+#: Cases with directions and distances that take longer than a second.
+LONG = ("motion of a scene", "points of a controller")
+
+
+@pytest.mark.parametrize(
+    ("case", "way"),
+    [
+        *((case, "teeth") for case in CASES),
+        *(slow(case, "pointed") if case in LONG else (case, "pointed") for case in CASES),
+    ],
+)
+def test_teeth_stand_where_rods_stand(
+    case: str, way: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     of, tolerance = CASES[case]
-    rods, tips = (of(folder, way, capsys) for way in WAYS)
+    rods, tips = (of(folder, one, capsys) for one in ("rods", way))
     close_to(tips, rods, tolerance)
     assert np.ptp(rods) > 0
 

@@ -59,7 +59,7 @@ def test_a_scene_is_read_with_its_defaults(tmp_path: Path) -> None:
         ('[[effects.payload]]\nlink = "m1_tool"\nmass = 1\n[[effects.payload]]\nlink = "m1_tool"\nmass = -1\n', 9,
          "effects.payload.1.mass", "greater than or equal"),
         ('[[events]]\njoint = "a"\nat = 1\n[[events]]\njoint = "a"\naat = 1\n', 9, "events.1.aat", "did you mean 'at'"),
-        ("[initial]\nplatforms = { m1_tool = { xx = 1 } }\n", 5, "initial.platforms.m1_tool.xx", "'yaw'"),
+        ("[initial]\nplatforms = { m1_tool = { u = 1 } }\n", 5, "initial.platforms.m1_tool.u", "'yaw'"),
         ('[motion]\ntable = "x"\n' + PD + REFERENCE + 'table = "x"\n', None, "", "not both"),
     ],
 )  # fmt: skip

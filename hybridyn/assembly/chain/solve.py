@@ -10,7 +10,7 @@ import numpy as np
 from ...description.names import listed
 from ...errors import AssemblyError, inform
 from ...linkage.reduction import decide_rank
-from ...linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target, TurnTarget, named_rows
+from ...linkage.targets import named_rows
 from ...linkage.tree import Motion
 from ...spatial import Array
 from ...structure.module import Module
@@ -18,6 +18,7 @@ from ...structure.robot import HybridRobot
 from ..follow import follow
 from ..free_motions import IDLE, effects
 from ..module_request import ModuleRequest, body_in_tree
+from ..pose_targets import partial_targets, whole_target
 from ..poses import PoseRequest
 from ..requests import Requests, in_root
 from ..spanning import settled, spanning_states
@@ -31,6 +32,7 @@ from .task import ChainTask
 
 #: Generic postures at which the rank of targets between links is decided, and the gap that decides it.
 GENERIC, TOLERANCE = 8, 1e-7
+_STILL = np.eye(3), np.zeros(3)
 
 
 def assemble_chain(
@@ -241,20 +243,7 @@ def _relatives(known: _Known, pose: PoseRequest, length: float) -> list[Relative
     link, other = known.place(pose.link), known.place(pose.other)
     if pose.frame is not None:
         other = Place(other.part, other.body, other.inner.then(pose.frame))
-    units, names, still = (
-        np.array([length] * 3 + [1.0] * 3),
-        (pose.link, pose.reference),
-        (np.eye(3), np.zeros(3)),
-    )
-    targets: list[Target] = []
+    targets = partial_targets(pose, 1, _STILL, _STILL, length)
     if pose.motion is not None:
-        targets.append(PoseTarget(1, pose.motion, units))
-    if pose.turn is not None:
-        targets.append(TurnTarget(1, names, np.eye(3), still, pose.turn, units[3:]))
-    if some := tuple(pose.coordinates):
-        value, rate, acceleration = (np.stack([pose.coordinates[n][i] for n in some], 1) for i in range(3))
-        own = units[[COORDINATES.index(name) for name in some]]
-        targets.append(
-            CoordinateTarget(1, names, some, np.eye(3), np.zeros(3), still, value, rate, acceleration, own)
-        )
+        targets.insert(0, whole_target(1, pose.motion, length))
     return [Relative(link, other, target, named_rows(target, pose.link)) for target in targets]

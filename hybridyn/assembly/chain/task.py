@@ -9,9 +9,9 @@ import numpy as np
 
 from ...description.names import listed
 from ...linkage.newton import Closed, close
-from ...linkage.targets import CoordinateTarget, PoseTarget, pairwise
+from ...linkage.targets import CoordinateTarget, PoseTarget
 from ...linkage.tree import Motion
-from ...spatial import Array, Index, Mask
+from ...spatial import Array, Index, Mask, in_turn
 from ..task import Task, closed_samples, too_many
 from .bodies import Carried, Place
 from .problem import ChainProblem, Relative
@@ -167,7 +167,7 @@ class ChainTask:
 
         def kept(place: Place) -> Place:
             inner = place.inner.take(samples)
-            return replace(place, inner=Motion(*map(pairwise, inner.arrays, inner.arrays)))
+            return replace(place, inner=Motion(*map(in_turn, inner.arrays, inner.arrays)))
 
         frames = self.problem.frames(self.problem.tree.sweep(q), samples)
         relatives = tuple(

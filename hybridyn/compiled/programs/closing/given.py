@@ -186,8 +186,10 @@ def given_of(request: ModuleRequest) -> Given:
 
 def _by_coordinates(request: ModuleRequest) -> list[CoordinateTarget]:
     """Return the targets that are no whole poses, by coordinates: orientations by their angles."""
-    partial = [target for _, target in request.targets if not isinstance(target, PoseTarget)]
-    return [target.by_angles() if isinstance(target, TurnTarget) else target for target in partial]
+    partial = (
+        target.by_angles() if isinstance(target, TurnTarget) else target for _, target in request.targets
+    )
+    return [target for target in partial if isinstance(target, CoordinateTarget)]
 
 
 def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Array]:
@@ -325,7 +327,7 @@ def module_requests(robot: HybridRobot, requests: Requests) -> list[ModuleReques
     Raises:
         HybridynError: As in `assembly.module_request`.
     """
-    if any(pose.frame is not None for pose in requests.poses):
+    if any(pose.frame is not None or pose.further for pose in requests.poses):
         return None
     still, out = Motion.at_rest(requests.samples), list[ModuleRequest]()
     placed, known = {0: still}, {0}  # the motions that are not known do not matter
@@ -427,8 +429,12 @@ def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
 def structure_of(requests: Requests) -> tuple[object, ...]:
     """Return what requests have in common that the same program closes."""
     poses = tuple(
-        (p.link, p.other, p.motion is None, p.turn is None, tuple(p.coordinates)) for p in requests.poses
-    )
+        (
+            p.link, p.other, p.motion is None, p.turn is None, tuple(p.coordinates),
+            p.direction and p.direction[0], p.distance is None,
+        )
+        for p in requests.poses
+    )  # fmt: skip
     return tuple(requests.joints), poses, requests.base is None
 
 

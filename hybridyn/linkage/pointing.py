@@ -1,0 +1,228 @@
+"""Prescribed directions of axes and distances of links, as rows of a Newton problem."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..spatial import (
+    Array,
+    Index,
+    cross,
+    hat,
+    in_turn,
+    rotate_back,
+    rotation_from_vector,
+)
+from .tree import Jacobians, Motion
+
+#: Sine of an angle below which it counts as zero, or as half a turn.
+SMALL_SINE = 1e-4
+#: Least length in divisions [m].
+SMALLEST_WAY = 1e-100
+
+
+class DirectionTarget(NamedTuple):
+    """The direction of one axis of a link; its position, and its turn about the axis, are free.
+
+    The rows are those components of the rotation vector from the prescribed to the actual direction that are
+    along the link's two other axes: it has no component along the axis itself.
+
+    Attributes:
+        body: Number of the link's body.
+        axis: Number of the axis.
+        R: Axes of the frame in which the direction is measured, shape (3, 3), base of the tree.
+        shift: Axes of the link in its body, shape (3, 3).
+        value: Prescribed directions of length one, shape (T, 3).
+        rate: Their time derivatives, shape (T, 3).
+        acceleration: Their second time derivatives, shape (T, 3); components along the axis do not count.
+        units: Unit of each row, shape (2,): one radian.
+    """
+
+    body: int
+    axis: int
+    R: Array
+    shift: Array
+    value: Array
+    rate: Array
+    acceleration: Array
+    units: Array
+
+    @property
+    def _others(self) -> Index:
+        """Numbers of the link's two other axes."""
+        return np.array([self.axis + 1, self.axis + 2]) % 3
+
+    def _axes(self, motion: Motion) -> Array:
+        """Compute the link's axes in the base of the tree, shape (T, 3, 3)."""
+        out: Array = np.matmul(motion.R[:, self.body], self.shift)
+        return out
+
+    def _wanted(self, axes: Array, samples: Index | None) -> Array:
+        """Compute the direction meant, in the link's axes, shape (T, 3); without samples the actual one."""
+        if samples is None:
+            return np.tile(np.eye(3)[self.axis], (len(axes), 1))
+        return rotate_back(axes, self.value[samples] @ self.R.T)
+
+    def residual(self, motion: Motion, samples: Index) -> Array:
+        """Compute the turn from the prescribed to the actual direction, shape (T, 2), [rad]."""
+        wanted = self._wanted(self._axes(motion), samples)
+        turn = cross(wanted, np.eye(3)[self.axis])
+        sine, factor, _ = _factors(turn, wanted[:, self.axis])
+        out: Array = (factor[:, None] * turn)[:, self._others]
+        out[(sine == 0.0) & (wanted[:, self.axis] < 0.0), 0] = np.pi
+        return out
+
+    def point(self, motion: Motion) -> tuple[Array, Array, list[int]]:
+        """Return where the body is, shape (T, 3); no row is a length."""
+        return motion.p[:, self.body], np.zeros((0, 3)), []
+
+    def matrix(self, tree: Jacobians, motion: Motion, samples: Index | None = None) -> Array:
+        """Return the rows over the rates, shape (T, 2, nv)."""
+        axes, along = self._axes(motion), np.eye(3)[self.axis]
+        wanted = self._wanted(axes, samples)
+        turn = cross(wanted, along)
+        _, factor, slope = _factors(turn, wanted[:, self.axis])
+        moved = hat(wanted)  # the prescribed direction moves in the link's axes
+        out = factor[:, None, None] * np.matmul(-hat(along), moved)
+        out += slope[:, None, None] * turn[:, :, None] * moved[:, None, self.axis]
+        back = np.matmul(out[:, self._others], np.swapaxes(axes, 1, 2))
+        rows: Array = np.matmul(back, tree.jacobian(motion, self.body)[:, 3:])
+        return rows
+
+    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
+        """Compute prescribed rates, and prescribed accelerations minus the drift, shapes (T, 2)."""
+        d, d_dot, d_ddot = (x[samples] @ self.R.T for x in (self.value, self.rate, self.acceleration))
+        w, axes = motion.w[:, self.body], self._axes(motion)
+        spin = np.einsum("ti,ti->t", w, d)[:, None]
+        acceleration = cross(d, d_ddot) - spin * cross(d, w) - motion.w_dot[:, self.body]
+        rate, acceleration = (rotate_back(axes, x)[:, self._others] for x in (cross(d, d_dot), acceleration))
+        return rate, acceleration
+
+    def between(self, sample: int, fractions: Array) -> DirectionTarget:
+        """Interpolate from a sample to the next by the shortest turn."""
+        start, stop = self.value[sample : sample + 2]
+        turn = cross(start, stop)
+        sine, cosine = np.linalg.norm(turn), start @ stop
+        if sine == 0.0 and cosine < 0.0:
+            turn = cross(start, np.eye(3)[np.argmin(np.abs(start))])
+        angle = np.arctan2(sine, cosine)
+        axis = turn / max(float(np.linalg.norm(turn)), SMALLEST_WAY)
+        return self._replace(value=rotation_from_vector(fractions[:, None] * angle * axis) @ start)
+
+    def from_here(self, motion: Motion, samples: Index) -> DirectionTarget:
+        """Return the way from where the axis points now to the given samples."""
+        now = self._axes(motion)[:, :, self.axis] @ self.R
+        return self._replace(value=in_turn(now, self.value[samples]))
+
+    def headed(self, motion: Motion, samples: Index, *, on: bool = True) -> DirectionTarget:
+        """Return the target itself: a direction has no second triple of angles."""
+        return self
+
+    def headed_at(self, motion: Motion, values: Array) -> DirectionTarget:
+        """Return the target itself, as `headed` does."""
+        return self
+
+
+def _factors(turn: Array, cosine: Array) -> tuple[Array, Array, Array]:
+    """Compute sine, angle over sine, and the derivative of the latter by the cosine, shape (T,) each.
+
+    Args:
+        turn: A vector as long as the sine, shape (T, 3).
+        cosine: The cosine, shape (T,).
+    """
+    sine = np.linalg.norm(turn, axis=1)
+    angle, safe = np.arctan2(sine, cosine), np.maximum(sine, SMALL_SINE)
+    straight = (sine < SMALL_SINE) & (cosine > 0.0)
+    factor = np.where(straight, 1.0 + sine**2 / 6.0, angle / np.where(sine > 0.0, sine, SMALL_SINE))
+    slope = np.where(straight, -1.0 / 3.0, -(safe - angle * cosine) / safe**3)
+    return sine, factor, slope
+
+
+class DistanceTarget(NamedTuple):
+    """The distance of a link's origin from a point, which may move in a known way.
+
+    Attributes:
+        body: Number of the link's body.
+        R: Axes of the frame in which the point is known, shape (3, 3), base of the tree.
+        p: Origin of that frame, shape (3,), [m], base of the tree.
+        shift: The link's origin in its body, shape (3,), [m].
+        levels: Prescribed distance, its rate and acceleration, shape (3, T), [m].
+        centre: The point in that frame, its rate and acceleration, shape (3, T, 3), [m].
+        units: Unit of the row, shape (1,).
+    """
+
+    body: int
+    R: Array
+    p: Array
+    shift: Array
+    levels: Array
+    centre: Array
+    units: Array
+
+    def _offset(self, motion: Motion) -> Array:
+        """Compute the link's origin seen from the body's, shape (T, 3), [m], base axes."""
+        out: Array = np.matmul(motion.R[:, self.body], self.shift)
+        return out
+
+    def _away(self, motion: Motion, samples: Index | None) -> tuple[Array, Array]:
+        """Compute the distance, shape (T,), and the direction in which it grows, shape (T, 3), base axes."""
+        known = np.zeros(len(motion.p), dtype=int) if samples is None else samples
+        centre = self.centre[0][known] @ self.R.T + self.p
+        way = motion.p[:, self.body] + self._offset(motion) - centre
+        distance = np.linalg.norm(way, axis=1)
+        return distance, way / np.maximum(distance, SMALLEST_WAY)[:, None]
+
+    def residual(self, motion: Motion, samples: Index) -> Array:
+        """Compute the actual minus the prescribed distance, shape (T, 1), [m]."""
+        out: Array = (self._away(motion, samples)[0] - self.levels[0][samples])[:, None]
+        return out
+
+    def point(self, motion: Motion) -> tuple[Array, Array, list[int]]:
+        """Return where the link is, shape (T, 3); its position along no fixed axis is known."""
+        return motion.p[:, self.body] + self._offset(motion), np.zeros((0, 3)), []
+
+    def matrix(self, tree: Jacobians, motion: Motion, samples: Index | None = None) -> Array:
+        """Return the row over the rates, shape (T, 1, nv)."""
+        J, direction = tree.jacobian(motion, self.body), self._away(motion, samples)[1]
+        moved = J[:, :3] - np.matmul(hat(self._offset(motion)), J[:, 3:])
+        row: Array = np.matmul(direction[:, None], moved)
+        return row
+
+    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
+        """Compute the prescribed rate, and the prescribed acceleration minus the drift, shapes (T, 1)."""
+        distance, n = self._away(motion, samples)
+        offset, w, w_dot = self._offset(motion), motion.w[:, self.body], motion.w_dot[:, self.body]
+        _, c_dot, c_ddot = (x[samples] @ self.R.T for x in self.centre)
+        u = motion.p_dot[:, self.body] + cross(w, offset) - c_dot
+        drift = motion.p_ddot[:, self.body] + cross(w_dot, offset) + cross(w, cross(w, offset)) - c_ddot
+        across = u - np.einsum("ti,ti->t", n, u)[:, None] * n
+        turning = np.einsum("ti,ti->t", across, across) / np.maximum(distance, SMALLEST_WAY)
+        rate = self.levels[1][samples] + np.einsum("ti,ti->t", n, c_dot)
+        acceleration = self.levels[2][samples] - turning - np.einsum("ti,ti->t", n, drift)
+        return rate[:, None], acceleration[:, None]
+
+    def between(self, sample: int, fractions: Array) -> DistanceTarget:
+        """Interpolate distance and point linearly from a sample to the next."""
+        levels, centre = (
+            x[:, sample : sample + 1]
+            + (x[:, sample + 1 : sample + 2] - x[:, sample : sample + 1])
+            * fractions.reshape(-1, *(1,) * (x.ndim - 2))
+            for x in (self.levels, self.centre)
+        )
+        return self._replace(levels=levels, centre=centre)
+
+    def from_here(self, motion: Motion, samples: Index) -> DistanceTarget:
+        """Return the way from the distance now to those of the given samples."""
+        levels, centre = (np.repeat(x[:, samples], 2, axis=1) for x in (self.levels, self.centre))
+        levels[0, ::2] = self._away(motion, samples)[0]
+        return self._replace(levels=levels, centre=centre)
+
+    def headed(self, motion: Motion, samples: Index, *, on: bool = True) -> DistanceTarget:
+        """Return the target itself: it prescribes no angle."""
+        return self
+
+    def headed_at(self, motion: Motion, values: Array) -> DistanceTarget:
+        """Return the target itself, as `headed` does."""
+        return self
