@@ -110,7 +110,7 @@ def test_a_shape_that_cannot_be_read_changes_nothing(shape: str, tag: str, tmp_p
 def test_the_page_says_of_each_format_what_is_read_noted_refused_and_lost() -> None:
     page = (ROOT / "docs" / "formats.md").read_text()
     tables = re.findall(r"(?:^\|.*\n)+", page, re.MULTILINE)
-    read, _, lost = (re.findall(r"^\| .*$", table, re.MULTILINE) for table in tables)
+    read, *_, lost = (re.findall(r"^\| .*$", table, re.MULTILINE) for table in tables)
     assert [re.sub(r"\]\(.*", "", cell).strip(" [") for cell in read[0].split("|")[2:-1]] == [
         "URDF, xacro", "MJCF", "SDF", "USD"
     ]  # fmt: skip

@@ -18,7 +18,7 @@ from ..names import unique
 from ..placement import placement_from, rotation_from_quaternion
 from ..records import Array
 from ..urdf.xml_node import LARGEST_NUMBER
-from .document import Document, Place
+from .document import RIGID, Document, Place
 
 #: MuJoCo's enumerations by the first part of their words.
 ENUMERATIONS = {
@@ -195,6 +195,8 @@ def compile_text(document: Document, meshes: dict[str, bytes]) -> Compiled:
         raise _refusal(str(error), file, places) from None
     compiled = Compiled(mujoco, spec, model, file, places)
     _refuse_numbers(compiled)
+    if getattr(model, "nflex", 0):
+        raise document.root.error(f"MuJoCo makes {model.nflex} deformable bodies of it; {RIGID}")
     if model.nbody == 1:
         raise document.root.error("no <body> stands in <worldbody>; a robot has at least one")
     _refuse_forces(compiled)
@@ -232,6 +234,8 @@ def _refusal(text: str, file: str, places: list[Place]) -> ModelError:
     file, line = _place_in(text, places) or (file, None)
     name = _NAME.search(text)
     label, element = (f"element '{name[1]}': ", name[1]) if name else ("", None)
+    if "unrecognized element" in first and "'composite'" in text:
+        first += " <composite>, which MuJoCo 4 does not have any more; take MuJoCo 3, or write the bodies"
     if "mass and inertia of moving bodies" in first:
         first += "; give the body a geom with mass, or <inertial> with mass and diaginertia"
     return ModelError(f"{label}MuJoCo: {first}", file=file, line=line, element=element)
@@ -265,7 +269,8 @@ def _refuse_forces(compiled: Compiled) -> None:
         _refuse(compiled, field, compiled.rows(field) != 0, sentence)
     several = np.isin(model.jnt_type, [compiled.code("mjJNT_BALL"), compiled.code("mjJNT_FREE")])
     for field, sentence in REFUSED_OF_SEVERAL.items():
-        _refuse(compiled, field, (compiled.rows(field) != 0) & several[:, None], sentence)
+        if len(rows := compiled.rows(field)):
+            _refuse(compiled, field, (rows != 0) & several[:, None], sentence)
     for body in sorted({body for pair in compiled.tied_bodies.values() for body in pair}):
         if model.body_mocapid[body] >= 0:
             raise compiled.error(

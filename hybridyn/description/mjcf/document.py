@@ -134,11 +134,13 @@ LEFT_OUT = {
     "skin", "pair", "exclude", "extension",
 }  # fmt: skip
 
+#: How to mend a file with deformable bodies.
+RIGID = "hybridyn's bodies are rigid: describe it by rigid bodies and springs"
+
 #: Elements that are refused, with a description and the correction.
 REFUSED = {
-    "flexcomp": "a deformable body; hybridyn's bodies are rigid: describe it by rigid bodies and springs",
-    "flex": "a deformable body; hybridyn's bodies are rigid: describe it by rigid bodies and springs",
-    "composite": "a body made of many; hybridyn does not read it: save the compiled model (mj_saveLastXML)",
+    "flexcomp": f"a deformable body; {RIGID}",
+    "flex": f"a deformable body; {RIGID}",
     "plugin": "a plugin, whose forces hybridyn cannot know; remove it, and put springs and dampers on joints",
 }
 
@@ -259,8 +261,14 @@ def _take_meshes(document: Document, contents: dict[str, bytes]) -> None:
                 raise node.error(f"mesh '{node.text('file')}' is none of {', '.join(ENDINGS)}{mend}")
             key = f"mesh{len(contents)}{ending}"
             file = node.text("file")
-            contents[key], _ = document.includes.named(node, file, [os.path.join(folder, file)], mend)
+            contents[key], _ = document.includes.named(node, file, _places(document, node, folder), mend)
             node.xml.attrib.update({"name": name, "file": key})
+
+
+def _places(document: Document, node: Node, folder: str) -> list[str]:
+    """Return where a mesh may be: in the folder of meshes, else beside the included file that names it."""
+    file, number = node.text("file"), document.files.index(node.file)
+    return [os.path.join(folder, file), *([document.beside(file, number)] if number else [])]
 
 
 def _body(xml: etree._Element) -> etree._Element:
@@ -308,6 +316,12 @@ def _refuse_unbounded(node: Node, name: str) -> None:
             raise node.error(f"attribute '{name}': '{word[:40]}' is too large (limit {limit:g})")
 
 
+def _counts(node: Node) -> list[float]:
+    """Return the counts of a composite along its axes; MuJoCo refuses what is no number."""
+    words = str(node.xml.get("count", "")).split()
+    return [float(word) for word in words if word.lstrip("+-").replace(".", "", 1).isdigit()]
+
+
 def _refuse_too_many(document: Document) -> None:
     """Refuse a robot that would take MuJoCo minutes, or all memory."""
     factors: dict[object, float] = {}
@@ -316,6 +330,8 @@ def _refuse_too_many(document: Document) -> None:
         factor = factors.get(node.xml.getparent(), 1.0)
         if node.tag == "replicate":
             factor *= max(1.0, abs(node.number("count")))
+        if node.tag == "composite":
+            factor *= math.prod(max(1.0, abs(x)) for x in _counts(node))
         factors[node.xml] = factor
         total += factor * (1 + attached if node.tag == "attach" else 1)
         if total > MOST_COMPILED:
