@@ -38,7 +38,8 @@ def load(
 
     Args:
         path: The robot's file, which may have a side-car (`robot.yaml`, `model.toml`) beside it; or the name
-            of a shipped robot, "lx4". An existing path takes precedence.
+            of a shipped robot, "lx4". An existing path takes precedence. "world.sdf#arm" is the model "arm"
+            of an SDF file.
         base: "fixed", "moving" (prescribed motion) or "floating" (free): the last two put a free-flyer first
             in q, v, a, with Pinocchio's local velocities. None uses the base that the file states: "floating"
             for an MJCF robot on a free joint and for an SDF or USD robot that no joint connects to the world,

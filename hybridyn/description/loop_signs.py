@@ -32,7 +32,7 @@ ACCEPTED_FORMS = (
 #: Elements that are read below `<robot>`.
 READ_TAGS = (
     "link", "joint", "transmission", "loop", "loop_joint", "coupling", "drake:joint", "drake:ball_constraint",
-    "drake:weld_constraint", "drake:tendon_constraint",
+    "drake:weld_constraint", "drake:tendon_constraint", "drake:linear_spring_damper",
 )  # fmt: skip
 
 #: Elements below `<robot>` that do not affect the dynamics, unless they contain loops.
@@ -50,7 +50,6 @@ LEGACY_FORMS = {
     "loopconstraint": "a form of biorbd; write it as <loop>",
     "drake:linear_bushing_rpy": 'a Drake bushing (soft closure); write it as a rigid <loop type="revolute">',
     "drake:distance_constraint": "a Drake distance; write a rod without mass between two balls",
-    "drake:linear_spring_damper": "a Drake spring between two points; hybridyn has springs in joints",
     "cable": "a cable of old Drake; hybridyn has no cables",
 }
 

@@ -48,7 +48,8 @@ def read(
     """Read a robot file and the files beside it.
 
     Args:
-        path: A URDF, xacro (`.xacro`), MJCF, SDF or USD file.
+        path: A URDF, xacro (`.xacro`), MJCF, SDF or USD file; `world.sdf#arm` is one of several models in
+            an SDF file.
         motors: Names of the driven joints, in order; None takes them from the files
             (see `motors.choose_motors`).
         xacro_args: Arguments of a xacro file by name.
@@ -64,14 +65,18 @@ def read(
             notes, and this is `strict`; the message lists them.
     """
     root = open_robot(path, xacro_args, package_dirs)
-    file = os.fspath(path)
+    file, model = split_model(path)
     if root.tag not in FORMATS:
         part = "this is a part of an MJCF file (MuJoCo); name the file that includes it"
         other = "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
         raise root.error(part if root.tag == "mujocoinclude" else other)
+    if model and root.tag != "sdf":
+        raise root.error(f"only an SDF file has several models; remove '#{model}'")
     module, reader = FORMATS[root.tag]
     content = root.file if root.tag == "_usd" else root  # USD is no XML
-    robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(content, package_dirs)
+    robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(
+        content, package_dirs, *([model] if model else [])
+    )
     robot.notes += root.notes
     if root.tag == "robot":
         _read_side_cars(robot, file)
@@ -82,7 +87,7 @@ def read(
     out = replace(
         complete(robot, motors=motors, home=home, source=file),
         read_from=ReadFrom(
-            file,
+            os.fspath(path),
             None if motors is None else tuple(motors),
             dict(xacro_args or {}),
             tuple(os.fspath(folder) for folder in package_dirs),
@@ -166,6 +171,13 @@ def _read_model_file(robot: RobotFile, file: str) -> dict[str, tuple[float, ...]
     return robot.home | apply_model_file(robot, model, text.decode("utf-8"), str(path))
 
 
+def split_model(path: str | os.PathLike[str]) -> tuple[str, str]:
+    """Split `world.sdf#arm` into the file and the name of its model, "" where none is named."""
+    whole = os.fspath(path)
+    file, _, model = whole.rpartition("#")
+    return (file, model) if file and model and not os.path.exists(whole) else (whole, "")
+
+
 def open_robot(
     path: str | os.PathLike[str],
     xacro_args: Mapping[str, object] | None = None,
@@ -178,7 +190,7 @@ def open_robot(
     Raises:
         ModelError: The file cannot be read, is not XML, or xacro reports an error.
     """
-    file = os.fspath(path)
+    file, _ = split_model(path)
     text = read_bytes(file)
     ending = next((ending for start, ending in USD_STARTS.items() if text.startswith(start)), None)
     if ending and not Path(file).suffix.lower().startswith(".usd"):

@@ -297,7 +297,7 @@ class ReadFrom(NamedTuple):
     """The file that a description was read from, and what the reader was told.
 
     Attributes:
-        file: Path of the file.
+        file: Path of the file, with the name of its model after "#" where it was chosen.
         motors: Names of the driven joints, or None.
         xacro_args: Arguments of a xacro file by name.
         package_dirs: Folders that hold packages.

@@ -9,7 +9,7 @@ import pytest
 import hybridyn
 from hybridyn.description import read
 from tests.description.engine_words import DETACHABLE
-from tests.description.reading import Texts, holds, save_all
+from tests.description.reading import Texts, holds, refused, save_all
 from tests.files import save
 from tests.sdf_texts import WORLD, joint, link, sdf
 
@@ -55,6 +55,15 @@ MOTIONS = {
     "universal": (
         "<axis2><xyz>3 0 -1</xyz></axis2>", {"j_1": 0.7, "j_2": -0.4},
         turn((1, 2, 3), 0.7) * turn((3, 0, -1), -0.4),
+    ),
+    "revolute2": (
+        "<axis2><xyz>3 0 1</xyz></axis2>", {"j_1": 0.7, "j_2": -0.4},
+        turn((1, 2, 3), 0.7) * turn((3, 0, 1), -0.4),
+    ),
+    # 0.4 m per turn; the slide is where the coupling puts it.
+    "screw": (
+        "<screw_thread_pitch>0.4</screw_thread_pitch>", {"j": 0.7, "j_slide": 0.7 * 0.4 / (2 * np.pi)},
+        turn((1, 2, 3), 0.7, 0.7 * 0.4 / (2 * np.pi)),
     ),
 }  # fmt: skip
 
@@ -106,7 +115,25 @@ PART = sdf(
     '<frame name="tip" attached_to="arm"><pose>0 0.5 0 0 0 0.3</pose></frame>',
     name="part",
 )  # fmt: skip
+BALL_OF_DRAKE = (
+    "<drake:ball_constraint><drake:ball_constraint_body_A>a</drake:ball_constraint_body_A>"
+    "<drake:ball_constraint_p_AP>1 2 3</drake:ball_constraint_p_AP>"
+    "<drake:ball_constraint_body_B>b</drake:ball_constraint_body_B>"
+    "<drake:ball_constraint_p_BQ>4 5 6</drake:ball_constraint_p_BQ></drake:ball_constraint>"
+)
 INCLUDE = "<include><uri>{}</uri>{}</include>"
+AT_BASE = '<name>left</name><pose relative_to="base">0 0 2 0 0 0.1</pose>'
+ARM = f'<model name="arm"><pose relative_to="f">0 1 0 0 0 0</pose>{link("base")}</model>'
+TWO_ARMS = ARM + ARM.replace('"arm"', '"two"').replace("0 1 0", "0 7 0")
+IN_WORLD = (
+    '<sdf version="1.11"><world name="w"><frame name="f"><pose>0 0 1 0 0 0.3</pose></frame>{}</world></sdf>'
+)
+HOLD = '<joint name="{}" type="fixed"><parent>{}</parent><child>{}</child></joint>'
+HELD = IN_WORLD.format(ARM + HOLD.format("hold", "world", "arm::base"))
+TIED = IN_WORLD.format(
+    TWO_ARMS + HOLD.format("hold", "f", "arm::base") + HOLD.format("tie", "arm::base", "two::base")
+)
+APART = IN_WORLD.format(TWO_ARMS + HOLD.format("hold", "f", "two::base"))
 INSIDE = "".join([
     '<model name="in"><pose>0 0 1 0.2 0 0</pose>', link("a", "<pose>1 0 0 0 0 0</pose>"),
     joint("j", "revolute", "a", "b", "<pose>0 1 0 0 0 0</pose>"),
@@ -138,6 +165,38 @@ PLACED: dict[str, tuple[Texts, dict[str, pin.SE3]]] = {
             '<frame name="f" attached_to="in::b"/>', joint("weld", "fixed", "f", "c", axis=""),
             joint("to", "fixed", "base", "in", axis="")),
         {"in::b": se3(*IN), "c": se3(*IN, "0 1 0 0 0 0", "0 2 0 0 0 0")},
+    ),
+    # What stands at the pose is the tip: 0 0 2 is where the frame "tip" is, in the frame of the base.
+    "an included model by its placement frame": (
+        {
+            "robot.sdf": sdf(
+                link("base", "<pose>0 3 0 0 0 0.5</pose>"), WORLD,
+                INCLUDE.format("part.sdf", AT_BASE + "<placement_frame>tip</placement_frame>"),
+                joint("weld", "fixed", "base", "left::tip", axis=""),
+            ),
+            "part.sdf": PART,
+        },
+        {"left::arm": se3("0 3 0 0 0 0.5", "0 0 2 0 0 0.1") * se3("0 0.5 0 0 0 0.3").inverse()},
+    ),
+    "a merged model": (
+        {
+            "robot.sdf": sdf(
+                link("base", "<pose>0 3 0 0 0 0.5</pose>"), WORLD,
+                INCLUDE.replace("<include", '<include merge="true"').format("part.sdf", AT_BASE),
+                joint("weld", "fixed", "base", "tip", axis=""),
+            ),
+            "part.sdf": PART,
+        },
+        {"arm": se3("0 3 0 0 0 0.5", "0 0 2 0 0 0.1", "1 0 0 0 0 0")},
+    ),
+    "a frame and a joint of the world": (HELD, {"base": se3("0 0 1 0 0 0.3", "0 1 0 0 0 0")}),
+    "models that a joint of the world ties": (TIED, {
+        "arm::base": se3("0 0 1 0 0 0.3", "0 1 0 0 0 0"), "two::base": se3("0 0 1 0 0 0.3", "0 7 0 0 0 0"),
+    }),
+    "the frame of a pose of SDFormat 1.6": (
+        sdf(link("base", "<pose>0 3 0 0 0 0.5</pose>"), link("a", '<pose frame="base">1 0 0 0 0 0</pose>'),
+            WORLD, HINGE, version="1.6"),
+        {"a": se3("0 3 0 0 0 0.5", "1 0 0 0 0 0")},
     ),
     "a world": (MOON, {"base": se3("0 0 1 0 0 0.4")}),
     "a floating base": (FLOATS, {"base": se3("0 0 1 0 0 0.4")}),
@@ -190,6 +249,72 @@ READ: dict[str, tuple[Texts, dict[str, object]]] = {
             "lower": -1, "upper": 2, "effort": np.inf, "velocity": 3, "damping": 0.1, "friction": 0.2,
             "rotor_inertia": 0.02, "gear_ratio": 50,
         }}, "effects": (("spring", {"stiffness": {"j": 5.0}, "rest": {"j": 0.3}}),)},
+    ),
+    **{
+        f"a screw with {pitch}": (
+            sdf(*TWO, joint("j", "screw", "base", "a", pitch)),
+            {"couplings": [{"name": "j_slide", "terms": (("j_slide", 1.0), ("j", pytest.approx(-way)))}]},
+        )
+        for pitch, way in (
+            ("<screw_thread_pitch>-.3</screw_thread_pitch>", -0.3 / (2 * np.pi)),
+            ("<thread_pitch>3</thread_pitch>", -1 / 3), ("", 1 / (2 * np.pi)),
+        )
+    },
+    "a revolute2 with axes of its own rotors": (
+        sdf(*TWO, joint("j", "revolute2", "base", "a", *(
+            f"<axis{n}><xyz>{xyz}</xyz><drake:rotor_inertia>{n or 1}</drake:rotor_inertia></axis{n}>"
+            for n, xyz in (("", "0 0 1"), ("2", "0 1 0"))
+        ), axis=""), more=' xmlns:drake="http://drake.mit.edu"'),
+        {"joints": {"j_1": {"rotor_inertia": 1.0}, "j_2": {"rotor_inertia": 2.0}}},
+    ),
+    "an axis without a direction is z": (
+        sdf(*TWO, joint("j", "revolute", "base", "a", "<axis/>", axis="")),
+        {"joints": {"j": {"axis": (0, 0, 1)}}},
+    ),
+    "parts of screws in a hinge": (
+        sdf(*TWO, joint("j", "revolute", "base", "a", "<thread_pitch>2</thread_pitch>")),
+        {"couplings": (), "notes": {"joints 'j': parts of screws or gearboxes in a joint of another type"}},
+    ),
+    "a ball constraint of Drake": (
+        sdf(*TWO, HINGE, link("b"), joint("k", "revolute", "base", "b"), BALL_OF_DRAKE,
+            more=' xmlns:drake="http://drake.mit.edu"'),
+        {"closures": [{"name": "ball_constraint1", "kind": "spherical", "link_a": "a", "link_b": "b",
+                       "frame_b": pin.SE3(np.eye(3), np.array([4.0, 5.0, 6.0])).homogeneous}]},
+    ),
+    "a spring of Drake": (
+        sdf(*TWO, HINGE, BALL_OF_DRAKE.replace("ball_constraint", "linear_spring_damper")
+            .replace(">b<", ">base<").replace("</drake:linear_spring_damper>", "".join(
+                f"<drake:linear_spring_damper_{word}>{x}</drake:linear_spring_damper_{word}>"
+                for word, x in (("free_length", 1), ("stiffness", 2), ("damping", 3))
+            ) + "</drake:linear_spring_damper>"), more=' xmlns:drake="http://drake.mit.edu"'),
+        {"effects": (("line_springs", {
+            "ends": {"linear_spring_damper1": ["a", "base"]},
+            "points": {"linear_spring_damper1": [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]},
+            "stiffness": {"linear_spring_damper1": 2.0}, "damping": {"linear_spring_damper1": 3.0},
+            "lower": {"linear_spring_damper1": 1.0}, "upper": {"linear_spring_damper1": 1.0},
+        }),)},
+    ),
+    "links without weight": (
+        sdf(link("base"), link("a", "<gravity>false</gravity>"), WORLD, HINGE),
+        {"effects": (("gravity_compensation", {"fraction": {"a": 1.0}}),),
+         "notes": {"gravity does not act on links 'a'"}},
+    ),
+    **{
+        f"a gearbox {how}": (
+            sdf(*TWO, link("b"), joint("j", "revolute", *ends),
+                joint("k", "revolute", "base", "b", axis="0 0 -1"),
+                joint("g", "gearbox", "a", "b", "<axis2><xyz>0 0 1</xyz></axis2>"
+                      "<gearbox_ratio>5</gearbox_ratio><gearbox_reference_body>base</gearbox_reference_body>")),
+            {"couplings": [{"name": "g", "terms": (("k", -1.0), ("j", sense * 5.0))}]},
+        )
+        for how, ends, sense in (("of two hinges", ("base", "a"), 1), ("against a hinge", ("a", "base"), -1))
+    },
+    "a gearbox against a link that moves": (
+        sdf(*TWO, link("b"), link("c"), HINGE, joint("k", "revolute", "a", "b"),
+            joint("l", "revolute", "a", "c"),
+            joint("g", "gearbox", "base", "c", "<axis2><xyz>0 0 1</xyz></axis2><gearbox_ratio>-2"
+                  "</gearbox_ratio><gearbox_reference_body>b</gearbox_reference_body>")),
+        {"couplings": [{"terms": (("l", 1.0), ("j", 2.0), ("k", 1.0))}]},
     ),
     "limits of 1e16 are none": (
         sdf(*TWO, joint(
@@ -319,3 +444,56 @@ def test_a_detachable_joint_is_a_fixed_joint(tmp_path: Path) -> None:
         weight = hybridyn.gravity(robot, robot.home)[0]
         felt.append([hybridyn.mass_matrix(robot, robot.home)[0, 0], weight, robot.mobility])
     np.testing.assert_allclose(felt, np.broadcast_to(felt[2], (3, 3)), rtol=1e-11)
+
+
+def test_one_of_several_models_is_chosen_by_its_name(tmp_path: Path) -> None:
+    """Joints of the world that hold another one do not count."""
+    file = save(tmp_path, APART, "world.sdf")
+    refused(file, "2 models that move: 'arm', 'two'", "'FILE#MODEL'")
+    refused(f"{file}#twoo", "no model that moves is named 'twoo' (did you mean 'two'?)")
+    for name, base in (("arm", "floating"), ("two", "fixed")):
+        found = read(f"{file}#{name}")
+        holds(found, {"name": name, "base": base, "source": str(file)})
+        assert read(found.read_from.file).name == name
+    urdf = save(tmp_path, '<robot name="r"><link name="l"/></robot>', "a.urdf")
+    refused(f"{urdf}#l", "only an SDF file has several models; remove '#l'")
+
+
+def test_a_link_without_weight_moves_with_its_mass(tmp_path: Path) -> None:
+    """The weight of the arm is none of the motor's under the effects of the file; its inertia is."""
+    parts = link("base"), WORLD, joint("j", "revolute", "base", "a", axis="0 1 0")
+    heavy, light = (
+        hybridyn.load(save(tmp_path, sdf(*parts, link("a", said)), f"{name}.sdf"))
+        for name, said in (("heavy", ""), ("light", "<gravity>0</gravity>"))
+    )
+    q, no = np.array([0.3]), np.zeros(1)
+    felt = [
+        hybridyn.idm(one, q, no, np.array([x]), effects="model")[0] for one in (heavy, light) for x in (0, 1)
+    ]
+    assert abs(felt[0]) > 0.1
+    assert felt[2] == pytest.approx(0.0, abs=EXACT)
+    assert felt[3] == pytest.approx(felt[1] - felt[0], rel=1e-12)
+
+
+def test_a_screw_may_close_a_loop(tmp_path: Path) -> None:
+    """A nut on a guide: the screw of 0.2 m per turn lifts it, the guide keeps it from turning."""
+    parts = link("base"), link("nut"), WORLD, joint("guide", "prismatic", "base", "nut"), link("spindle")
+    spindle = joint("drive", "revolute", "base", "spindle")
+    screw = joint("thread", "screw", "spindle", "nut", "<screw_thread_pitch>0.2</screw_thread_pitch>")
+    robot = hybridyn.load(save(tmp_path, sdf(*parts, spindle, screw), "robot.sdf"), motors=["drive"])
+    assert robot.mobility == 1
+    q, v, _ = hybridyn.assemble(robot, motors={"drive": (1.5, 2.0, 0.0)}, guess=robot.home)
+    at, rate = (
+        x[s[robot.joints.index("thread_slide")]][0] for x, s in ((q, robot.q_slices), (v, robot.v_slices))
+    )
+    p = -0.2 / (2 * np.pi)
+    np.testing.assert_allclose([at, rate], [1.5 * p, 2.0 * p], rtol=1e-9)
+    M = hybridyn.mass_matrix(robot, q)
+    np.testing.assert_allclose(M, [[_about_z() + 0.1**2 + 0.01**2 + p**2]], rtol=1e-9)
+
+
+def _about_z() -> float:
+    """Return the moment of a link of the tests about its z through its centre of mass [kg m^2]."""
+    R = pin.rpy.rpyToMatrix(0.1, 0.2, 0.3)
+    inertia = np.array([[0.02, 0.002, -0.003], [0.002, 0.05, 0.004], [-0.003, 0.004, 0.06]])
+    return float((R @ inertia @ R.T)[2, 2])

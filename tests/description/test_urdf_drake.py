@@ -183,9 +183,45 @@ def test_a_rigid_tendon_is_a_coupling(tmp_path: Path) -> None:
     assert one.offset == pytest.approx(0.2, rel=1e-15)
 
 
+SPRING = (
+    '<drake:linear_spring_damper><drake:linear_spring_damper_body_A name="base"/>'
+    '<drake:linear_spring_damper_p_AP value="0 2 0"/><drake:linear_spring_damper_body_B name="arm"/>'
+    '<drake:linear_spring_damper_p_BQ value="1 0 0"/><drake:linear_spring_damper_free_length value="1.5"/>'
+    '<drake:linear_spring_damper_stiffness value="30"/><drake:linear_spring_damper_damping value="4"/>'
+    "</drake:linear_spring_damper>"
+)
+HINGED = (
+    f'<robot name="r"><link name="base"/><link name="arm">{INERTIAL}</link>'
+    '<joint name="anchor" type="fixed"><parent link="world"/><child link="base"/></joint>'
+    '<joint name="j" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>'
+    f"{SPRING}</robot>"
+)
+
+
+def test_a_spring_between_two_points_pulls_along_its_line(tmp_path: Path) -> None:
+    """At the angle x its length is |(cos x, sin x - 2)|; tension is k (l - l0) + c l_dot."""
+    found = hybridyn.load(save(tmp_path, HINGED))
+    x, w = 0.7, -0.4
+    q, v, no = np.array([np.cos(x), np.sin(x)]), np.array([w]), np.zeros(1)
+    length = np.hypot(np.cos(x), np.sin(x) - 2)
+    rate = -2 * np.cos(x) / length  # of the length with the angle
+    expected = (30 * (length - 1.5) + 4 * rate * w) * rate
+    added = hybridyn.idm(found, q, v, no, effects="model") - hybridyn.idm(found, q, v, no)
+    assert added[0] == pytest.approx(expected, rel=SOLVED)
+
+
+def test_a_spring_between_two_points_pulls_as_in_drake(tmp_path: Path) -> None:
+    file = save(tmp_path, HINGED)
+    theirs = Plant(file, "r").accelerations([0.7], [-0.4], [0.6])
+    q = np.array([np.cos(0.7), np.sin(0.7)])
+    ours = hybridyn.ddm(hybridyn.load(file), q, np.array([-0.4]), np.array([0.6]), effects="model")
+    np.testing.assert_allclose(ours, theirs, rtol=1e-10)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (HINGED.replace('"30"', '"-30"'), "-30 is negative"),
         (tree("revolute"), "Drake has no such type 'revolute' in <drake:joint>; known: 'ball', 'planar'"),
         (tree("univresal"), "(did you mean 'universal'?)"),
         (tree("curvilinear"), "a joint along a curve is not read"),

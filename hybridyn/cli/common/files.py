@@ -48,9 +48,16 @@ def several(word: str) -> bool:
 
 
 def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Return the file of a robot: an existing file, or that of the shipped robot of this name."""
+    """Return the file of a robot: an existing file, or that of the shipped robot of this name.
+
+    `world.sdf#arm` is the model `arm` of a file.
+    """
     if value.lower().endswith((".csv", ".parquet")):
         raise click.BadParameter(f"'{value}' is a table; the robot comes first", ctx, param)
+    file, hash_, _ = value.rpartition("#")
+    if hash_ and not os.path.exists(value):
+        existing_file(ctx, param, file)
+        return value
     if os.path.exists(value) or not BARE_NAME.fullmatch(value):
         return existing_file(ctx, param, value)
     if (found := shipped_file(value)) is None:

@@ -14,6 +14,7 @@ from ..names import DROPS, NOTHING, closest, did_you_mean, listed
 from ..placement import placement_from, rotation_from_quaternion, rotation_from_rpy
 from ..plugins import is_harmless, weld_of
 from ..records import Array
+from ..urdf.drake import BALL, SPRING
 from ..urdf.xml_node import Node, unit
 
 #: Remarks, each with the names that it concerns (see `names.noted`).
@@ -28,8 +29,11 @@ NUMBERS: dict[str, dict[str, float]] = {
     "velocity_decay": {"linear": 0.0, "angular": 0.0},
     "inertial": {"mass": 1.0},
     "inertia": {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0},
-    "joint": {"drake:rotor_inertia": 0.0, "drake:gear_ratio": 1.0},
-    "axis": {"initial_position": math.nan},
+    "joint": {
+        "drake:rotor_inertia": 0.0, "drake:gear_ratio": 1.0, "screw_thread_pitch": math.nan,
+        "thread_pitch": math.nan, "gearbox_ratio": 1.0,
+    },
+    "axis": {"initial_position": math.nan, "drake:rotor_inertia": math.nan, "drake:gear_ratio": math.nan},
     "limit": {
         "lower": -math.inf, "upper": math.inf, "effort": math.inf, "velocity": math.inf, "stiffness": 1e8,
         "dissipation": 1.0,
@@ -45,7 +49,8 @@ POSITIVE = ("mass", "drake:rotor_inertia", "damping", "friction", "spring_stiffn
 ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "sdf": ("version",),
     "world": ("name", "namespace"),
-    "model": ("name", "namespace"),
+    "model": ("name", "namespace", "canonical_link", "placement_frame"),
+    "include": ("merge",),
     "frame": ("name", "attached_to"),
     "link": ("name",),
     "inertial": ("auto",),
@@ -58,34 +63,24 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
 #: Children of each element that are read, beside its numbers.
 READ: dict[str, tuple[str, ...]] = {
     "sdf": ("model", "world"),
-    "world": ("model", "include", "gravity", "physics"),
-    "model": ("static", "pose", "frame", "link", "joint", "include", "model"),
-    "include": ("uri", "name", "pose", "static"),
+    "world": ("model", "include", "gravity", "physics", "frame", "joint"),
+    "model": ("static", "pose", "frame", "link", "joint", "include", "model", BALL, SPRING),
+    "include": ("uri", "name", "pose", "static", "placement_frame"),
     "frame": ("pose",),
     "link": ("pose", "inertial", "gravity", "kinematic", "velocity_decay"),
     "inertial": ("pose", "inertia", "fluid_added_mass"),
-    "joint": ("parent", "child", "pose", "axis", "axis2", "physics"),
+    "joint": ("parent", "child", "pose", "axis", "axis2", "physics", "gearbox_reference_body"),
     "axis": ("xyz", "dynamics", "limit", "mimic", "use_parent_model_frame"),
+}
+READ |= {
+    tag: tuple(f"{tag}_{word}" for word in ("body_A", "body_B", "p_AP", "p_BQ", *more))
+    for tag, more in ((BALL, ()), (SPRING, ("free_length", "stiffness", "damping")))
 }
 READ = {tag: (*READ.get(tag, ()), *NUMBERS.get(tag, ())) for tag in [*READ, *NUMBERS]}
 READ |= {tag: () for tags in [*READ.values()] for tag in tags if tag not in READ}
 
-#: Elements that SDFormat has and hybridyn does not read, and what to write in their place.
-REFUSED = {
-    "placement_frame": "a pose of the model itself",
-    "screw_thread_pitch": "a revolute and a prismatic joint, and <mimic>",
-    "thread_pitch": "a revolute and a prismatic joint, and <mimic>",
-    "gearbox_ratio": "<mimic>",
-    "gearbox_reference_body": "<mimic>",
-}
-
-#: Attributes that are not read unless they are empty, and what to write in their place.
-REFUSED_ATTRIBUTES = {
-    "canonical_link": "this link first in the model",
-    "placement_frame": "a pose of the model itself",
-    "merge": "an include without it, whose links are named model::link",
-    "frame": 'relative_to and version="1.7"; this attribute of SDFormat 1.5 and 1.6 never had a meaning',
-}
+#: How SDFormat before version 1.7 wrote `relative_to`.
+OLD_FRAME = "frame"
 
 #: Children of each element that do not change the dynamics, or that others read or note.
 LEFT_OUT: dict[str, tuple[str, ...]] = {
@@ -180,16 +175,21 @@ def _note_forces(child: Node, kind: str, notes: Notes) -> None:
 def _check_attributes(node: Node, known: tuple[str, ...]) -> None:
     """Refuse attributes that SDFormat does not have, or that are not read."""
     for name in node.attributes():
-        if name in REFUSED_ATTRIBUTES and str(node.xml.get(name)).strip():
-            raise node.error(f"{name} is not read; write {REFUSED_ATTRIBUTES[name]}")
-        if name not in (*known, *REFUSED_ATTRIBUTES):
+        if name == OLD_FRAME and node.tag == "pose":
+            root = node.xml.getroottree().getroot()
+            if node.xml.get(name, "").strip() and str(root.get("version")).strip() not in (
+                "1.3",
+                "1.4",
+                "1.5",
+                "1.6",
+            ):
+                raise node.error("frame ended with SDFormat 1.6; write relative_to")
+        elif name not in known:
             hint = did_you_mean(name, known)
             raise node.error(f"unknown attribute '{name}'{hint}; known: {listed(known) or 'none'}")
 
 
 def _refuse_unknown(child: Node, node: Node, known: tuple[str, ...], notes: Notes) -> None:
-    if child.tag in REFUSED:
-        raise child.error(f"is not read; write {REFUSED[child.tag]}")
     if child.tag in LEGACY_FORMS:
         raise child.error(f"{LEGACY_FORMS[child.tag].split(';')[0]}, which is not read in SDF; remove it")
     if ":" in child.tag and child.tag not in NAMESPACED and not child.tag.startswith("hybridyn:"):
@@ -300,4 +300,6 @@ def pose(node: Node | None) -> Array:
 
 def relative_to(node: Node | None) -> str:
     """Return the name of the frame in which a `<pose>` is expressed, "" for the default."""
-    return "" if node is None else str(node.xml.get("relative_to", "")).strip()
+    if node is None:
+        return ""
+    return str(node.xml.get("relative_to", "")).strip() or str(node.xml.get(OLD_FRAME, "")).strip()

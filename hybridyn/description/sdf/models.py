@@ -15,14 +15,16 @@ from typing import Literal
 import numpy as np
 
 from ...errors import ModelError
+from ..groups import Groups
 from ..names import did_you_mean, listed
+from ..placement import inverse
 from ..records import Array
 from ..urdf.robot_folders import Includes
 from ..urdf.xml_node import Node
 from .elements import Notes, check, flag, pose, relative_to, word
 
 #: Oldest and newest version of SDFormat that is read, as (1, minor).
-VERSIONS = (4, 12)
+VERSIONS = (3, 12)
 
 #: Deepest nesting of models and of their files.
 DEEPEST = 50
@@ -30,7 +32,9 @@ DEEPEST = 50
 #: Models of Gazebo that are only scenery; they are not opened.
 SCENERY = ("sun", "ground_plane")
 
-ONE_ROBOT = "hybridyn reads one robot: remove the others, or nest them in one <model>"
+ONE_ROBOT = "hybridyn reads one robot: name it after the file, 'FILE#MODEL', or tie them by joints in <world>"
+
+LEFT_STILL = "static models are left out: {}"
 
 STATIC = (
     "a static model does not move at all, nor do its joints; to hold only its base, remove <static> and "
@@ -54,51 +58,73 @@ class Library:
         root: Root element of the robot's own file.
         own: The robot's own file.
         notes: What the files hold that is left out and noted.
+        scenery: Names of the models that stand still and are not opened.
+        still: The models that stand still, opened.
+        chosen: Name of the model that is read, "" for the only one.
     """
 
-    def __init__(self, root: Node, package_dirs: Sequence[str | os.PathLike[str]]) -> None:
+    def __init__(self, root: Node, package_dirs: Sequence[str | os.PathLike[str]], chosen: str = "") -> None:
         """Check the robot's own file.
 
         Args:
             root: Root element `<sdf>`.
             package_dirs: Folders, beside the robot's own, from which files may be included.
+            chosen: As above.
 
         Raises:
             ModelError: The version is not read, or an element is unknown.
         """
-        self.root, self.notes = root, Notes()
+        self.root, self.notes, self.chosen = root, Notes(), chosen
+        self.scenery: set[str] = set()
+        self.still: list[Placed] = []
         self.own: Files = (os.path.abspath(root.file),)
         self._includes = Includes(self.own[0], [os.fspath(folder) for folder in package_dirs])
         minor_of(root)
         check(root, self.notes)
 
-    def robot(self) -> Placed:
-        """Return the only model that can move; note the static ones.
+    def moving(self) -> list[Placed]:
+        """Return the models that can move; note the static ones.
 
         Raises:
-            ModelError: There is no such model, or there are several.
+            ModelError: There is no such model, or none of the chosen name.
         """
         world = self.root.child("world")
         found: list[Placed] = []
-        still: list[str] = []
         for own in (*self.root.children("model"), *(world.children("model", "include") if world else ())):
             _, _, folder = word(own, "uri").rstrip("/").rpartition("/")
             if folder in SCENERY:
-                still.append(folder)
+                self.scenery |= {folder, word(own, "name") or folder}
+                self._leave_out(folder)
                 continue
             model, files = self.open(own, self.own)
             if flag(own, "static", flag(model, "static")):
-                still.append(name_of(own, model))
+                self._leave_out(name_of(own, model))
+                self.still.append((own, model, files))
             else:
                 found.append((own, model, files))
         if not found:
-            static = f"no model that moves, only {listed(still)}; {STATIC}"
+            still = self.notes.get(LEFT_STILL)
+            static = f"no model that moves, only {listed(still or ())}; {STATIC}"
             raise self.root.error(static if still else "no <model>; a robot is one")
-        if len(found) > 1:
-            names = listed(name_of(own, model) for own, model, _ in found)
-            raise self.root.error(f"{len(found)} models that move: {names}; {ONE_ROBOT}")
-        self.notes["static models are left out: {}"] = still
-        return found[0]
+        return self._chosen(found)
+
+    def _leave_out(self, name: str) -> None:
+        self.notes.setdefault(LEFT_STILL, []).append(name)
+
+    def _chosen(self, found: list[Placed]) -> list[Placed]:
+        """Return the models among which the robot is: the chosen one alone, unless the world ties models."""
+        names = [name_of(own, model) for own, model, _ in found]
+        if not self.chosen:
+            return found
+        if self.chosen not in names:
+            hint = did_you_mean(self.chosen, names)
+            raise self.root.error(
+                f"no model that moves is named '{self.chosen}'{hint}; known: {listed(names)}"
+            )
+        world = self.root.child("world")
+        if world is not None and world.children("joint", "frame"):
+            return found
+        return [one for one, name in zip(found, names, strict=True) if name == self.chosen]
 
     def open(self, node: Node, files: Files) -> tuple[Node, Files]:
         """Return the model of an `<include>` with the files around it, or a model itself.
@@ -173,7 +199,7 @@ def minor_of(node: Node) -> int:
     match = _VERSION.fullmatch(text)
     if not match or not VERSIONS[0] <= int(match[1]) <= VERSIONS[1]:
         raise root.error(
-            f"version '{text[:20]}' of SDFormat is not read; known: 1.4 to 1.12 (`gz sdf -p` converts older "
+            f"version '{text[:20]}' of SDFormat is not read; known: 1.3 to 1.12 (`gz sdf -p` converts older "
             "ones)"
         )
     return int(match[1])
@@ -198,6 +224,9 @@ class Item:
         scope: The model in which it stands, None for the world.
         node: The element.
         model: The element `<model>` of an included model, else the element itself.
+        still: Whether it is of a static model.
+        merged: Whether it is the frame of a model whose elements belong to the model around it.
+        full_name: Its name with the names of the nested models around it, as Gazebo joins them.
     """
 
     kind: Kind
@@ -205,6 +234,9 @@ class Item:
     scope: Item | None
     node: Node
     model: Node
+    still: bool = False
+    merged: bool = False
+    full_name: str = ""
 
     def __post_init__(self) -> None:
         stated = self.node.child("pose") or (self.model.child("pose") if self.kind == "model" else None)
@@ -214,19 +246,36 @@ class Item:
     @property
     def path(self) -> str:
         """Its name with those of all models around it."""
-        return self.name if self.scope is None else f"{self.scope.path}::{self.name}"
+        return inside(self.scope) + self.name
 
     @property
-    def full_name(self) -> str:
-        """Its name with the names of the nested models around it, as Gazebo joins them."""
-        return self.name if self.scope is None else self.path.partition("::")[2]
+    def scopes(self) -> Iterator[Item]:
+        """The models around it, the innermost first."""
+        scope = self.scope
+        while scope is not None:
+            yield scope
+            scope = scope.scope
+
+    @property
+    def placement_frame(self) -> str:
+        """Name of the frame in a model that stands at the model's pose, "" for the model's own."""
+        stated = word(self.node, "placement_frame") if self.node.tag == "include" else ""
+        return stated or str(self.model.xml.get("placement_frame", "")).strip()
+
+
+def inside(scope: Item | None) -> str:
+    """Return what stands before the names of elements in a model or the world (None)."""
+    if scope is None:
+        return ""
+    return inside(scope.scope) if scope.merged else f"{scope.path}::"
 
 
 class Models:
-    """The elements of the robot's model and of the world around it, in the order of the file.
+    """The elements of the robot's models and of the world around them, in the order of the file.
 
     Attributes:
-        robot: The robot's model.
+        name: Name of the robot.
+        robot: The robot's model, the first of several.
         world: The element `<world>`, or the root element.
     """
 
@@ -239,18 +288,61 @@ class Models:
         """
         self._library = library
         self._items: dict[str, dict[Kind, Item]] = {}
-        own, model, files = library.robot()
         self.world = library.root.child("world") or library.root
-        self.robot = self._add_model(own, model, None, files)
+        placed = library.moving()
+        every = [self._add_model(own, model, None, files) for own, model, files in placed]
+        around = self.world.children("frame", "joint") if self.world.tag == "world" else []
+        for own, model, files in library.still if around else ():
+            self._add_model(own, model, None, files, still=True)
+        for node in around:
+            self._add(node, None)
         self._links: dict[Item | None, Item | None] = {None: None}
         for item, holder in self._ordered(self._carrier, "frames are attached to each other in a circle: {}"):
-            self._links[item] = item if item.kind == "link" else self._links[holder]
+            self._links[item] = self._links[holder] if item.kind != "link" or item.still else item
+        roots = self._tied(every)
+        self.robot = roots[0]
+        self.name = self.robot.name if len(roots) == 1 else self.world.text("name")
+        for item in self.every(*KINDS):
+            item.full_name = item.path.removeprefix(f"{self.robot.path}::" if len(roots) == 1 else "")
         self._poses: dict[Item | None, Array] = {None: np.eye(4)}
         for item, base in self._ordered(self._base, "poses are relative to each other in a circle: {}"):
-            self._poses[item] = self._poses[base] @ item.pose
+            self._poses[item] = self._poses[base] @ self._local(item)
+
+    def _tied(self, models: list[Item]) -> list[Item]:
+        """Return the models of the robot, which joints of the world tie, and take all others for still.
+
+        Raises:
+            ModelError: There are several robots, and none is chosen.
+        """
+        groups: Groups[str] = Groups()
+        ties = [item for item in self.every("joint") if item.scope is None]
+        ends = {item: self._ends(item) for item in ties}
+        for one, other in ends.values():
+            if one is not None and other is not None:
+                groups.join(one.name, other.name)
+        chosen = self._library.chosen
+        first = next((one for one in models if one.name == chosen), models[0])
+        robot = [one for one in models if groups.of(one.name) == groups.of(first.name)]
+        if len(robot) < len(models) and not chosen:
+            names = listed(one.name for one in models)
+            raise self._library.root.error(f"{len(models)} models that move: {names}; {ONE_ROBOT}")
+        for item in self.every(*KINDS):
+            model = [*item.scopes][-1] if item.scope is not None else item
+            owners = [one for one in ends.get(item, (model,)) if one is not None]
+            item.still |= item.kind != "frame" and not any(one in robot for one in owners)
+        return robot
+
+    def _ends(self, joint: Item) -> list[Item | None]:
+        """Return the outermost models that a joint of the world ties, None for the world."""
+        ends = [joint.node.required_child(tag) for tag in ("parent", "child")]
+        links = [self.link(None, end.content(), end) for end in ends]
+        return [None if one is None else [*one.scopes][-1] for one in links]
 
     def every(self, *kinds: Kind) -> Iterator[Item]:
-        """Yield the elements of some kinds."""
+        """Yield the elements of some kinds, but for those of static models."""
+        return (item for item in self._all(*kinds) if not item.still)
+
+    def _all(self, *kinds: Kind) -> Iterator[Item]:
         for items in self._items.values():
             yield from (item for kind, item in items.items() if kind in kinds)
 
@@ -260,8 +352,7 @@ class Models:
 
     def find(self, scope: Item | None, name: str) -> dict[Kind, Item]:
         """Return the elements that a name can mean in a model or the world, one a kind."""
-        path = name if scope is None else f"{scope.path}::{name}"
-        return self._items.get(path.removesuffix(f"::{MODEL}"), {})
+        return self._items.get(f"{inside(scope)}{name}".removesuffix(f"::{MODEL}"), {})
 
     def resolve(self, scope: Item | None, name: str, node: Node) -> Item | None:
         """Return the element that a name means, None for the world.
@@ -276,9 +367,16 @@ class Models:
         """
         if name == MODEL or (name == "world" and scope is None):
             return scope
+        if scope is None and name.partition("::")[0] in self._library.scenery:
+            return None
+        if name == "world":
+            raise node.error(
+                "the elements of a model do not know the frame of the world, as in sdformat; name a <frame> "
+                "of the model, or state the pose of the model in <world>"
+            )
         found = self.find(scope, name)
         if not found:
-            known = [item.name for item in self.every(*KINDS) if item.scope is scope]
+            known = [item.name for item in self._all(*KINDS) if inside(item.scope) == inside(scope)]
             hint = did_you_mean(name, known) or f"; known: {listed(known) or 'none'}"
             raise node.error(f"unknown frame '{name[:80]}'{hint}")
         kinds = [kind for kind in KINDS if kind in found]
@@ -293,9 +391,19 @@ class Models:
         """Return the link that carries a frame, None for the world; the arguments are those of `resolve`."""
         return None if name == "world" else self._links[self.resolve(scope, name, node)]
 
-    def _add(self, node: Node, scope: Item | None, model: Node | None = None) -> Item:
+    def _add(
+        self,
+        node: Node,
+        scope: Item | None,
+        model: Node | None = None,
+        *,
+        still: bool = False,
+        merged: bool = False,
+    ) -> Item:
         kind: Kind = {"include": "model"}.get(node.tag, node.tag)  # type: ignore[assignment]
-        item = Item(kind, name_of(node, model or node), scope, node, model or node)
+        name = name_of(node, model or node)
+        name = f"_merged__{name}__model__" if merged else name
+        item = Item(kind, name, scope, node, model or node, still, merged)
         if item.name == "world" or (item.name.startswith("__") and item.name.endswith("__")):
             raise node.error(f"the name '{item.name}' is SDFormat's own; rename it")
         items = self._items.setdefault(item.path, {})
@@ -304,33 +412,47 @@ class Models:
         items[kind] = item
         return item
 
-    def _add_model(self, own: Node, model: Node, scope: Item | None, files: Files, depth: int = 0) -> Item:
+    def _add_model(
+        self,
+        own: Node,
+        model: Node,
+        scope: Item | None,
+        files: Files,
+        depth: int = 0,
+        *,
+        still: bool = False,
+    ) -> Item:
         """Add a model with all that it nests and includes."""
         if depth > DEEPEST:
             raise model.error(f"models are nested more than {DEEPEST} deep")
-        item = self._add(own, scope, model)
+        merged = own.tag == "include" and own.flag("merge", False)
+        if merged and scope is None:
+            raise own.error(
+                "links do not stand in a <world>; remove merge, or include the model in a <model>"
+            )
+        item = self._add(own, scope, model, still=still, merged=merged)
         if own is not model and own.child("pose") is None and item.relative_to:
             raise own.error(
                 f"the model of the included file has a pose relative to '{item.relative_to}', which the file "
                 "does not have; write <pose> in <include>"
             )
         for node in model.children("link", "joint", "frame"):
-            self._add(node, item)
+            self._add(node, item, still=still)
         for node in model.children("model", "include"):
             inner, around = self._library.open(node, files)
-            if flag(node, "static", flag(inner, "static")):
+            if not still and flag(node, "static", flag(inner, "static")):
                 raise node.error(
                     "a static model inside another stands still in the world; remove <static>, and join it "
                     "to the world by a fixed joint"
                 )
-            self._add_model(node, inner, item, around, depth + 1)
+            self._add_model(node, inner, item, around, depth + 1, still=still)
         return item
 
     def _ordered(
         self, before: Callable[[Item], Item | None], circle: str
     ) -> Iterator[tuple[Item, Item | None]]:
         """Yield every element after the one that it needs, with that; a `circle` of them is an error."""
-        needs = {item: before(item) for item in self.every(*KINDS)}
+        needs = {item: before(item) for item in self._all(*KINDS)}
         try:
             order = [*TopologicalSorter({item: [need] for item, need in needs.items()}).static_order()]
         except CycleError as error:
@@ -358,7 +480,24 @@ class Models:
             return None
         if item.kind != "model":
             return self._holder(item)
-        first = next((one for one in self.every("link") if one.path.startswith(f"{item.path}::")), None)
+        if stated := str(item.model.xml.get("canonical_link", "")).strip():
+            return self.resolve(item, stated, item.model)
+        first = next((one for one in self._all("link") if item in one.scopes), None)
         if first is None:
             raise item.model.error("the model has no <link>; a robot has at least one")
         return first
+
+    def _local(self, item: Item) -> Array:
+        """Return the pose of an element in that relative to which it is stated, shape (4, 4).
+
+        Raises:
+            ModelError: The placement frame of a model is not in it.
+        """
+        if item.kind != "model" or not item.placement_frame:
+            return item.pose
+        at, one = np.eye(4), self.resolve(item, item.placement_frame, item.node)
+        while one is not None and one is not item:
+            at, one = self._local(one) @ at, self._base(one)
+        if one is None:
+            raise item.node.error(f"its placement frame '{item.placement_frame}' is not in the model")
+        return item.pose @ inverse(at)

@@ -9,14 +9,14 @@ Source: Drake's reader of URDF; the frames are those of `UniversalJoint`, `Plana
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...spatial import rotation_from_axis_angle
-from ..closure_forms import closure_of
+from ..closure_forms import Side, closure_of
 from ..joint_graph import add_chain, screw, step
 from ..names import did_you_mean, listed, unique
 from ..placement import placement_from
@@ -26,6 +26,17 @@ from .xml_node import Node, axis_of, origin_of
 X, Y, Z = np.eye(3)
 
 BALL, WELD, TENDON = "drake:ball_constraint", "drake:weld_constraint", "drake:tendon_constraint"
+
+SPRING = "drake:linear_spring_damper"
+
+#: Returns the link that a name in an element means.
+Named = Callable[[Node, str], str]
+
+
+def _as_stated(_: Node, name: str) -> str:
+    """Return the name: in URDF names are those of links."""
+    return name
+
 
 #: Kinds of joints that `<drake:joint>` may have. Drake has the others as `<joint>`.
 KINDS = ("ball", "planar", "screw", "universal")
@@ -40,9 +51,15 @@ ROTORS = ("rotor_inertia", "drake:rotor_inertia", "gear_ratio", "drake:gear_rati
 Numbers = Callable[[Node, str, JointKind], dict[str, Any]]
 
 
-def read_ball_constraint(node: Node) -> Closure:
-    """Read `<drake:ball_constraint>`: point P of body A and point Q of body B coincide."""
-    return _between(node, "spherical", {"p_AP": _point, "p_BQ": _point})
+def read_ball_constraint(node: Node, named: Named = _as_stated) -> Closure:
+    """Read `<drake:ball_constraint>`: point P of body A and point Q of body B coincide.
+
+    Args:
+        node: The element; it states names and numbers as attributes (URDF) or as text (SDF).
+        named: Returns the link of a name.
+    """
+    sides = _sides(node, {"p_AP": _point, "p_BQ": _point}, named)
+    return closure_of(_name(node), "spherical", sides, line=node.line)
 
 
 def read_weld_constraint(node: Node) -> Closure:
@@ -51,14 +68,58 @@ def read_weld_constraint(node: Node) -> Closure:
     Drake's reader has no such element. Its words are those of `AddWeldConstraint`; a frame that is left out
     is that of the body.
     """
-    return _between(node, "fixed", {"X_AP": _frame, "X_BQ": _frame}, needed=False)
+    sides = _sides(node, {"X_AP": _frame, "X_BQ": _frame}, _as_stated, needed=False)
+    return closure_of(_name(node), "fixed", sides, line=node.line)
 
 
-def _between(
-    node: Node, kind: str, places: dict[str, Callable[[Node], Array]], *, needed: bool = True
-) -> Closure:
-    """Return a closure of two bodies; `places` reads where it is in each, which is stated if `needed`."""
-    words = {word: f"{node.tag}_{word}" for word in ("body_A", "body_B", *places)}
+def spring_effects(nodes: list[Node], named: Named = _as_stated) -> tuple[tuple[str, dict[str, Any]], ...]:
+    """Return `<drake:linear_spring_damper>`s as the effect line_springs, or nothing.
+
+    Args:
+        nodes: The elements.
+        named: As in `read_ball_constraint`.
+
+    Raises:
+        ModelError: A number is missing or negative.
+    """
+    words = ("free_length", "stiffness", "damping")
+    out: dict[str, dict[str, Any]] = {key: {} for key in ("ends", "points", *words[1:], "lower", "upper")}
+    for node in nodes:
+        name = unique(_name(node), {*out["ends"]})
+        sides = _sides(node, {"p_AP": _point, "p_BQ": _point}, named, words)
+        out["ends"][name] = [link for link, _ in sides]
+        out["points"][name] = [at[:3, 3].tolist() for _, at in sides]
+        length, out["stiffness"][name], out["damping"][name] = (_positive(node, word) for word in words)
+        out["lower"][name] = out["upper"][name] = length
+    return (("line_springs", out),) if nodes else ()
+
+
+def _positive(node: Node, word: str) -> float:
+    child = node.required_child(f"{node.tag}_{word}")
+    number = child.number("value" if "value" in child.xml.attrib else "")
+    if number < 0:
+        raise child.error(f"{number:g} is negative")
+    return number
+
+
+def _sides(
+    node: Node,
+    places: dict[str, Callable[[Node], Array]],
+    named: Named,
+    more: Sequence[str] = (),
+    *,
+    needed: bool = True,
+) -> list[Side]:
+    """Return both sides of what stands between two bodies.
+
+    Args:
+        node: The element.
+        places: Reads where it is in each body; it has to be stated if `needed`.
+        named: As in `read_ball_constraint`.
+        more: Ends of the names of its other children.
+        needed: As above.
+    """
+    words = {word: f"{node.tag}_{word}" for word in ("body_A", "body_B", *places, *more)}
     node.only(["name"], [*words.values()])
     sides = []
     for body, (word, place) in zip(("body_A", "body_B"), places.items(), strict=True):
@@ -66,8 +127,9 @@ def _between(
         link.only(["name"], [])
         if at is None and needed:
             raise node.error(f"<{words[word]}> is missing")
-        sides.append((link.text("name"), np.eye(4) if at is None else place(at)))
-    return closure_of(_name(node), kind, sides, line=node.line)
+        name = link.content() or link.text("name")
+        sides.append((named(link, name), np.eye(4) if at is None else place(at)))
+    return sides
 
 
 def _name(node: Node) -> str:
@@ -78,7 +140,7 @@ def _name(node: Node) -> str:
 
 def _point(node: Node) -> Array:
     node.only(["value"], [])
-    return placement_from(np.eye(3), node.numbers("value", 3))
+    return placement_from(np.eye(3), node.numbers("value" if "value" in node.xml.attrib else "", 3))
 
 
 def _frame(node: Node) -> Array:

@@ -26,7 +26,7 @@ from ..records import (
     massless,
     spring_effect,
 )
-from .drake import PITCH, TENDON, is_drakes, read_drake_joint, read_tendon
+from .drake import PITCH, SPRING, TENDON, is_drakes, read_drake_joint, read_tendon, spring_effects
 from .engines import dropped
 from .gazebo import read_gazebo
 from .loops import add_closures, forces_of, pose_of, read_coupling, read_mimic
@@ -78,6 +78,7 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
     robot.couplings += [read_coupling(node, parents) for node in root.children("coupling")]
     read_gazebo(root, robot)
     robot.couplings += [read_tendon(node) for node in root.children(TENDON)]
+    robot.effects += spring_effects(root.children(SPRING))
     _state_motors(robot, root, independent, len(nodes))
     _add_armatures(robot, nodes)
     if robot.springs:
