@@ -17,9 +17,10 @@ import hybridyn
 from benchmarks.results import Row
 from benchmarks.timing import interleaved
 from hybridyn import HybridRobot
+from hybridyn.assembly.chain.solve import motion_of
 from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.closing.platform_program import platform_motions, posed_modules
-from hybridyn.spatial import Array
+from hybridyn.spatial import Array, quaternion_from_rotation
 
 #: Time between two ticks [s], amplitude [rad, m] and number of steps, of which percentiles are given.
 TICK, SIZE, STEPS = 1e-3, 0.03, 1_000_000
@@ -48,6 +49,11 @@ def measure(case: str, compiled: CompiledRobot, count: int = STEPS) -> Iterator[
     for what, call in tables(compiled, motors):
         ((least, _),) = interleaved([call], ROUNDS)
         yield row._replace(model="assemble", setting=what, value=1e6 * least / ROWS)
+    if pair := tool_and_platforms(compiled, motors):
+        (tool, _), (platforms, _) = interleaved(pair, ROUNDS)
+        yield row._replace(model="assemble", setting="a row of a tool's pose, in C", value=1e6 * tool / ROWS)
+        setting = "a tool's pose over all platforms' poses, in C"
+        yield row._replace(model="assemble", setting=setting, unit="", value=tool / platforms)
 
 
 def ticks(robot: HybridRobot) -> Motors:
@@ -112,11 +118,19 @@ def tables(compiled: CompiledRobot, motors: Motors) -> Iterator[tuple[str, Calla
     named = {name: tuple(x[:, i] for x in motors) for i, name in enumerate(robot.motors)}
     yield "a row of motors, in C", lambda: compiled.assemble(motors=named)
     yield "a row of motors, general", lambda: hybridyn.assemble(robot, motors=named)
+    if not (poses := platforms(robot, compiled.assemble(motors=named))):
+        return
+    yield "a row of poses, in C", lambda: compiled.assemble(platforms=poses)
+    yield "a row of poses, general", lambda: hybridyn.assemble(robot, platforms=poses)
+
+
+def platforms(robot: HybridRobot, states: Motors) -> dict[str, Motors]:
+    """Return the poses of all platforms in states, each in its base; none if they do not suffice."""
     posed = posed_modules(robot)
     if len(posed) < len(robot.modules):
-        return
-    pose, twist, change = platform_motions(robot, *compiled.assemble(motors=named)).values()
-    poses = {
+        return {}
+    pose, twist, change = platform_motions(robot, *states).values()
+    return {
         f"{robot.modules[k].outputs[0]}@{robot.modules[k].base}": (
             pose[:, 7 * i : 7 * i + 7],
             twist[:, 6 * i : 6 * i + 6],
@@ -124,5 +138,18 @@ def tables(compiled: CompiledRobot, motors: Motors) -> Iterator[tuple[str, Calla
         )
         for i, k in enumerate(posed)
     }
-    yield "a row of poses, in C", lambda: compiled.assemble(platforms=poses)
-    yield "a row of poses, general", lambda: hybridyn.assemble(robot, platforms=poses)
+
+
+def tool_and_platforms(compiled: CompiledRobot, motors: Motors) -> list[Callable[[], object]]:
+    """Return calls that assemble the same rows from the pose of a stack's last platform, and from all."""
+    robot = compiled.robot
+    named = {name: tuple(x[:, i] for x in motors) for i, name in enumerate(robot.motors)}
+    if len(robot.modules) < 2 or len(posed_modules(robot)) < len(robot.modules):
+        return []
+    tool = robot.modules[-1].outputs[0]
+    motion = motion_of(robot, tool, compiled.assemble(motors=named))
+    pose = np.concatenate([motion.p, quaternion_from_rotation(motion.R)], axis=1)
+    twist = np.concatenate([motion.p_dot, motion.w], axis=1)
+    own = {tool: (pose, twist, np.concatenate([motion.p_ddot, motion.w_dot], axis=1))}
+    every = platforms(robot, compiled.assemble(platforms=own))
+    return [lambda: compiled.assemble(platforms=own), lambda: compiled.assemble(platforms=every)]

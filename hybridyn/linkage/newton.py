@@ -30,6 +30,8 @@ SMALLEST_SINGULAR_VALUE = 1e-100
 RESIDUAL_ROUNDING = 1e-12
 #: Newton has converged after a step below this: quadratic convergence makes the next one its square.
 SMALLEST_STEP = 1e-9
+#: A step below this is taken also where it opens the rows.
+NEVER_DAMPED = 1e-6
 #: An open start stalls (near a minimum, or creeping) if `PATIENCE` iterations leave more than this part of
 #: its residual; it has settled at a minimum if they leave more than the second part.
 STALLED, SETTLED, PATIENCE = 0.8, 1 - 1e-9, 8
@@ -249,7 +251,7 @@ def close(
         motion = tree.sweep(trial)
         new = problem.residual(trial, samples[active], motion)
         before, after = (np.linalg.norm(r, axis=1) for r in (residual[active], new))
-        good = (after < before) | (length < 1e-6)
+        good = (after < before) | (length < NEVER_DAMPED)
         q[active[good]], residual[active[good]] = trial[good], new[good]
         lower = damping[active] / 10
         damping[active] = np.where(good, np.where(lower < 1e-9, 0.0, lower), damping[active] * 10 + 1e-6)

@@ -137,6 +137,11 @@ class _Known:
         return self._motions[number]
 
 
+def motion_of(robot: HybridRobot, link: str, states: tuple[Array, Array, Array]) -> Motion:
+    """Compute the motion of a link in the root body at states q, v, a, shapes (T, nq), (T, nv), (T, nv)."""
+    return _Known(robot, (), *states).place(link).inner
+
+
 def cut_positions(robot: HybridRobot, modules: Sequence[int], q: Array) -> Array:
     """Return positions of the trees of modules, one after the other, shape (T, their nq), from q (T, nq)."""
     own = [robot.modules[k] for k in modules]

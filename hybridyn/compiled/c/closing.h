@@ -1,5 +1,5 @@
 /* Rows of a table closed one after the other on the branch of the row before, as `assembly.follow` does it: for W designs
-   at once, each lane from its own row before, or for one robot (`one_lane.h`). Needs NQ, NP, NV, NG, NR, SLOTS, MODULES,
+   at once, each lane from its own row before, or for one robot (`one_lane.h`). Needs NQ, NP, NV, NG, NR, SLOTS, MODULES, KEPT,
    the constants of `closing_source`, `far.h`, and the programs "newton", "settle" and "branch". */
 typedef struct {
     V q[NQ], p[NP];
@@ -17,13 +17,13 @@ typedef struct {
 } NewtonIn;
 typedef struct {
     Posture at;
-    V step[MODULES], wrist[MODULES], open[MODULES];
+    V step[MODULES], wrist[MODULES], open[MODULES], kept[KEPT];
 } NewtonOut;
 typedef struct {
     Posture at, start;
     V g_0[NG];
     Given row;
-    V slots[SLOTS];
+    V kept[KEPT], slots[SLOTS];
 } SettleIn;
 typedef struct {
     State now;
@@ -147,6 +147,8 @@ static M advanced(Work *w, M certain, int lone) {
     good = AND(good, RUN(newton, w->newton, w->moved));
     w->now.at = w->branch.predicted = w->moved.at;
     memcpy(w->first, w->moved.step, sizeof(w->first));
+    memcpy(w->settle.kept, w->moved.kept, sizeof(w->settle.kept));
+    memcpy(w->before, w->moved.open, sizeof(w->before));
     V before = size_of(&w->moved);
     if (!lone) good = AND(good, LE(before, C(LONGEST)));
     w->later = C(0);
@@ -157,6 +159,10 @@ static M advanced(Work *w, M certain, int lone) {
         const M trusted = RUN(newton, w->newton, w->moved);
         const V size = size_of(&w->moved);
         good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
+        for (int m = 0; KEPT && m < MODULES; m++) { /* the general path damps steps that open what they should close */
+            good = AND(good, OR(NOT(left), OR(LE(before, C(NEVER_DAMPED)), LT(w->moved.open[m], w->before[m]))));
+            w->before[m] = w->moved.open[m];
+        }
         take(left, (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
         before = SELECT(left, size, before);
         w->later += SELECT(left, size, C(0));
@@ -225,7 +231,7 @@ static M closed(Work *w, M good, int guess, int lone) {
     if (guess) good = AND(good, reached(w));
     if (!lone) w->now.at = w->last;
     const M whole = advanced(w, good, lone);
-    return !lone && ANY(AND(good, NOT(whole))) ? walked(w, good, whole) : whole;
+    return !KEPT && !lone && ANY(AND(good, NOT(whole))) ? walked(w, good, whole) : whole; /* a chain walks in other steps */
 }
 
 /* Close the rows of designs `from` to `to` from one posture, or from a guess (`guess`).

@@ -115,7 +115,7 @@ def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression,
     n, k = K.shape[1], right.shape[1]
     free = [c for c in range(n) if c not in pivots.cols]
     W = np.concatenate([K[:, list(pivots.cols)], right, -K[:, free]], axis=1)[list(pivots.rows)]
-    inverses, _ = _eliminate(W)
+    inverses, _ = eliminate(W)
     doubts = [times(TRUSTED_PIVOT * size, x) for size, x in zip(pivots.sizes, inverses, strict=True)]
     X = zeros(n, k + len(free))
     X[list(pivots.cols)] = _substitute(W, inverses)
@@ -157,11 +157,11 @@ def balanced(
 def _solved(A: Expression, right: Expression) -> Expression:
     """Solve A X = right for a square A in the order of its pivots, shape (n, k)."""
     W = np.concatenate([A, right], axis=1)
-    inverses, _ = _eliminate(W)
+    inverses, _ = eliminate(W)
     return _substitute(W, inverses)
 
 
-def _eliminate(W: Expression) -> tuple[list[Any], Expression]:
+def eliminate(W: Expression) -> tuple[list[Any], Expression]:
     """Make W upper triangular in place; return the inverses of its pivots, and the factors of its rows.
 
     Args:
@@ -183,7 +183,7 @@ def _eliminate(W: Expression) -> tuple[list[Any], Expression]:
 
 
 def _substitute(W: Expression, inverses: list[Any]) -> Expression:
-    """Solve what `_eliminate` leaves, shape (n, k)."""
+    """Solve what `eliminate` leaves, shape (n, k)."""
     rank = len(W)
     solved = zeros(rank, W.shape[1] - rank)
     for i in reversed(range(rank)):
@@ -199,7 +199,7 @@ def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expres
     bounded by the absolute triangular factors, which takes few operations and loses little for sparse rows.
 
     Args:
-        K: Matrix, shape (m, n), with a pivot for every unknown.
+        K: Matrix, shape (m, n). Unknowns without a pivot are zero.
         size: Bounds of the right-hand side, shape (m,).
 
     Returns:
@@ -207,7 +207,7 @@ def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expres
     """
     rows, rank = list(pivots.rows), len(pivots.rows)
     W, reach = K[rows][:, list(pivots.cols)], size[rows].copy()
-    inverses, factors = _eliminate(W)
+    inverses, factors = eliminate(W)
     full = np.array([[not is_zero(x) for x in row] for row in W + factors])
     first = min((i for i in range(rank) if full[i:, i:].all()), default=rank)
     for i in range(first):
@@ -225,7 +225,7 @@ def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expres
     for i in reversed(range(first)):
         known = [times(ca.fabs(W[i, c]), out[c]) for c in range(i + 1, rank)]
         out[i] = times(ca.fabs(inverses[i]), sum(known, reach[i]))
-    bounds = zeros(rank)
+    bounds = zeros(K.shape[1])
     bounds[list(pivots.cols)] = out
     return bounds
 

@@ -90,7 +90,7 @@ class SpanningRows:
         return np.array(rates, dtype=object)
 
     def on_rod(
-        self, c: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool
+        self, c: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool, *, exact: bool = False
     ) -> tuple[Expression, Expression]:
         """Compute `closure` for a rod's end, A, in the rod's axes, with few operations.
 
@@ -100,15 +100,25 @@ class SpanningRows:
         Args:
             turns: Freedoms that turn the rod about a point of its line.
             on_line: Whether A is on this line; arguments may move it off.
+            exact: Whether the rows are derivatives of the residual also where the closure is open, but for
+                turns about the line.
         """
         residual, rows = self.closure(c, frames)
         own, slices = own_columns(self._chain, c.body_a), self._chain.v_slices
-        for joint in self._path(c.body_a) - self._path(c.body_b):
-            if slices[joint].stop > min(turns, default=self._chain.nv):
-                for k in range(slices[joint].start, slices[joint].stop):
-                    rows[:, k] = -dot(frames[0].T, point_velocity(own[k], frames[1]))
+        beyond = [
+            k
+            for joint in self._path(c.body_a) - self._path(c.body_b)
+            if slices[joint].stop > min(turns, default=self._chain.nv)
+            for k in range(slices[joint].start, slices[joint].stop)
+        ]
+        for k in beyond:
+            rows[:, k] = -dot(frames[0].T, point_velocity(own[k], frames[1]))
         if on_line:
             rows[2, list(turns)] = 0.0  # rounding
+        for k in beyond if exact else ():
+            x, y, _ = dot(frames[0].T, own[k][3:])
+            off = cross(np.array([x, y, 0.0], dtype=object), residual)
+            rows[:, k] = minus(rows[:, k], off)
         return residual, rows
 
     def drift(self, c: TreeClosure, frames: Frames) -> Expression:
@@ -388,6 +398,7 @@ class LoopRows:
         rates: K times given rates, shape (rows,), from the twists of the bodies; empty if none were given.
             Those of balls are left out.
         drift: K_dot times these rates for the rows of balls, else 0, shape (rows,).
+        exact: Whether rows on rods hold for open loops, too.
     """
 
     def __init__(self, chain: Chain, v: Expression | None) -> None:
@@ -395,6 +406,7 @@ class LoopRows:
         self.K, self.residual = zeros(0, chain.nv), zeros(0)
         self.rates, self.drift = zeros(0), zeros(0)
         self.chain, self.writer, self._v = chain, SpanningRows(chain), v
+        self.exact = False
 
     def add(
         self,
@@ -438,7 +450,8 @@ class LoopRows:
                 self.close(same[0], own)
             else:
                 on_line = not any(c.p_a.dtype == object for c in same)
-                self._add(same[0], own, *self.writer.on_rod(same[0], own, rod.turns, on_line))
+                rows = self.writer.on_rod(same[0], own, rod.turns, on_line, exact=self.exact)
+                self._add(same[0], own, *rows)
         for coupled in zip(*couplings, strict=True):
             offset = folding.array([scalar(c.offset) for c in coupled])[0]
             miss, row = coupling_row(self.chain, coupled[0], positions, offset)

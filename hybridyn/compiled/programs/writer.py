@@ -180,21 +180,30 @@ class ModuleWriter(Writer):
         last = [] if parameters is None else [("parameters", parameters.numel())]
         super().__init__(name, [*given, *last], results)
 
-    def add(self, key: Any, numbers: Sequence[int], kernel: tuple[ca.Function, Array], *read: str) -> None:
+    def places(self, name: str, numbers: Sequence[int]) -> Index:
+        """Return where the numbers of an input or an output are, those of each module, shape (modules, n)."""
+        own = self._places[name]
+        return np.array([own[k] for k in numbers], dtype=int).reshape(len(numbers), -1)
+
+    def add(
+        self,
+        key: Any,
+        numbers: Sequence[int],
+        kernel: tuple[ca.Function, Array],
+        *read: str,
+        written: Sequence[str] = (),
+    ) -> None:
         """Add the call of the kernel of some modules; outputs beyond those of the program are guards.
 
         Args:
             kernel: The function, and the table of numbers in which the modules differ.
             read: Names of its inputs, by default all of the program.
+            written: Names of its outputs, by default all of the program.
         """
         (function, table), copies = kernel, len(numbers)
-        at = {
-            name: np.array([places[k] for k in numbers], dtype=int).reshape(copies, -1)
-            for name, places in self._places.items()
-        }
-        sources: list[Source] = [self.from_given(name, at[name]) for name in read or self._read]
+        sources: list[Source] = [self.from_given(x, self.places(x, numbers)) for x in read or self._read]
         sources.append(self.numbers(table, self._parameters))
-        targets: list[Target] = [self.result(name, at[name]) for name in self._written]
+        targets: list[Target] = [self.result(x, self.places(x, numbers)) for x in written or self._written]
         targets += [Worst()] * (function.n_out() - len(targets))
         self.call(self.kernel(key, function, "closures"), copies, sources, targets)
 

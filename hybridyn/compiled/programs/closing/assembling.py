@@ -9,7 +9,7 @@ import numpy as np
 
 from ....assembly.assemble import assemble_requests, place_base
 from ....assembly.requests import Requests, in_root
-from ....errors import HybridynError
+from ....errors import HybridynError, inform
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import ClosedRows, Rows
@@ -43,7 +43,7 @@ class Assembler:
             q: The posture, shape (nq,).
         """
         closing = self._libraries.known(requests)
-        place = None if closing is None else place_of(self.robot, closing.parts, q)
+        place = None if closing is None or closing.chains else place_of(self.robot, closing.parts, q)
         if closing is None or place is None:
             return None
         closing.rows.keep(place)
@@ -65,10 +65,12 @@ class Assembler:
         if asked is None:
             return None
         closing, given = asked
-        find = partial(place_of, self.robot, closing.parts)
-        at_home = np.array_equal(guess, self.robot.home)
+        find = partial(closing.place, self.robot, given=given)
+        at_home = np.array_equal(guess, self.robot.home) and not closing.chains
         place = kept(self._home, structure_of(requests), partial(find, guess)) if at_home else find(guess)
         T, done, at_once = requests.samples, 0, AT_ONCE
+        for left in (one.left for one in closing.chains if one.left):
+            inform(str(left), log="hybridyn.assembly")
         out = np.empty((T, self.robot.nq)), np.empty((T, self.robot.nv)), np.empty((T, self.robot.nv))
         while place is not None and done < T:
             rest, room = [x[done:] for x in given], [x[None, done:] for x in out]
@@ -83,7 +85,8 @@ class Assembler:
                 start, done = done, min(T, done + at_once)
                 if not self._by_the_general_path(requests, guess, out, slice(start, done)):
                     return None
-                near = find(out[0][done - 1])
+                g, g_dot, g_ddot = (x[done - 1 :] for x in given)
+                near = closing.place(self.robot, out[0][done - 1], (g, g_dot, g_ddot), met=True)
                 place = None if near is None else (*near[:2], given[0][done - 1])
         return out if done == T else None
 

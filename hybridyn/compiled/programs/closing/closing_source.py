@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ....assembly.follow import FARTHEST, MOST_TURNING, SAME_BRANCH, SMALL_STEP
-from ....linkage.newton import LONGEST_STEP
+from ....linkage.newton import LONGEST_STEP, NEVER_DAMPED
 from ....spatial import LARGEST
 from ....structure.robot import HybridRobot
 from ...code.library_source import Source as Generated
@@ -19,6 +19,8 @@ from ...code.scalars import Scalar, text_of
 from ...equations.arguments import ChosenNumbers
 from ...program import Program
 from ..writer import ModuleWriter, alike
+from .chain_program import ChainWriter
+from .coupled import Coupled
 from .extended import extended
 from .given import (
     CLOSED_TO_ROUNDING,
@@ -40,10 +42,10 @@ START, FOUND = [("q_1", "q"), ("p_1", "p")], [("q_2", "q"), ("p_2", "p")]
 FORMS = {
     "newton": (
         [*POSTURE, ("g", "g")],
-        [("q", "q"), ("p", "p"), ("step", "each"), ("wrist", "each"), ("open", "each")],
+        [("q", "q"), ("p", "p"), ("step", "each"), ("wrist", "each"), ("open", "each"), ("kept", "kept")],
     ),
     "settle": (
-        [*POSTURE, *START, ("g_0", "g"), ("g", "g"), *RATES],
+        [*POSTURE, *START, ("g_0", "g"), ("g", "g"), *RATES, ("kept", "kept")],
         [
             *(("q", "q"), ("p", "p"), ("v", "v"), ("a", "v")),
             *(("step", "each"), ("open", "each"), ("turning", "each")),
@@ -54,7 +56,10 @@ FORMS = {
 
 
 def closing_programs(
-    robot: HybridRobot, parts: Sequence[Part], chosen: ChosenNumbers | None = None
+    robot: HybridRobot,
+    parts: Sequence[Part],
+    chosen: ChosenNumbers | None = None,
+    chains: Sequence[Coupled] = (),
 ) -> dict[str, Program]:
     """Write the programs "newton", "settle" and "branch", see `kernels`.
 
@@ -64,12 +69,16 @@ def closing_programs(
     Args:
         parts: Its modules but a free base.
         chosen: Numbers that are arguments, the input "parameters" of each program, or None.
+        chains: Parts that poses couple.
     """
     fixed = robot.bodies.place
     places = fixed, fixed if chosen is None else chosen.places
     index = [robot.modules.index(part.module) for part in parts]
     own = [None if chosen is None else chosen.of_modules[i] for i in index]
-    column, kinds = None if chosen is None else chosen.column, kinds_of(robot, parts)
+    coupled = [ChainWriter(robot, parts, one, k, places) for k, one in enumerate(chains)]
+    kept = {k: count for writer in coupled for k, count in writer.kept.items()}
+    kinds = kinds_of(robot, parts, [one.given for one in chains], kept)
+    column = None if chosen is None else chosen.column
     w = {
         name: ModuleWriter(name, dict(ins), dict(outs), kinds, column) for name, (ins, outs) in FORMS.items()
     }
@@ -85,12 +94,16 @@ def closing_programs(
         spins = tuple((spin.cols, tuple(spin.axis.tolist())) for spin in part.spins)
         return extended(part.module.mechanism).shape, part.given, blocks, part.module.mobility, spins
 
-    for shape, numbers in alike(range(len(parts)), key).items():
+    alone = [k for k in range(len(parts)) if not any(k in one.parts for one in chains)]
+    for shape, numbers in alike(alone, key).items():
         modules, first = [parts[k].module for k in numbers], parts[numbers[0]]
         arguments = [own[k] for k in numbers]
         kernels = ModuleKernels(modules, first.given, first.blocks, arguments, places, first.spins)
         for name, kernel in kernels.write().items():
-            w[name].add(shape, numbers, kernel)
+            read, written = ([x for x, _ in some if x != "kept"] for some in FORMS[name])
+            w[name].add(shape, numbers, kernel, *read, written=written)
+    for writer in coupled:
+        writer.write(w)
     return {name: writer.program() for name, writer in w.items()}
 
 
@@ -101,7 +114,11 @@ LAST_STEPS = 3
 
 
 def closing_source(
-    robot: HybridRobot, parts: Sequence[Part], scalar: Scalar, chosen: ChosenNumbers | None = None
+    robot: HybridRobot,
+    parts: Sequence[Part],
+    scalar: Scalar,
+    chosen: ChosenNumbers | None = None,
+    chains: Sequence[Coupled] = (),
 ) -> Generated:
     """Generate the C source for one choice of given joints and targets.
 
@@ -109,11 +126,12 @@ def closing_source(
         parts: Its modules but a free base.
         scalar: Number type and lanes, more than one.
         chosen: Numbers in the slots of designs, which are closed in lanes; None for rows of the robot itself.
+        chains: Parts that poses couple.
     """
-    programs = closing_programs(robot, parts, chosen)
+    programs = closing_programs(robot, parts, chosen, chains)
     names, written = constants_of(programs, 0 if chosen is None else chosen.size), list(programs.values())
     texts = ["closing.h"]
-    order = motors_given(robot, parts) if chosen is None else []
+    order = motors_given(robot, parts) if chosen is None and not chains else []
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
     if chosen is None:
         texts.insert(0, "one_lane.h")
@@ -121,13 +139,16 @@ def closing_source(
         lines.append(f"#define MOTORS {', '.join(map(str, order))}")
         written.append(place_program(robot, parts))
         texts.append("close_row.h")
-    return library_source(written, scalar, "\n".join([*lines, far_source(parts), *map(text_of, texts)]))
+    return library_source(
+        written, scalar, "\n".join([*lines, far_source(parts, chains), *map(text_of, texts)])
+    )
 
 
-def far_source(parts: Sequence[Part]) -> str:
+def far_source(parts: Sequence[Part], chains: Sequence[Coupled] = ()) -> str:
     """Generate the C text that judges how far prescribed positions move."""
-    kinds = [str(kind) for part in parts for kind in part.given.all_kinds]
-    far = [repr(step) for part in parts for step in _farthest_steps(part)]
+    coupled = [kind for one in chains for kind in one.given.all_kinds]
+    kinds = [str(kind) for kind in [*(kind for part in parts for kind in part.given.all_kinds), *coupled]]
+    far = [repr(step) for part in parts for step in _farthest_steps(part)] + [repr(LARGEST)] * len(coupled)
     tables = [f"int KINDS[] = {{{', '.join([*kinds, '-1'])}}};", f"S FAR[] = {{{', '.join([*far, '0'])}}};"]
     return "\n".join([*(f"static const {table}" for table in tables), text_of("far.h")])
 
@@ -146,7 +167,8 @@ def constants_of(programs: Mapping[str, Program], slots: int) -> dict[str, float
     given = dict(programs["settle"].inputs)
     return {
         "NQ": settle["q"], "NP": settle["p"], "NV": settle["v"], "NG": given["g"], "NR": given["g_dot"],
-        "MODULES": newton["step"], "ITERATIONS": ITERATIONS, "PATIENCE": PATIENCE, "LONGEST": LONGEST_STEP,
+        "MODULES": newton["step"], "KEPT": newton["kept"], "ITERATIONS": ITERATIONS, "PATIENCE": PATIENCE,
+        "LONGEST": LONGEST_STEP, "NEVER_DAMPED": NEVER_DAMPED,
         "NEAR": QUADRATIC, "LAST_STEP": LAST_ROW_STEP, "OPEN": CLOSED_TO_ROUNDING,
         "SAME_BRANCH": SAME_BRANCH, "SMALL_STEP": SMALL_STEP, "MOST_TURNING": MOST_TURNING,
         "MOST_BOUND": MOST_BOUND, "SHORTEST": SHORTEST, "LAST_STEPS": LAST_STEPS, "SLOTS": slots,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +30,10 @@ from .extended import extended
 
 if TYPE_CHECKING:
     from ...equations.spins import Spin
+    from .coupled import Coupled
 
+#: No part keeps anything.
+NOTHING: Mapping[int, int] = MappingProxyType({})
 #: Kinds of prescribed numbers: a length or an angle, an angle up to whole turns, a pose (7 numbers).
 NUMBER, ANGLE, POSE = 0, 1, 2
 #: Numbers of each kind, of its rates and of its accelerations.
@@ -276,8 +280,15 @@ def posture_of(parts: Sequence[Part], q: Array) -> tuple[Array, Array, Array]:
     return q, p[0], g[0]
 
 
-def kinds_of(robot: HybridRobot, parts: Sequence[Part]) -> dict[str, tuple[int, list[Index]]]:
-    """Return the numbers of each kind: how many there are, and those of each part."""
+def kinds_of(
+    robot: HybridRobot, parts: Sequence[Part], chains: Sequence[Given] = (), kept: Mapping[int, int] = NOTHING
+) -> dict[str, tuple[int, list[Index]]]:
+    """Return the numbers of each kind: how many there are, and those of each part, then of each chain.
+
+    Args:
+        chains: What chains prescribe.
+        kept: Number of numbers that a part in a chain keeps from a start, by the part.
+    """
 
     def after(sizes: list[int]) -> tuple[int, list[Index]]:
         """Return entries that lie one part after the other, by their number in each."""
@@ -288,9 +299,10 @@ def kinds_of(robot: HybridRobot, parts: Sequence[Part]) -> dict[str, tuple[int, 
         "q": (robot.nq, [part.module.q_index for part in parts]),
         "v": (robot.nv, [part.module.v_index for part in parts]),
         "p": after([part.platforms for part in parts]),
-        "g": after([part.given.size for part in parts]),
-        "rates": after([part.given.rates for part in parts]),
+        "g": after([given.size for given in (*(part.given for part in parts), *chains)]),
+        "rates": after([given.rates for given in (*(part.given for part in parts), *chains)]),
         "each": after([1] * len(parts)),
+        "kept": after([kept.get(k, 0) for k in range(len(parts))]),
     }
 
 
@@ -391,25 +403,41 @@ def _of_body(robot: HybridRobot, pose: PoseRequest, other: Motion) -> Motion:
     return link.then(Motion.at_rest(len(pose.motion.p), R.T, -R.T @ p))
 
 
-def parts_of(robot: HybridRobot, wanted: list[ModuleRequest]) -> list[Part] | None:
+def parts_of(
+    robot: HybridRobot, wanted: list[ModuleRequest], coupled: Sequence[Coupled] = ()
+) -> list[Part] | None:
     """Return the parts of a closing program; None if the general path must close the loops.
 
     Of motions that are left to the least norm, kernels know idle spins alone. They do not average loops that
     contradict each other by a file's rounding.
 
+    Args:
+        wanted: What is asked of each module alone.
+        coupled: Those of them that poses couple.
+
     Raises:
         AssemblyError: What is given does not determine the posture of a module.
     """
-    parts = []
+    parts: list[Part] = []
+    carrying = {part: one.ports(i) for one in coupled for i, part in enumerate(one.parts)}
     for (_, module), request in zip(modules_of(robot), wanted, strict=True):
-        given, m = given_of(request), module.mechanism
-        task = module_task(robot, module, request)
+        given, m, number = given_of(request), module.mechanism, len(parts)
+        task = module_task(robot, module, request, alone=number not in carrying)
         free = int(task.problem.free.sum())
         spins = _open_spins(module, task.problem) if task.problem.rank != free else ()
-        if task.problem.rank != free - len(spins) or free > MOST_FREEDOMS or m.rounding > CONTRADICTING_FILE:
+        if number in carrying:
+            spins = tuple(spin for spin in spins if not _carries(m.tree, spin, carrying[number]))
+        elif task.problem.rank != free - len(spins):
+            return None
+        if free > MOST_FREEDOMS or m.rounding > CONTRADICTING_FILE:
             return None
         parts.append(Part(module, given, tuple(task.problem.blocks), spins))
-    return parts if sum(part.given.rates for part in parts) else None
+    return parts if coupled or sum(part.given.rates for part in parts) else None
+
+
+def _carries(tree: Tree, spin: Spin, bodies: Sequence[int]) -> bool:
+    """Return whether the joint of a spin moves one of some bodies."""
+    return bool(tree.support[list(bodies)][:, list(spin.cols)].any())
 
 
 def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
@@ -435,7 +463,7 @@ def structure_of(requests: Requests) -> tuple[object, ...]:
         )
         for p in requests.poses
     )  # fmt: skip
-    return tuple(requests.joints), poses, requests.base is None
+    return tuple(requests.joints), poses, requests.base is None, tuple(requests.weights.items())
 
 
 def numbers(parts: list[Part], wanted: list[ModuleRequest]) -> tuple[Array, Array, Array]:

@@ -178,11 +178,11 @@ class ModuleKernels:
             spins: Idle spins that nothing determines; their rates are the least.
         """
         self.u, self.blocks = Unknowns(modules, given, arguments, places, spins), blocks
-        self.e = self.u.e
+        self.e, self.rank = self.u.e, self.u.own
 
     @cached_property
     def pivots(self) -> Pivots:
-        """Pivots over the free freedoms: those of the tree after the cuts, then those of the wrists."""
+        """Pivots over the free freedoms: `rank` of the tree after the cuts, then those of the wrists."""
         u, folding = self.u, Folding()
         rows = rows_at(u.trees, u.given, folding, u.positions(0), u.targets(), u.places)
         function = ca.Function("K", [*u.symbols("q_0", "p_0", "g"), folding.symbol()], [pack(rows.K)])
@@ -193,8 +193,10 @@ class ModuleKernels:
         K = np.array(samples)[:, :, u.free]
         unit = self.e.unit[u.free]
         split = (slice(0, u.loops), slice(0, u.own)), (slice(u.loops, None), slice(u.own, None))
+        ranks = self.rank, len(unit) - u.own
         first, second = (
-            choose_pivots(K[:, r, c], len(unit[c]), u.scale[r], unit[c], SPARSE_CLOSING) for r, c in split
+            choose_pivots(K[:, r, c], rank, u.scale[r], unit[c], SPARSE_CLOSING)
+            for rank, (r, c) in zip(ranks, split, strict=True)
         )
         return Pivots(
             first.rows + tuple(r + u.loops for r in second.rows),
@@ -232,10 +234,12 @@ class ModuleKernels:
         found = ca.substitute([*map(ca.SX, outputs)], [z], [pack(self.u.positions(0))])
         return ca.Function(name, [*self.u.symbols(*inputs.split()), folding.symbol()], found)
 
-    def _rows(self, z: Expression, folding: Folding, v: Expression | None = None) -> Rows:
-        """Write the rows with arguments at positions of the joints, and at rates v."""
+    def _rows(
+        self, z: Expression, folding: Folding, v: Expression | None = None, *, exact: bool = False
+    ) -> Rows:
+        """Write the rows with arguments at positions of the joints and rates v; `exact` as in `rows_at`."""
         trees, places = self.u.with_arguments, self.u.places_with_arguments
-        return rows_at(trees, self.u.given, folding, z, self.u.targets(), places, v)
+        return rows_at(trees, self.u.given, folding, z, self.u.targets(), places, v, exact=exact)
 
     def _guard(self, doubts: Expression, rows: Rows) -> Any:
         """Return the guard of pivots and of axes that must not point the wrong way."""
@@ -347,7 +351,7 @@ class ModuleKernels:
     @property
     def _own_pivots(self) -> Pivots:
         """Pivots of the tree after the cuts."""
-        p, n = self.pivots, self.u.own
+        p, n = self.pivots, self.rank
         return Pivots(p.rows[:n], p.cols[:n], p.sizes[:n])
 
     def _turning(self, K: Expression, K_start: Expression) -> ca.SX:

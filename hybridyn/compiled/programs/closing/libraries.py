@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....assembly.assemble import assemble_requests
+from ....assembly.chain.solve import motion_of
 from ....assembly.requests import Requests
 from ....assembly.spanning import spanning_positions
 from ....errors import HybridynError
+from ....linkage.angles import angles_of
 from ....linkage.newton import LoopProblem, close
+from ....linkage.targets import COORDINATES
+from ....linkage.tree import Motion
 from ....manifold.manifold import Manifold
-from ....spatial import Array, Mask
+from ....spatial import Array, Mask, rotation_from_vector
 from ....structure.parameters.entries import Parameters
-from ....structure.robot import HybridRobot
+from ....structure.robot import HybridRobot, joint_position
 from ...code.scalars import Scalar
 from ...failures import check_agreement
 from ...library.artifact import Artifact
@@ -25,19 +31,18 @@ from ...library.cache import Built
 from ...library.closed_rows import ClosedRows, Rows
 from ..designs import designs_to_verify
 from ..sources import kept, robot_key
+from .coupled import Coupled, Split, split_poses
 from .given import (
     CLOSED_TO_ROUNDING,
     Part,
     lanes_for,
-    module_requests,
     numbers,
-    parts_of,
     places_at,
     structure_of,
 )
+from .members import Wanted, members_of, wanted_of
 
 if TYPE_CHECKING:
-    from ....assembly.module_request import ModuleRequest
     from ...code.library_source import Source
 
 
@@ -48,10 +53,37 @@ class Closing:
     Attributes:
         parts: The modules that it closes.
         rows: The loaded library.
+        chains: Those of them that poses couple.
     """
 
     parts: list[Part]
     rows: ClosedRows
+    chains: list[Coupled]
+
+    def numbers(self, wanted: Wanted) -> Rows:
+        """Return what is prescribed, see `given.numbers`."""
+        every = [numbers(self.parts, wanted.own), *(one.wanted(wanted.requests) for one in self.chains)]
+        g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*every, strict=True))
+        return g, g_dot, g_ddot
+
+    def place(self, robot: HybridRobot, q: Array, given: Rows, *, met: bool = False) -> Rows | None:
+        """Return the closed posture at a guess, see `place_of`; its headings become those of what is given.
+
+        Args:
+            robot: The robot.
+            q: Positions of the spanning tree, shape (nq,).
+            given: As from `numbers`; the first row is near the guess.
+            met: Whether the guess meets it.
+        """
+        place = place_of(robot, self.parts, q, self.chains, given[0][0], met=met)
+        end = given[0].shape[1] - sum(one.given.size for one in self.chains)
+        if place is None:
+            return None
+        for one in self.chains:
+            end += one.given.size
+            headings = slice(end - len(one.given.turning), end)
+            given[0][:, headings] = place[2][headings]
+        return place
 
 
 class ClosingLibraries:
@@ -66,6 +98,7 @@ class ClosingLibraries:
         """
         self.robot, self._designs, self._quick = robot, designs, quick
         self._known: dict[tuple[object, ...], Closing | None] = {}
+        self._splits: dict[tuple[object, ...], Split] = {}
 
     def known(self, requests: Requests) -> Closing | None:
         """Return the library for requests if it is loaded."""
@@ -80,22 +113,25 @@ class ClosingLibraries:
             wanted = self._wanted(requests)
             if wanted is None:
                 return None
-            closing = kept(self._known, structure_of(requests), partial(self._loaded, requests, wanted))
+            closing = kept(self._known, structure_of(requests), partial(self._loaded, wanted))
         except HybridynError:
             return None
-        return None if closing is None else (closing, numbers(closing.parts, wanted))
+        return None if closing is None else (closing, closing.numbers(wanted))
 
     def artifact(self, requests: Requests) -> Artifact | None:
         """Return the library for requests, built or not; None if the general path closes the loops."""
         wanted = self._wanted(requests)
-        parts = parts_of(self.robot, wanted) if wanted else None
-        return self._artifact(requests, parts) if parts else None
+        members = None if wanted is None else members_of(self.robot, wanted)
+        return None if members is None else self._artifact(requests, *members)
 
-    def _wanted(self, requests: Requests) -> list[ModuleRequest] | None:
+    def _wanted(self, requests: Requests) -> Wanted | None:
         """Return what is asked of each module, or None if the general path must close the loops."""
         if self._designs is not None and (self.robot.base != "fixed" or self.moves_posed_links(requests)):
             return None
-        return module_requests(self.robot, requests)
+        split = kept(self._splits, structure_of(requests), partial(split_poses, self.robot, requests))
+        if split[1] and self._designs is not None:  # kernels of chains know no arguments
+            return None
+        return wanted_of(self.robot, requests, split)
 
     def moves_posed_links(self, requests: Requests) -> bool:
         """Return whether a number of the designs places a link in its body whose whole pose is prescribed.
@@ -114,20 +150,20 @@ class ClosingLibraries:
                     link = above[link].parent
         return False
 
-    def _loaded(self, requests: Requests, wanted: list[ModuleRequest]) -> Closing | None:
+    def _loaded(self, wanted: Wanted) -> Closing | None:
         """Load the library for a choice of given joints and targets; None if there is none."""
-        parts = parts_of(self.robot, wanted)
+        members = members_of(self.robot, wanted)
         alone = getattr(sys, "_is_gil_enabled", lambda: True)()  # rows share one workspace
-        if parts is None or (self._designs is None and not (alone and best_lanes() > 1)):
+        if members is None or (self._designs is None and not (alone and best_lanes() > 1)):
             return None
         otherwise = f"{'assemble' if self._designs is None else 'designs'}: the general path closes the loops"
-        rows = self._artifact(requests, parts).tried(self._rows, otherwise, quick=self._quick)
-        return None if rows is None else Closing(parts, rows)
+        rows = self._artifact(wanted.requests, *members).tried(self._rows, otherwise, quick=self._quick)
+        return None if rows is None else Closing(members[0], rows, members[1])
 
     def _rows(self, built: Built) -> ClosedRows:
         return ClosedRows(built, free=self._designs is not None)
 
-    def _artifact(self, requests: Requests, parts: list[Part]) -> Artifact:
+    def _artifact(self, requests: Requests, parts: list[Part], chains: list[Coupled]) -> Artifact:
         """Return the library of some parts; a new one is compared with the general path at some designs."""
         robot, designs = self.robot, self._designs
         slots = None if designs is None else designs.slots
@@ -140,12 +176,15 @@ class ClosingLibraries:
             from .closing_source import closing_source
 
             return closing_source(
-                robot, parts, scalar, None if slots is None else ChosenNumbers(robot, slots)
+                robot, parts, scalar, None if slots is None else ChosenNumbers(robot, slots), chains
             )
 
         def check(built: Built) -> None:
             """Compare a new library with the general path."""
             rows = self._rows(built)
+            if chains:
+                check_chains(Closing(parts, rows, chains), robot, requests)
+                return
             if designs is None:
                 check_rows(rows, robot, parts, np.zeros(0))
                 return
@@ -160,8 +199,9 @@ class ClosingLibraries:
 def _like(parts: list[Part], robot: HybridRobot, requests: Requests) -> list[Part]:
     """Return the parts of another design for the same requests; none if its structure is another."""
     try:
-        wanted = module_requests(robot, requests)
-        own = None if wanted is None else parts_of(robot, wanted)
+        wanted = wanted_of(robot, requests, split_poses(robot, requests))
+        members = None if wanted is None else members_of(robot, wanted)
+        own = None if members is None else members[0]
     except HybridynError:
         return []
     structures = [
@@ -170,7 +210,19 @@ def _like(parts: list[Part], robot: HybridRobot, requests: Requests) -> list[Par
     return own if own and structures[0] == structures[1] else []
 
 
-def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Rows | None:
+#: Nothing is prescribed.
+NOTHING_KNOWN = np.zeros(0)
+
+
+def place_of(
+    robot: HybridRobot,
+    parts: list[Part],
+    guess: Array,
+    chains: Sequence[Coupled] = (),
+    known: Array = NOTHING_KNOWN,
+    *,
+    met: bool = False,
+) -> Rows | None:
     """Return the closed posture at a guess, see `ClosedRows.close`; None if its loops do not close near it.
 
     None, too, where an angle may be meant in another triple than the upright one, which kernels know.
@@ -178,6 +230,9 @@ def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Rows | None
     Args:
         parts: Its modules but a free base.
         guess: Positions of the spanning tree, shape (nq,).
+        chains: Those of them that poses couple.
+        known: What is prescribed, shape (numbers,); `met` as in `Coupled.numbers_at`.
+        met: Whether the guess has it.
     """
     q, cut = guess.copy(), []
     for part in parts:
@@ -198,7 +253,11 @@ def place_of(robot: HybridRobot, parts: list[Part], guess: Array) -> Rows | None
             return None
         cut.append(x)
     p, g = places_at(parts, cut, 1)
-    return q, p[0], g[0]
+    numbers = g[0]
+    for one in chains:
+        own = known[len(numbers) : len(numbers) + one.given.size]
+        numbers = np.concatenate([numbers, one.numbers_at(robot, q[None], own, met=met)[0]])
+    return q, p[0], numbers
 
 
 #: Number of generic postures that are tried, and how far the row is from each (rad, module lengths).
@@ -293,3 +352,68 @@ def _move(part: Part, number: int, start: Array, wanted: Rows) -> Rows:
         np.concatenate([x_dot[0, held], *twists]),
         np.concatenate([x_ddot[0, held], *accelerations]),
     )
+
+
+def check_chains(closing: Closing, robot: HybridRobot, requests: Requests) -> None:
+    """Compare rows of modules that poses couple with the general path, near generic postures.
+
+    Raises:
+        CompileError: A row of which the library is certain differs.
+    """
+    compared = _compared(robot, closing.parts)
+    for number in range(POSTURES):
+        start = robot.home.copy()
+        for part in closing.parts:
+            _move(part, number, start, (start.copy(), *np.zeros((2, robot.nv))))
+        asked = _nearby(robot, requests, closing.chains, start, number)
+        wanted = wanted_of(robot, asked, split_poses(robot, asked))
+        row = None if wanted is None else closing.numbers(wanted)
+        place = None if row is None else closing.place(robot, start, row)
+        if place is None or row is None:
+            continue
+        room = [np.empty((1, 1, n)) for n in (robot.nq, robot.nv, robot.nv)]
+        if not closing.rows.close(np.zeros((1, 0)), place, row, room, guess=False, strict=True)[0]:
+            continue
+        try:
+            right = assemble_requests(robot, asked, start)
+        except HybridynError:
+            continue
+        offs = [
+            np.abs(x[0] - y)[:, at].max(initial=0.0) / (1.0 + np.abs(y).max())
+            for x, y, at in zip(room, right, compared, strict=True)
+        ]
+        check_agreement(robot, "motion of the chains", offs, ROWS_AGREE)
+
+
+def _nearby(
+    robot: HybridRobot, requests: Requests, chains: Sequence[Coupled], q: Array, seed: int
+) -> Requests:
+    """Return requests like some others near a posture, shape (nq,), where chains move and all else stays."""
+    rng, states = np.random.default_rng(seed), (q[None], *np.zeros((2, 1, robot.nv)))
+    joints = {
+        name: np.array([[float(joint_position(robot, q, name))], [0.0], [0.0]]) for name in requests.joints
+    }
+    moving = {i: one for one in chains for i in one.poses}
+    poses = []
+    for i, pose in enumerate(requests.poses):
+        link, other = (motion_of(robot, name, states) for name in (pose.link, pose.other))
+        seen, size = link.seen_from(other), 0.0
+        if i in moving:
+            size = max(float(one.target.units.max()) for one in moving[i].relatives)
+        shift, turn, v, w, a, alpha = (
+            ROW_AWAY * rng.normal(size=(6, 1, 3)) * np.array([size, bool(size)] * 3)[:, None, None]
+        )
+        if pose.motion is not None:
+            R = np.matmul(rotation_from_vector(turn), seen.R)
+            poses.append(pose._replace(motion=Motion(R, seen.p + shift, w, v, alpha, a)))
+            continue
+        values = np.concatenate([seen.p + shift, angles_of(seen.R) + turn], axis=1)
+        every = dict(
+            zip(
+                COORDINATES,
+                np.stack([values, *(np.concatenate(x, axis=1) for x in ((v, w), (a, alpha)))]).T,
+                strict=True,
+            )
+        )
+        poses.append(pose._replace(coordinates={name: every[name].T for name in pose.coordinates}))
+    return requests._replace(samples=1, single=False, joints=joints, poses=tuple(poses), strict=True)

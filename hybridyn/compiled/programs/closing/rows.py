@@ -66,14 +66,8 @@ class Rows(LoopRows):
             _weld(some.body), frames
         )  # the last three rates are angular velocities
         R = dot(frames[0].T, dot(self.chain.R0[some.body], frames[2]))
-        squared = R[0, 0] ** 2 + R[1, 0] ** 2
-        cosine = ca.sqrt(squared)  # of the pitch
-        angles = [ca.atan2(R[2, 1], R[2, 2]), ca.atan2(-R[2, 0], cosine), ca.atan2(R[1, 0], R[0, 0])]
-        to_rates = plain(np.eye(3))
-        to_rates[0, :2] = R[0, 0] / squared, R[1, 0] / squared
-        to_rates[1, :2] = -R[1, 0] / cosine, R[0, 0] / cosine
-        to_rates[2, :2] = -R[2, 0] * to_rates[0, 0], -R[2, 0] * to_rates[0, 1]
-        values, rows = [*off[:3], *angles], [*over[:3], *dot(to_rates, over[3:])]
+        values, to_rates, cosine = coordinate_rows(R, off[:3])
+        rows = [*over[:3], *dot(to_rates, over[3:])]
         for row, kind, value in zip(some.rows, some.kinds, wanted, strict=True):
             miss = values[row] - value
             if kind == ANGLE:
@@ -81,6 +75,29 @@ class Rows(LoopRows):
             self.add(rows[row][None], np.array([miss], dtype=object))
         if ANGLE in some.kinds:
             self.upright.append(ca.SX(cosine - LEAST_COSINE))
+
+
+def coordinate_rows(R: Expression, p: Expression, side: Any = 1.0) -> tuple[list[Any], Expression, Any]:
+    """Return x, y, z, roll, pitch and yaw of a frame in another.
+
+    Args:
+        R: Axes of the frame in the other, shape (3, 3).
+        p: Its origin there, shape (3,).
+        side: 1 for the upright triple of angles, -1 for the other one.
+
+    Returns:
+        The coordinates, the map from the angular velocity to the rates of the angles, shape (3, 3), and the
+        cosine of the pitch.
+    """
+    squared = R[0, 0] ** 2 + R[1, 0] ** 2
+    cosine = side * ca.sqrt(squared)
+    roll, yaw = ca.atan2(side * R[2, 1], side * R[2, 2]), ca.atan2(side * R[1, 0], side * R[0, 0])
+    angles = [roll, ca.atan2(-R[2, 0], cosine), yaw]
+    to_rates = plain(np.eye(3))
+    to_rates[0, :2] = R[0, 0] / squared, R[1, 0] / squared
+    to_rates[1, :2] = -R[1, 0] / cosine, R[0, 0] / cosine
+    to_rates[2, :2] = -R[2, 0] * to_rates[0, 0], -R[2, 0] * to_rates[0, 1]
+    return [*p, *angles], to_rates, cosine
 
 
 def _weld(body: int) -> TreeClosure:
@@ -96,6 +113,8 @@ def rows_at(
     targets: Expression,
     places: Places,
     v: Expression | None = None,
+    *,
+    exact: bool = False,
 ) -> Rows:
     """Write the rows of modules of one shape.
 
@@ -106,10 +125,12 @@ def rows_at(
         targets: Prescribed poses, then coordinates, shape (7 poses + coordinates,).
         places: Frames of the links whose coordinates are prescribed.
         v: Rates of the freedoms, for `Rows.rates`, or None.
+        exact: Whether rows on rods hold for open loops, too.
     """
     links = fold_links(folding, [links_of(t.joints, [np.zeros(10)] * len(t.joints)) for t in trees])
     nv = trees[0].tree.nv
     out = Rows(sweep(links, z, zeros(nv) if v is None else v, zeros(6)), v)
+    out.exact = exact
     closures, couplings = [t.closures for t in trees], [t.couplings for t in trees]
     out.close_all(closures, couplings, trees[0].rods, folding, [z[at] for at in trees[0].tree.q_slices])
     for i, body in enumerate(given.bodies):

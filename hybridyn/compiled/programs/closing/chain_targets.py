@@ -1,0 +1,273 @@
+"""The targets of a chain in expressions: how they see the modules' motion, and their small system."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property, reduce
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ....assembly.chain.bodies import Place
+from ....assembly.chain.problem import Relative
+from ....linkage.targets import PoseTarget
+from ....spatial import Array
+from ...equations.expressions import (
+    Expression,
+    dot,
+    hat,
+    is_zero,
+    numbers,
+    pack,
+    plain,
+    plus,
+    symbols,
+    unpack,
+    zeros,
+)
+from ...equations.factors import Definite, Handed, from_lower
+from ...equations.guarded_elimination import largest
+from ...equations.rigid import quaternion_matrix
+from .chain_kernels import SAME_MOTION
+from .coupled import Coupled
+from .given import ANGLE, POSE, WIDTH
+from .rows import LEAST_COSINE, coordinate_rows
+
+#: Least cosine of the angle from a prescribed orientation: beyond, the shorter way is not clear.
+SHORTER_WAY = -0.5
+#: Least cosine between the meant yaw and its heading: beyond, the general path finds a new heading.
+CLEAR = 0.1
+#: Added to squared lengths to avoid 0 / 0.
+NO_LENGTH = 1e-300
+
+#: Axes and origin of a frame.
+Frame = tuple[Expression, Expression]
+
+
+class ChainTargets:
+    """Writes what a chain's targets are to its modules.
+
+    Attributes:
+        bodies: For each part the bodies that carry targets.
+        rows: Number of rows.
+    """
+
+    def __init__(self, coupled: Coupled) -> None:
+        """Take the chain."""
+        self._coupled, self.bodies = coupled, [coupled.ports(k) for k in range(len(coupled.parts))]
+        self.rows = coupled.rows
+        self._places = [symbols(f"place_{k}", 12 * len(own)) for k, own in enumerate(self.bodies)]
+        self._g = symbols("g", coupled.given.size)
+
+    def couple(self) -> tuple[ca.Function, list[tuple[Array, ...]]]:
+        """Write the kernel of residuals and maps; return which entries of each body's map are not zero.
+
+        From the placements of all parts and what is prescribed to the residual without units, shape (rows,),
+        and for each part the entries of T that are not zero; last is a guard.
+        """
+        residual, guard = self._residual
+        maps, packed = [], []
+        for T in self._maps:
+            mask = np.array([[not is_zero(x) for x in row] for row in T], dtype=bool).reshape(T.shape)
+            maps.append(tuple(np.split(mask, T.shape[1] // 6, axis=1)))
+            packed.append(pack(T[mask]))
+        inputs = [*(column for column, _ in self._places), self._g[0]]
+        return ca.Function("couple", inputs, [pack(residual), *packed, guard]), maps
+
+    def _frame(self, part: int, body: int) -> Frame:
+        """Return the frame of a part's body in its base."""
+        _, entries = self._places[part]
+        at = 12 * self.bodies[part].index(body)
+        return entries[at : at + 9].reshape(3, 3), entries[at + 9 : at + 12]
+
+    @cached_property
+    def _bases(self) -> list[Frame]:
+        out: list[Frame] = []
+        for base in self._coupled.problem.carried.bases:
+            out.append(_then(self._carrier(base, out), _inner(base)))
+        return out
+
+    def _carrier(self, place: Place, bases: Sequence[Frame]) -> Frame:
+        """Return the frame of the body that carries a place."""
+        if place.part < 0:
+            return numbers(np.eye(3)), zeros(3)
+        if place.body == 0 or place.body not in self.bodies[place.part]:
+            return bases[place.part] if place.body == 0 else _still()
+        return _then(bases[place.part], self._frame(place.part, place.body))
+
+    def _of(self, place: Place) -> Frame:
+        return _then(self._carrier(place, self._bases), _inner(place))
+
+    def _seen(self, one: Relative) -> Frame:
+        """Return the frame of a target's link in its other one."""
+        (R, p), (R_other, p_other) = self._of(one.link), self._of(one.other)
+        return dot(R_other.T, R), dot(R_other.T, p - p_other)
+
+    def _goal(self, number: int) -> Expression:
+        """Return what is prescribed of a target."""
+        sizes = [WIDTH[POSE]] * len(self._coupled.given.bodies)
+        sizes += [len(some.names) for some in self._coupled.given.coordinates]
+        start = sum(sizes[:number])
+        return self._g[1][start : start + sizes[number]]
+
+    def _along(self, number: int, R: Expression) -> Any:
+        """Return the cosine of the angle between a link's first axis, seen from above, and its heading."""
+        given = self._coupled.given
+        at = len(self._g[1]) - len(given.turning) + given.turning.index(number - len(given.bodies))
+        heading = self._g[1][at]
+        return R[0, 0] * ca.cos(heading) + R[1, 0] * ca.sin(heading)
+
+    def _side(self, number: int, R: Expression) -> Any:
+        """Return 1 where the upright triple of angles is meant, -1 where the other is."""
+        if number - len(self._coupled.given.bodies) not in self._coupled.given.turning:
+            return 1.0
+        return ca.if_else(self._along(number, R) < 0.0, -1.0, 1.0)
+
+    @cached_property
+    def _residual(self) -> tuple[Expression, ca.SX]:
+        out, guard = [zeros(0)], ca.SX(0.0)
+        for i, one in enumerate(self._coupled.relatives):
+            (R, p), goal = self._seen(one), self._goal(i)
+            if isinstance(one.target, PoseTarget):
+                turn, cosine = _rotation_vector(dot(R, quaternion_matrix(goal[3:]).T))
+                miss = np.concatenate([p - goal[:3], turn])
+                guard = ca.fmax(guard, ca.if_else(cosine > SHORTER_WAY, 0.0, 2.0))
+            else:
+                some = self._coupled.given.coordinates[i - len(self._coupled.given.bodies)]
+                values, _, cosine = coordinate_rows(R, p, self._side(i, R))
+                miss = np.array(
+                    [
+                        _wrapped(values[r] - x, kind)
+                        for r, kind, x in zip(some.rows, some.kinds, goal, strict=True)
+                    ]
+                )
+                if ANGLE in some.kinds:
+                    along = ca.fabs(self._along(i, R)) > CLEAR * ca.fabs(cosine)
+                    guard = ca.fmax(guard, ca.if_else(ca.fabs(cosine) > LEAST_COSINE, 0.0, 2.0))
+                    guard = ca.fmax(guard, ca.if_else(along, 0.0, 2.0))
+            out.append(miss / one.target.units)
+        return np.concatenate(out), guard
+
+    @cached_property
+    def _maps(self) -> list[Expression]:
+        """T of each part, from twists of its ports, own axes, to the rates of all rows, (rows, 6 ports)."""
+        out = []
+        for part, bodies in enumerate(self.bodies):
+            columns = [
+                np.concatenate([self._map(i, part, body) for i in range(len(self._coupled.relatives))])
+                for body in bodies
+            ]
+            out.append(np.concatenate([zeros(self.rows, 0), *columns], axis=1))
+        return out
+
+    def _map(self, number: int, part: int, body: int) -> Expression:
+        """Return the map from the twist of a port to the rates of a target's rows."""
+        one = self._coupled.relatives[number]
+        ways = [self._coupled.problem.carried.way(place).get(part) for place in (one.link, one.other)]
+        sign = (ways[0] == body) - (ways[1] == body)
+        T = zeros(6, 6)
+        if sign and ways[0] != ways[1]:
+            R, p = _then(self._bases[part], self._frame(part, body))
+            point, R_other = self._of(one.link)[1], self._of(one.other)[0]
+            turn = dot(R_other.T, R) * sign
+            T[:3, :3], T[3:, 3:] = turn, turn
+            T[:3, 3:] = -dot(turn, hat(dot(R.T, point - p)))
+        if not isinstance(one.target, PoseTarget):
+            some = self._coupled.given.coordinates[number - len(self._coupled.given.bodies)]
+            R, p = self._seen(one)
+            to_rates = coordinate_rows(R, p, self._side(number, R))[1]
+            T = np.concatenate([T[:3], dot(to_rates, T[3:])])[list(some.rows)]
+        return T / one.target.units[:, None]
+
+    def meet(self) -> ca.Function:
+        """From S, e and the residual to the multipliers of a step; last is a guard."""
+        (s_col, s), (e_col, e), (r_col, r) = self._sums()
+        factors, guard = Definite.of(from_lower(s, self.rows), SAME_MOTION)
+        return ca.Function("meet", [s_col, e_col, r_col], [pack(factors.solve(-(r + e)[:, None])), guard])
+
+    def _sums(self, k: int = 1) -> list[tuple[ca.SX, Expression]]:
+        m = self.rows
+        return [symbols("S", m * (m + 1) // 2), symbols("e", k * m), symbols("r", m)]
+
+    @property
+    def _per_unit(self) -> Array:
+        return np.concatenate([1.0 / one.target.units for one in self._coupled.relatives])
+
+    def settle(self) -> tuple[ca.Function, Handed]:
+        """Write the kernel of the multipliers of the last step and of the rates.
+
+        From S, e, residual, rates, S_0 and F to (multipliers, the largest residual, how far the rows have
+        turned, factors); last is a guard.
+        """
+        m = self.rows
+        (s_col, s), (e_col, e), (r_col, r) = self._sums(2)
+        g_col, g_dot = symbols("g_dot", m)
+        (s0_col, s_0), (f_col, F) = (symbols(name, len(s)) for name in ("S_0", "F"))
+        factors, guard = Definite.of(from_lower(s, m), SAME_MOTION)
+        before, guard_before = Definite.of(from_lower(s_0, m), SAME_MOTION)
+        turned = ca.sqrt(ca.fmax(before.trace(from_lower(F, m)), 0.0))
+        right = np.stack([-r - e[:m], g_dot * self._per_unit - e[m:]], axis=1)
+        handed = Handed(lower=factors.lower, inverses=factors.inverses)
+        outputs = [
+            pack(factors.solve(right).T),
+            largest(r),
+            turned,
+            handed.pack(),
+            ca.fmax(guard, guard_before),
+        ]
+        return ca.Function("meet", [s_col, e_col, r_col, g_col, s0_col, f_col], outputs), handed
+
+    def change(self) -> ca.Function:
+        """From placements, what is prescribed, twists of the ports and l to T_dot V and d/dt T^T l."""
+        twists = [symbols(f"V_{k}", 6 * len(own)) for k, own in enumerate(self.bodies)]
+        l_col, multipliers = symbols("l", self.rows)
+        changes = []
+        for (_, entries), (_, V), own in zip(self._places, twists, self.bodies, strict=True):
+            for i in range(len(own)):
+                R, twist = entries[12 * i : 12 * i + 9].reshape(3, 3), V[6 * i : 6 * i + 6]
+                changes += [dot(R, hat(twist[3:])), dot(R, twist[:3])]
+        places, rate = ca.vertcat(*(column for column, _ in self._places)), pack(*changes)
+        fixed = [ca.SX.sym("V", column.numel()) for column, _ in twists]
+        y = reduce(plus, (dot(T, unpack(V)) for T, V in zip(self._maps, fixed, strict=True)))
+        drift = ca.jtimes(pack(y), places, rate)
+        drift = ca.substitute(drift, ca.vertcat(*fixed), ca.vertcat(*(column for column, _ in twists)))
+        forces = [ca.jtimes(pack(dot(T.T, multipliers)), places, rate) for T in self._maps]
+        inputs = [*(column for column, _ in (*self._places, self._g, *twists)), l_col]
+        return ca.Function("change", inputs, [ca.densify(x) for x in (drift, *forces)])
+
+    def meet_again(self, handed: Handed) -> ca.Function:
+        """From factors, e, T_dot V and accelerations to the multipliers of these."""
+        f_col, known = handed.again("factors")
+        (e_col, e), (d_col, drift), (g_col, g_ddot) = (
+            symbols(name, self.rows) for name in ("e", "d", "g_ddot")
+        )
+        right = g_ddot * self._per_unit - drift - e
+        solved = Definite(known["lower"], known["inverses"]).solve(right[:, None])
+        return ca.Function("meet", [f_col, e_col, d_col, g_col], [pack(solved)])
+
+
+def _inner(place: Place) -> Frame:
+    return plain(place.inner.R[0]), plain(place.inner.p[0])
+
+
+def _still() -> Frame:
+    return plain(np.eye(3)), zeros(3)
+
+
+def _then(outer: Frame, inner: Frame) -> Frame:
+    """Return a frame of another one in the other's base."""
+    return dot(outer[0], inner[0]), plus(outer[1], dot(outer[0], inner[1]))
+
+
+def _wrapped(x: Any, kind: int) -> Any:
+    return x - 2 * np.pi * ca.floor(x / (2 * np.pi) + 0.5) if kind == ANGLE else x
+
+
+def _rotation_vector(R: Expression) -> tuple[Expression, Any]:
+    """Compute the rotation vector of a rotation, shape (3,), and the cosine of its angle."""
+    vector = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]], dtype=object) * 0.5
+    cosine = (R[0, 0] + R[1, 1] + R[2, 2] - 1.0) * 0.5
+    sine = ca.sqrt(sum((x * x for x in vector), ca.SX(NO_LENGTH)))
+    factor = ca.atan2(sine, cosine) / sine
+    return np.array([factor * x for x in vector], dtype=object), cosine
