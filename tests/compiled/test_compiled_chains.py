@@ -83,8 +83,8 @@ def load(name: str, folder: Path) -> HybridRobot:
 @pytest.mark.parametrize(
     ("name", "link", "names", "size"),
     [
-        slow("arm yyy", "l2", "x z", 0.05),
-        slow("arm yyy", "l2", "x z pitch", 0.05),
+        slow("arm yyyy", "l3", "x z", 0.05),
+        slow("arm yyyy", "l3", "x z pitch", 0.05),
         slow("arm zyxyzyx", "l6", "", 0.05),
         slow("excavator", "teeth", "x z", 0.01),
         slow("excavator", "teeth", "x z pitch", 0.01),
@@ -132,12 +132,12 @@ def test_what_else_is_given_may_be_mixed_with_poses() -> None:
 
 @pytest.mark.slow
 def test_weights_are_those_of_the_rule(tmp_path: Path) -> None:
-    robot = arm(tmp_path, "yyy")
+    robot = arm(tmp_path, "yyyy")
     states = swing(robot, 0.05)
-    levels = some_of(of_link(robot, *states, "l2", "root"), "x z")
+    levels = some_of(of_link(robot, *states, "l3", "root"), "x z")
     rows = []
     for weight in (1.0, 5.0):
-        requests = gather_requests(robot, None, {"l2": levels})._replace(weights={"j0": weight})
+        requests = gather_requests(robot, None, {"l3": levels})._replace(weights={"j0": weight})
         assembler = Assembler(robot)
         rows.append(assembler.assemble(requests, states[0][0])[0])
         assert not assembler.recomputed

@@ -199,7 +199,7 @@ def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expres
     bounded by the absolute triangular factors, which takes few operations and loses little for sparse rows.
 
     Args:
-        K: Matrix, shape (m, n). Unknowns without a pivot are zero.
+        K: Matrix, shape (m, n), with a pivot for every unknown.
         size: Bounds of the right-hand side, shape (m,).
 
     Returns:
@@ -225,7 +225,7 @@ def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expres
     for i in reversed(range(first)):
         known = [times(ca.fabs(W[i, c]), out[c]) for c in range(i + 1, rank)]
         out[i] = times(ca.fabs(inverses[i]), sum(known, reach[i]))
-    bounds = zeros(K.shape[1])
+    bounds = zeros(rank)
     bounds[list(pivots.cols)] = out
     return bounds
 

@@ -208,6 +208,16 @@ class ChainKernels(ModuleKernels):
         which = slice(0, self.u.loops) if self.u.spins else np.flatnonzero(np.concatenate([[], *turning]))
         return largest((rows.residual * self.u.scale)[which]) / ALIKE_OPEN
 
+    def _turned(self, factors: Triangular, change: Expression) -> Any:
+        """Compute the size of J^-1 times a change of the own rows, which bounds that of the least motions."""
+        own, first = self.u.free[: self.u.own], self.rank
+        leading = Triangular(
+            factors.upper[:first, :first], factors.lower[:first, :first], factors.inverses[:first]
+        )
+        unit = self.e.unit
+        solved = leading.solve(change[list(self._pivots.rows[:first])][:, own] * unit[own])
+        return ca.sqrt(squares(solved / unit[list(self._pivots.cols[:first])][:, None]))
+
     def _path(self, J: Expression) -> list[int]:
         """Return the freedoms that move a port."""
         return [k for k in range(J.shape[1]) if any(not is_zero(x) for x in J[:, k])]
@@ -253,7 +263,7 @@ class ChainKernels(ModuleKernels):
         )  # fmt: skip
         outputs = [
             pack(lower_of(found["S"])), pack(found["e"].T), pack(lower_of(product(A))),
-            pack(lower_of(product(B))), self._turning(rows.K, before.K),
+            pack(lower_of(product(B))), self._turned(found["factors"], rows.K - before.K),
             largest(rows.residual * self.u.scale), motion.pack(), factors.pack(),
             found["guard"], found["bent"], self._guard(zeros(0), rows),
         ]  # fmt: skip
