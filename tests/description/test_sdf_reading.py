@@ -304,10 +304,14 @@ READ: dict[str, tuple[Texts, dict[str, object]]] = {
             sdf(*TWO, link("b"), joint("j", "revolute", *ends),
                 joint("k", "revolute", "base", "b", axis="0 0 -1"),
                 joint("g", "gearbox", "a", "b", "<axis2><xyz>0 0 1</xyz></axis2>"
-                      "<gearbox_ratio>5</gearbox_ratio><gearbox_reference_body>base</gearbox_reference_body>")),
+                      "<gearbox_ratio>5</gearbox_ratio><gearbox_reference_body>" + body
+                      + "</gearbox_reference_body>")),
             {"couplings": [{"name": "g", "terms": (("k", -1.0), ("j", sense * 5.0))}]},
         )
-        for how, ends, sense in (("of two hinges", ("base", "a"), 1), ("against a hinge", ("a", "base"), -1))
+        for how, ends, sense, body in (
+            ("of two hinges", ("base", "a"), 1, "base"), ("against a hinge", ("a", "base"), -1, "base"),
+            ("against the world", ("base", "a"), 1, "world"),
+        )
     },
     "a gearbox against a link that moves": (
         sdf(*TWO, link("b"), link("c"), HINGE, joint("k", "revolute", "a", "b"),

@@ -71,7 +71,7 @@ def _turns(
             if joint.kind == "ball":
                 raise _no_angle(box, joint)
             turning = joint.axes if joint.kind != "prismatic" else []
-            for name, about in zip(steps[joint.item], turning, strict=False):
+            for name, about in zip(steps.get(joint.item, ()), turning, strict=False):
                 if np.linalg.norm(np.cross(about.direction, axis)) > LARGEST_COSINE:
                     raise _no_angle(box, joint)
                 sense = toward * (1.0 if forward else -1.0) * float(np.sign(about.direction @ axis))
