@@ -24,6 +24,10 @@ KINDS = {"connect": FORMS["point"], "weld": FORMS["fixed"]}
 WHERE = "MJCF <actuator>"
 #: MuJoCo's own solref and solimp, relative to which an equality is soft.
 STIFFNESS, IMPEDANCE = 0.02, (0.9, 0.95)
+#: Random positions at which the moments of an actuator are compared.
+POSTURES = 5
+#: Difference of moments that is rounding, relative to the largest.
+ALIKE = 1e-10
 
 
 def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
@@ -196,7 +200,7 @@ def _driven_joint(
         if terms is None:
             return "pulls a spatial tendon"
     elif kind not in (compiled.code("mjTRN_JOINT"), compiled.code("mjTRN_JOINTINPARENT")):
-        return "drives no joint"
+        return _steady(compiled, actuator) or "drives no joint in the same way at all positions"
     elif model.jnt_type[target] not in (compiled.code("mjJNT_HINGE"), compiled.code("mjJNT_SLIDE")):
         return f"drives joint '{compiled.joints[target]}', which has several freedoms"
     else:
@@ -206,9 +210,37 @@ def _driven_joint(
     rates = _rates_along(couplings, joint)
     if not set(terms) <= set(rates):
         return "pulls a tendon of joints that move apart"
-    output = getattr(model, "actuator_outadr", range(actuator + 1))[actuator]  # of each one in MuJoCo 4
-    gear = float(model.actuator_gear[output][0])
+    gear = float(model.actuator_gear[_output(compiled, actuator)][0])
     return joint, gear * sum(coefficient * rates[name] for name, coefficient in terms.items())
+
+
+def _steady(compiled: Compiled, actuator: int) -> tuple[str, float] | None:
+    """Return the joint on which an actuator on sites or a crank always acts alike, and the gear; else None.
+
+    MuJoCo's own moments say so, at random positions. Such is a wrench of a site about the one hinge that
+    carries it.
+    """
+    mujoco, model = compiled.mujoco, compiled.model
+    draw, data, row = np.random.default_rng(0), mujoco.MjData(model), _output(compiled, actuator)
+    moments = np.zeros((POSTURES, model.nv))
+    for moment in moments:
+        mujoco.mj_integratePos(model, data.qpos, draw.normal(size=model.nv), 1.0)
+        mujoco.mj_fwdPosition(model, data)
+        at = slice(data.moment_rowadr[row], data.moment_rowadr[row] + data.moment_rownnz[row])
+        moment[data.moment_colind.ravel()[at]] = data.actuator_moment.ravel()[at]
+    size = np.abs(moments).max(initial=0.0)
+    dofs = np.flatnonzero(np.abs(moments).max(axis=0, initial=0.0) > ALIKE * size)
+    if len(dofs) != 1 or np.ptp(moments[:, dofs[0]]) > ALIKE * size:
+        return None
+    joint = int(model.dof_jntid[dofs[0]])
+    if model.jnt_type[joint] not in (compiled.code("mjJNT_HINGE"), compiled.code("mjJNT_SLIDE")):
+        return None
+    return compiled.joints[joint], float(moments[0, dofs[0]])
+
+
+def _output(compiled: Compiled, actuator: int) -> int:
+    """Return where the outputs of an actuator are, which MuJoCo 4 counts by themselves."""
+    return int(getattr(compiled.model, "actuator_outadr", range(actuator + 1))[actuator])
 
 
 def _rates_along(couplings: Sequence[Coupling], joint: str) -> dict[str, float]:
