@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..description.records import ON_LINKS, named_by
 from ..dynamics.link_motion import link_motions
 from ..effects import UNITS, BaseMotion, Payload, Wrench
 from ..effects.choice import listed_units
@@ -53,12 +54,9 @@ def _made(source: SceneFile, keys: Keys, kind: type[Any], values: dict[str, Any]
 
 def _check_names(source: SceneFile, robot: HybridRobot, name: str, values: dict[str, Any]) -> None:
     """Check that the robot has the joints or links that an effect names."""
-    points = name == "ground_contact"
-    known = robot.bodies.place if points else robot.body_of_joint
-    for key, numbers in values.items():
-        for entry in numbers if isinstance(numbers, dict) else ():
-            what = "link" if points else "movable joint"
-            source.check(("effects", name, key, entry), what, entry, known)
+    what, known = ("link", robot.bodies.place) if name in ON_LINKS else ("movable joint", robot.body_of_joint)
+    for key, entry in named_by(name, values):
+        source.check(("effects", name, key, entry), what, entry, known)
 
 
 def _on_links(source: SceneFile, robot: HybridRobot) -> list[Any]:

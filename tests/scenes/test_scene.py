@@ -62,6 +62,20 @@ damping = 0.1
 friction = 0.3
 width = 0.5
 height = -0.3
+[effects.polynomial_spring]
+coefficients = { m1_right_elbow = [0.5, 0.2, 0.3] }
+[effects.polynomial_damper]
+coefficients = { m1_left_elbow = [0.01, 0.02] }
+[effects.tendons]
+arms = { m1_left_elbow = { belt = 0.5 }, m1_right_elbow = { belt = -0.4 } }
+stiffness = { belt = 1.0 }
+damping = { belt = 0.05 }
+[effects.gravity_compensation]
+fraction = { m1_left_upper = 0.5 }
+[effects.line_springs]
+ends = { rope = ["m1_left_upper", "m1_tool"] }
+points = { rope = [[0.0, 0.0, 0.1], [0.0, 0.0, 0.0]] }
+stiffness = { rope = 3.0 }
 [effects.limits]
 effort = { m1_right_drive = 2.0 }
 [[effects.payload]]
@@ -141,7 +155,7 @@ def test_power_balance_under_every_effect(tmp_path: Path) -> None:
     from scipy.integrate import simpson
 
     ready = everything(tmp_path)
-    assert set(ready.effects.names) == set(UNITS) - {"massless_legs"}
+    assert set(ready.effects.names) == set(UNITS) - {"massless_legs", "ball_spring"}
     result = play(ready)
     assert result.status == "finished"
     robot, on = ready.robot, ready.effects

@@ -31,7 +31,17 @@ from ...errors import ModelError
 from ..cache_folder import hashed, keep, kept, state_of
 from ..closure_forms import FORMS
 from ..names import did_you_mean
-from ..records import ON_LINKS, ZERO, Coupling, Curve, Description, JointKind, MotorStatement, RobotFile
+from ..records import (
+    ON_LINKS,
+    ZERO,
+    Coupling,
+    Curve,
+    Description,
+    JointKind,
+    MotorStatement,
+    RobotFile,
+    named_by,
+)
 from ..writing import write_text
 from .toml_file import line_of, parse_toml
 
@@ -118,12 +128,7 @@ def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tupl
     for effect, table in model["effects"].items():
         on_links = effect in ON_LINKS
         what, names = ("link", links) if on_links else ("movable joint", movable)
-        by_name = {key: x for key, x in table.items() if isinstance(x, dict)}
-        if effect == "tendons":  # all other numbers are by tendon
-            by_name = {"arms": by_name["arms"]}
-        if effect == "line_springs":
-            by_name = {"ends": dict.fromkeys(link for links in by_name["ends"].values() for link in links)}
-        for key, name in ((key, name) for key, x in by_name.items() for name in x):
+        for key, name in named_by(effect, table):
             if name not in names:
                 hint = did_you_mean(name, names)
                 yield ("effects", effect, key, name), f"no such {what} '{name}'{hint}"
