@@ -61,7 +61,7 @@ NUMBERS = {
 
 
 #: Rates below which joints that follow others turn or slide, relative to the other.
-UNMOVED = 1e-9
+MIMIC_STILL = 1e-9
 
 
 #: Couplings by the joint that follows another.
@@ -151,15 +151,15 @@ def _mimic(model: pin.Model, number: int, name: str, followers: Followers) -> li
         places.append(model.jointPlacements[number].actInv(data.liMi[number]))
     twist = 2.0 * pin.log6(places[0].actInv(places[1])).vector
     size = np.linalg.norm(twist[3:])
-    if np.linalg.norm(twist) < UNMOVED:
+    if np.linalg.norm(twist) < MIMIC_STILL:
         message = f"mimics '{model.names[leader]}' with a factor of 0; replace it by a fixed frame"
         raise joint_error(model, number, message)
-    if size < UNMOVED:
+    if size < MIMIC_STILL:
         chain = [step(name, "prismatic", twist[:3])]
     else:
         axis = twist[3:] / size
         pitch = float(axis @ twist[:3])
-        chain = _screw(axis, pitch if abs(pitch) > UNMOVED else 0.0, name, followers)
+        chain = _screw(axis, pitch if abs(pitch) > MIMIC_STILL else 0.0, name, followers)
     followers[name] = Coupling(name, ((name, 1.0), (str(model.names[leader]), -scaling)), offset)
     return chain
 
