@@ -4,13 +4,18 @@ A mate of onshape-to-robot that closes a loop becomes two frames, `closing_<x>_1
 A revolute mate has two more, `closing_<x>_1_z` and `closing_<x>_2_z`, on its axis: two pairs of points that
 coincide are a hinge. URDF does not say whether a mate without them is a ball or fastened; it is read as a
 ball, unless `[closures]` of model.toml says "fixed".
+
+Where nothing else closes a loop, pairs with other names count, too: `loop_<x>_1`, `loop_<x>_2`, and
+`<x>_cut_1`, `<x>_cut_2`, in the same way (the ends may be a and b); and Gepetto's `closedloop<N>`, two frames
+for each N, which are welded.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +23,7 @@ from ..errors import ModelError
 from .groups import Groups
 from .names import listed
 from .placement import poses_at_zero, relative, rotation_to_axis, turned
-from .records import Array, Closure, RobotFile, RotationKind
+from .records import Array, Closure, MotorStatement, RobotFile, RotationKind
 
 #: One side of a closure: link, and the frame placed on it by the author, shape (4, 4).
 Side = tuple[str, Array]
@@ -131,8 +136,16 @@ def words_of_rows(translations: tuple[int, ...], rotation: RotationKind) -> list
     return [ROWS[axis] for axis in translations] + [*turns[rotation]]
 
 
+#: Numbers of a joint without limits.
+FREE: dict[str, Any] = {"lower": -np.inf} | dict.fromkeys(("upper", "velocity", "effort"), np.inf)
 CLOSURE_TYPES = {"3d": FORMS["point"], "6d": FORMS["fixed"]}
-CLOSING = re.compile(r"closing_(.+)_([12](?:_z)?)")
+CLOSING = re.compile(r"(?P<name>closing_.+)_(?P<end>[12](?:_z)?)")
+#: Names of pairs that count where nothing else closes a loop.
+PAIRS = re.compile(r"(?P<name>loop_.+|.+_cut|(?:.+_)?cut_.+)_(?P<end>[12abAB](?:_z)?)")
+ENDS = {"a": "1", "b": "2"}
+#: A link of at most this mass is a frame [kg]: exporters write 1e-9 kg where a simulator forbids zero.
+MASS_OF_FRAME = 1e-6
+WELDED = re.compile(r"(?:closedloop|fermeture)(\d+)", re.IGNORECASE)
 
 #: Largest relative difference of the distances to the two points on an axis: files print them with 6 digits.
 SAME_DISTANCE = 1e-5
@@ -147,19 +160,82 @@ def apply_closing_frames(robot: RobotFile) -> None:
     frames = {joint.name: joint.child for joint in robot.joints if joint.kind == "fixed"}
     frames |= {link.name: link.name for link in robot.links}
     used = {link for closure in robot.closures for link in (closure.link_a, closure.link_b)}
-    mates: dict[str, dict[str, str]] = {}
-    for name, link in frames.items():
-        if (match := CLOSING.fullmatch(name)) and link not in used:
-            mates.setdefault(f"closing_{match[1]}", {})[match[2]] = link
-    added = [_mate(robot, title, ends) for title, ends in mates.items() if {"1", "2"} <= ends.keys()]
+    free = {name: link for name, link in frames.items() if link not in used}
+    added = _mates(robot, free, CLOSING)
+    if not robot.closures and not added:
+        added = _mates(robot, _bare(robot, free), PAIRS)
     robot.closures += added
     balls = [closure.name for closure in added if closure.rotation == "free"]
     if balls:
         robot.notes.append(
             f"closing frames {listed(balls)} are read as balls: the file states no axis "
-            "(closing_.._1_z); if the mate is fastened, write "
+            f"({balls[0]}_1_z); if the mate is fastened, write "
             f'{balls[0]} = "fixed" under [closures] in model.toml'
         )
+
+
+def apply_welded_frames(robot: RobotFile) -> None:
+    """Add the closures, balls and motors of Gepetto's names, in a robot that states no closure.
+
+    Frames of the same `closedloop<N>` are welded; hinges named `spherical` are balls; joints named `motor`
+    are driven.
+    """
+    if robot.closures:
+        return
+    pairs: dict[str, dict[str, None]] = {}
+    frames = [(link.name, link.name) for link in robot.links] + [(j.name, j.child) for j in robot.joints]
+    for name, link in frames:
+        if match := WELDED.search(name):
+            pairs.setdefault(match[1], {})[link] = None
+    if not pairs or any(len(links) != 2 for links in pairs.values()):
+        return  # nothing says which of them close a loop, which `refuse_unclosed_frames` tells
+    for links in pairs.values():
+        sides = [(link, np.eye(4)) for link in links]
+        robot.closures.append(closure_of("-".join(links), "6d", sides, form=CLOSURE_TYPES["6d"]))
+    _name_balls_and_motors(robot)
+
+
+def _name_balls_and_motors(robot: RobotFile) -> None:
+    """Make hinges named `spherical` balls, and joints named `motor` motors, as Gepetto's reader does."""
+    hinges = ("revolute", "continuous")
+    balls = {joint.name for joint in robot.joints if "spherical" in joint.name and joint.kind in hinges}
+    robot.joints = [
+        replace(joint, kind="spherical", **FREE) if joint.name in balls else joint for joint in robot.joints
+    ]
+    kinds = (*hinges, "prismatic")
+    motors = tuple(joint.name for joint in robot.joints if "motor" in joint.name and joint.kind in kinds)
+    if motors:
+        where = "joints that are named 'motor', as in Gepetto's models"
+        robot.motors.append(MotorStatement("names", where, motors, robot.file))
+    robot.notes.append(
+        f"no side-car: frames named closedloop are welded pairwise, {len(balls)} joints named spherical are "
+        "balls"
+    )
+
+
+def _bare(robot: RobotFile, frames: Mapping[str, str]) -> dict[str, str]:
+    """Return the frames that are links on a fixed joint, without mass and with nothing on them."""
+    masses = {link.name: link.mass for link in robot.links}
+    fixed = {joint.child for joint in robot.joints if joint.kind == "fixed"}
+    bare = fixed - {joint.parent for joint in robot.joints}
+    return {
+        name: link for name, link in frames.items() if link in bare and masses.get(link, 0.0) <= MASS_OF_FRAME
+    }
+
+
+def _mates(robot: RobotFile, frames: Mapping[str, str], names: re.Pattern[str]) -> list[Closure]:
+    """Return the closures of the frames whose names match in pairs."""
+    mates: dict[str, dict[str, str]] = {}
+    for name, link in frames.items():
+        if match := names.fullmatch(name):
+            end = match["end"].lower()
+            mates.setdefault(match["name"], {})[ENDS.get(end[0], end[0]) + end[1:]] = link
+    bodies = Groups((joint.parent, joint.child) for joint in robot.joints if joint.kind == "fixed")
+    return [
+        _mate(robot, title, ends)
+        for title, ends in mates.items()
+        if {"1", "2"} <= ends.keys() and (names is CLOSING or bodies.of(ends["1"]) != bodies.of(ends["2"]))
+    ]
 
 
 def _mate(robot: RobotFile, title: str, ends: dict[str, str]) -> Closure:

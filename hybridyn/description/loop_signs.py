@@ -25,14 +25,15 @@ from .records import FREEDOMS, Array, Description, Format, Joint, RobotFile
 from .urdf.xml_node import Node
 
 ACCEPTED_FORMS = (
-    "accepted forms: <loop>, <coupling> (URDF+), <mimic>, <loop_joint>, an SDF joint directly in <gazebo>, "
-    "frames closing_x_1 and closing_x_2, or a side-car robot.yaml (closed_loop: pairs of frames)"
+    "accepted forms: <loop>, <coupling> (URDF+), <mimic>, <loop_joint>, <constraint> (urdfdom), an SDF joint "
+    "directly in <gazebo>, frames closing_x_1 and closing_x_2, or a side-car robot.yaml (closed_loop: pairs "
+    "of frames)"
 )
 
 #: Elements that are read below `<robot>`.
 READ_TAGS = (
-    "link", "joint", "transmission", "loop", "loop_joint", "coupling", "drake:joint", "drake:ball_constraint",
-    "drake:weld_constraint", "drake:tendon_constraint", "drake:linear_spring_damper",
+    "link", "joint", "transmission", "loop", "loop_joint", "constraint", "coupling", "drake:joint",
+    "drake:ball_constraint", "drake:weld_constraint", "drake:tendon_constraint", "drake:linear_spring_damper",
 )  # fmt: skip
 
 #: Elements below `<robot>` that do not affect the dynamics, unless they contain loops.
@@ -46,7 +47,6 @@ HARMLESS_TAGS = (
 LEGACY_FORMS = {
     "loop_constraint": 'an early form of URDF+; write <loop type="..."> with <predecessor> and <successor>',
     "joint_constraint": "an early form of URDF+; write <coupling> with <predecessor>, <successor>, <ratio>",
-    "constraint": 'a proposal of urdfdom; write it as <loop type="..."> with <predecessor> and <successor>',
     "loopconstraint": "a form of biorbd; write it as <loop>",
     "drake:linear_bushing_rpy": 'a Drake bushing (soft closure); write it as a rigid <loop type="revolute">',
     "drake:distance_constraint": "a Drake distance; write a rod without mass between two balls",

@@ -12,7 +12,7 @@ from .records import FREEDOMS, Coupling, Joint, MotorSource, MotorStatement, Rob
 
 #: Sources of motor names, the strongest first; names that the caller passes come before all of them.
 RANKING: tuple[MotorSource, ...] = (
-    "side-car", "model file", "actuator", "transmission", "independent",
+    "side-car", "model file", "actuator", "transmission", "independent", "interface", "names",
 )  # fmt: skip
 
 #: What is told of actuators that are no motors.
@@ -32,10 +32,11 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     """Return the names of the driven joints, and the source or rule that they come from.
 
     The order of sources is: the caller, the side-car's `name_mot`, the model file's `motors`, MJCF's
-    and USD's actuators, URDF transmissions, URDF+ `independent=`. If no source names motors, the candidates
-    are the one-freedom joints that mimic no other. In a tree (no closure, no coupling except `<mimic>`) all
-    of them are driven. Otherwise those with a finite effort limit above zero are driven; if these are all
-    candidates, the limits do not distinguish motors, and no joint is driven.
+    and USD's actuators, URDF transmissions, URDF+ `independent=`, interfaces of ros2_control, names of
+    joints. If no source names motors, the candidates are the one-freedom joints that mimic no other. In a
+    tree (no closure, no coupling except `<mimic>`) all of them are driven. Otherwise those with a finite
+    effort limit above zero are driven; if these are all candidates, the limits do not distinguish motors, and
+    no joint is driven.
 
     Raises:
         ModelError: A name is unknown, is stated twice, or belongs to a joint that cannot be driven.

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 
 from ..errors import ModelError
-from .closure_forms import apply_closing_frames
+from .closure_forms import apply_closing_frames, apply_welded_frames
 from .followers import followers_at_home
 from .loop_signs import lost_loops, refuse_unclosed_frames, refuse_unread_side_cars
 from .motors import choose_motors
@@ -155,6 +155,8 @@ def _read_side_cars(robot: RobotFile, file: str) -> None:
         from .side_cars.yaml_file import read_yaml
 
         apply_submechanisms(robot, read_yaml(read_bytes(str(mechanisms)), str(mechanisms)))
+    else:
+        apply_welded_frames(robot)
     apply_closing_frames(robot)
     refuse_unread_side_cars(robot, folder)
 

@@ -422,7 +422,9 @@ class Description:
         return list(joints) if self.format == "Pinocchio" else sorted(joints, key=lambda joint: joint.name)
 
 
-MotorSource = Literal["side-car", "model file", "actuator", "transmission", "independent", "names"]
+MotorSource = Literal[
+    "side-car", "model file", "actuator", "transmission", "independent", "interface", "names"
+]  # fmt: skip
 
 
 #: Number of freedoms of a joint, by its kind.

@@ -150,7 +150,7 @@ def test_mistakes_name_file_and_line(tmp_path: Path, old: str, new: str, line: i
     [
         (beside("closed_lop: [[a, b]]\n", robot()), ["did you mean 'closed_loop'"]),
         (
-            {"four_bar.urdf": OPEN},
+            {"four_bar.urdf": OPEN.replace('="closedloop1_A', '="other')},
             [
                 "'closedloop1_B_frame' looks like the end of a closed loop",
                 "side-car robot.yaml",

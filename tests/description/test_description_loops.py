@@ -262,7 +262,7 @@ BODIES = '<predecessor link="coupler"/><successor link="rocker"/>'
             '<drake:linear_bushing_rpy><drake:bushing_frameA name="a"/></drake:linear_bushing_rpy>',
             "a Drake bushing",
         ),
-        ('<constraint name="c" type="revolute"/>', "a proposal of urdfdom"),
+        ('<constraint name="c" type="revolute"/>', "<parent> is missing"),
         (
             '<loop_constraint name="l"><parent link="a"/><child link="b"/></loop_constraint>',
             "an early form of URDF+",

@@ -334,8 +334,8 @@ def test_wrong_words_about_closing_frames(tmp_path: Path, said: str, message: st
         (GAZEBO.format("revolute", "0 0 0", ""), "<axis> is missing"),
         (GAZEBO.format("revolute", "0 0 0", "<axis><xyz>0 0 0</xyz></axis>"), "the axis is zero"),
         (
-            GAZEBO.format("universal", "0 0 0", AXIS + "<axis2><xyz>1 0 0</xyz></axis2>"),
-            "type 'universal' closes no loop here; write it as <loop>",
+            GAZEBO.format("universal", "0 0 0", AXIS + "<axis2><xyz>1 0 1</xyz></axis2>"),
+            "the axes of a universal joint are perpendicular",
         ),
         (GAZEBO.format("revolute", "0 0", AXIS), "text has 5 numbers instead of 6"),
         (GAZEBO.format("revolute", "0 0 0", AXIS).replace(">rocker<", ">rokcer<"), "unknown link 'rokcer'"),

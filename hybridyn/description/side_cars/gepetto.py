@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import ModelError
-from ..closure_forms import CLOSURE_TYPES, closure_of
+from ..closure_forms import CLOSURE_TYPES, FREE, closure_of
 from ..names import closest, did_you_mean, listed
 from ..records import Joint, Link, MotorStatement, RobotFile
 from .tables import Schema
@@ -113,7 +113,7 @@ def _retyped(joint: Joint, kind: str, links: list[Link]) -> list[Joint]:
     Raises:
         ValueError: The kind is unknown; the message lists the known ones.
     """
-    free = replace(joint, lower=-np.inf, upper=np.inf, velocity=np.inf, effort=np.inf)
+    free = replace(joint, **FREE)
     if kind == "SPHERICAL":
         return [replace(free, kind="spherical")]
     if kind == "FIXED":

@@ -68,6 +68,8 @@ KNOWN: dict[str, str] = {
     "gazebo/joint": "@name @type parent child pose sensor gearbox_ratio thread_pitch",
     "gazebo/joint/axis": "xyz limit initial_position use_parent_model_frame",
     "gazebo/joint/axis/dynamics": "damping friction spring_stiffness spring_reference",
+    "gazebo/joint/axis2": "xyz limit initial_position use_parent_model_frame",
+    "gazebo/joint/axis2/dynamics": "damping friction spring_stiffness spring_reference",
     "gazebo/joint/physics": _SOLVER,
     "gazebo/joint/physics/ode": _SOLVER,
     "gazebo/joint/physics/ode/limit": "cfm erp",

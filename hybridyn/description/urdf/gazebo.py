@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from ..closure_forms import FORMS, closure_of
+from ..closure_forms import FORMS, LARGEST_COSINE, closure_of
 from ..loop_signs import ACCEPTED_FORMS
 from ..names import DROPS, did_you_mean, unique
 from ..placement import placement_from, poses_at_zero, relative, rotation_from_rpy, rotation_to_axis
@@ -25,10 +25,21 @@ from .xml_node import Node, unit
 #: Types of SDF joints by the kind of closure.
 GAZEBO_TYPES = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic",
-    "ball": "spherical",
+    "ball": "spherical", "universal": "universal",
 }  # fmt: skip
 MODEL = "__model__"
-GAZEBO_PARTS = ("parent", "child", "pose", "axis", "physics", "sensor", "gearbox_ratio", "thread_pitch")
+OBLIQUE = "the axes of a universal joint are perpendicular; mend them, or write two revolute joints"
+GAZEBO_PARTS = (
+    "parent",
+    "child",
+    "pose",
+    "axis",
+    "axis2",
+    "physics",
+    "sensor",
+    "gearbox_ratio",
+    "thread_pitch",
+)
 
 
 def read_gazebo(root: Node, robot: RobotFile) -> None:
@@ -132,15 +143,20 @@ def _read_joint(node: Node, poses: Mapping[str, Array], robot: RobotFile) -> Non
         frame = at_child.xml.get("relative_to") or at_child.xml.get("frame") or links[1]
         place = at_child.numbers("", 6) if at_child.content() else np.zeros(6)
         at = _frame(at_child, frame, poses) @ placement_from(rotation_from_rpy(*place[3:]), place[:3])
-    turn, forces = np.eye(3), dict[str, float]()
-    if FORMS[kind].has_axis:
-        axis = node.required_child("axis")
-        turn = rotation_to_axis(_direction(axis, at, poses))
-        forces = numbers(axis.child("dynamics"), "dynamics")
+    tags = {"universal": ("axis", "axis2")}.get(kind, ("axis",) if FORMS[kind].has_axis else ())
+    axes = [node.required_child(tag) for tag in tags]
+    directions, forces = [_direction(axis, at, poses) for axis in axes], dict[str, float]()
+    if len(axes) == 2 and abs(directions[0] @ directions[1]) > LARGEST_COSINE:
+        raise node.error(OBLIQUE)
+    for axis in axes:
+        forces |= {
+            word: value for word, value in numbers(axis.child("dynamics"), "dynamics").items() if value
+        }
         if axis.child("limit"):
             robot.notes.append(f"closure '{node.text('name')}': 'limit' of the SDF joint is not read")
+    turns = [rotation_to_axis(direction) for direction in directions] or [np.eye(3)]
     sides = [(link, relative(poses[link], at)) for link in links]
-    closure = closure_of(node.text("name"), kind, sides, (turn, turn), line=node.line)
+    closure = closure_of(node.text("name"), kind, sides, (turns[0], turns[-1]), line=node.line)
     keep_joint(robot, closure, forces, poses, node)
 
 

@@ -1,19 +1,20 @@
 """Read closures and couplings of a URDF.
 
 `<loop>` and `<coupling>` are those of URDF+ (arXiv 2411.19753), with the additional types cylindrical,
-universal, spherical, point and rows. `<loop_joint>` is the form of Isaac Sim, Dojo and old Drake; one with
-damping or a spring stays a joint. An unknown attribute or child of these elements is an error.
+universal, spherical, point and rows. `<constraint>` is the proposal of urdfdom. `<loop_joint>` is the form of
+Isaac Sim, Dojo, old Drake and an exporter of Fusion; one with damping or a spring stays a joint. An unknown
+attribute or child of these elements is an error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
 from ..closure_forms import FORMS, Side, closure_of, form_of_rows
 from ..names import did_you_mean, listed
-from ..placement import poses_at_zero, rotation_to_axis
+from ..placement import poses_at_zero, relative, rotation_to_axis
 from ..records import Array, Closure, Coupling, Joint, RobotFile
 from .drake import BALL, WELD, read_ball_constraint, read_weld_constraint
 from .kept_joints import keep_joint
@@ -24,7 +25,7 @@ POSE = ("xyz", "rpy", "quat_xyzw")
 LOOP_JOINT_TYPES = {"3d": "spherical", "ball": "spherical", "6d": "fixed"}
 
 
-def read_loop(node: Node) -> Closure:
+def read_loop(node: Node, _: object = None) -> Closure:
     """Read `<loop>`; `<axis>` is in the frame of the predecessor's origin, `<axis2>` in the successor's."""
     kind = kind_of(node, [*FORMS, "rows"])
     axes = {"rows": [], "universal": ["axis", "axis2"]}.get(kind, ["axis"])
@@ -43,13 +44,16 @@ def read_loop(node: Node) -> Closure:
 
 
 def add_closures(root: Node, robot: RobotFile) -> None:
-    """Add every `<loop>` and `<loop_joint>` to the robot; one with forces stays a joint."""
+    """Add every closure that an element states to the robot; one with forces stays a joint."""
     nodes = root.children(*CLOSURE_READERS)
-    poses = poses_at_zero(robot.joints) if any(node.child("dynamics") for node in nodes) else {}
+    poses = poses_at_zero(robot.joints) if any(node.children("dynamics", "parent") for node in nodes) else {}
     for node in nodes:
-        closure, dynamics = CLOSURE_READERS[node.tag](node), node.child("dynamics")
+        closure, dynamics = CLOSURE_READERS[node.tag](node, poses), node.child("dynamics")
         forces = {} if dynamics is None else forces_of(dynamics)
         keep_joint(robot, closure, forces, poses, node)
+        if node.child("limit"):
+            place = "{}:{}".format(*node.place)
+            robot.notes.append(f"{place}: the limits of closure '{closure.name}' are not read")
 
 
 def forces_of(dynamics: Node) -> dict[str, float]:
@@ -70,15 +74,47 @@ def forces_of(dynamics: Node) -> dict[str, float]:
     }
 
 
-def read_loop_joint(node: Node) -> Closure:
+def read_constraint(node: Node, _: object = None) -> Closure:
+    """Read `<constraint>`; each side states an axis, and the axes coincide (universal: are perpendicular).
+
+    Raises:
+        ModelError: The constraint is prismatic and its sides state different axes: nothing says how they are
+            turned about the axis.
+    """
+    ends = ("parent", "child")
+    node.only(["name", "type"], [side + part for side in ends for part in ("", "_origin", "_axis")])
+    kind = kind_of(node, FORMS)
+    sides, turns = list[Side](), list[Array]()
+    for side in ends:
+        link, axis = node.required_child(side), node.child(f"{side}_axis")
+        link.only(["link"], [])
+        if axis is None and kind == "universal":
+            raise node.error(f"<{side}_axis> is missing; a universal constraint has two")
+        sides.append((link.text("link"), pose_of(node.child(f"{side}_origin"))))
+        turns.append(_turn(axis, kind))
+    if kind == "prismatic" and not np.array_equal(turns[0], turns[1]):
+        raise node.error(
+            "a prismatic constraint whose sides state different axes does not say how they are turned about "
+            "the axis; turn <child_origin> so that both axes are the same"
+        )
+    return closure_of(node.text("name"), kind, sides, turns, line=node.line)
+
+
+def read_loop_joint(node: Node, poses: Mapping[str, Array]) -> Closure:
     """Read `<loop_joint>`, with its links as children (`<link1 link xyz rpy>`) or as attributes.
 
     The axis is in the first frame. Isaac Sim's exporter writes `link1` twice; the second one is then the
     successor.
+
+    Args:
+        node: The element.
+        poses: Pose of each link where all joints are at zero, shapes (4, 4), where it states a `<parent>`.
     """
-    node.only(["name", "type", "link1", "link2"], ["link1", "link2", "axis", "dynamics"])
     known = [*(name for name in FORMS if name != "universal"), *LOOP_JOINT_TYPES]
     kind = kind_of(node, known, names=LOOP_JOINT_TYPES)
+    if node.children("parent", "child"):
+        return _of_fusion(node, kind, poses)
+    node.only(["name", "type", "link1", "link2"], ["link1", "link2", "axis", "dynamics", "limit"])
     ends = node.children("link1", "link2")
     if not ends and {"link1", "link2"} <= set(node.attributes()):
         sides = [(node.text(name), np.eye(4)) for name in ("link1", "link2")]
@@ -92,9 +128,43 @@ def read_loop_joint(node: Node) -> Closure:
     return closure_of(node.text("name"), kind, sides, (turn, turn), line=node.line)
 
 
+def _of_fusion(node: Node, kind: str, poses: Mapping[str, Array]) -> Closure:
+    """Return a `<loop_joint>` of Fusion's exporter: one point of the joint in both links.
+
+    `<axis frame="parent">` is in the frame of the parent link. The child's frame is turned as the parent's
+    stands where all joints are at zero, unless `<child_origin>` states its own `rpy`.
+    """
+    parts = ["parent", "child", "parent_origin", "child_origin", "axis", "dynamics", "limit"]
+    node.only(["name", "type"], parts)
+    links, origins = list[str](), list[Array]()
+    for side in ("parent", "child"):
+        link = node.required_child(side)
+        link.only(["link"], [])
+        links.append(link.text("link"))
+        origins.append(pose_of(node.required_child(f"{side}_origin")))
+    axis, child = node.child("axis"), node.required_child("child_origin")
+    stated = "parent" if axis is None else axis.xml.get("frame", "parent")
+    if stated not in ("parent", "child"):
+        raise node.error(f"the axis is in the frame '{stated}'; known: 'parent', 'child'")
+    between = np.eye(4)
+    if {*links} <= poses.keys():  # `validate` refuses others
+        between = relative(poses[links[1]], poses[links[0]])
+    if not {"rpy", "quat_xyzw"} & {*child.attributes()}:
+        origins[1][:3, :3] = between[:3, :3] @ origins[0][:3, :3]
+    turn = np.eye(3)
+    if FORMS[kind].has_axis:
+        if axis is not None:
+            axis.only(["xyz", "frame"], [])
+        at = origins[0] if stated == "parent" else origins[1]
+        turn = rotation_to_axis(at[:3, :3].T @ axis_of(axis))
+    sides = zip(links, origins, strict=True)
+    return closure_of(node.text("name"), kind, sides, (turn, turn), line=node.line)
+
+
 #: Readers of closures by the name of their element.
-CLOSURE_READERS = {
-    "loop": read_loop, "loop_joint": read_loop_joint, BALL: read_ball_constraint, WELD: read_weld_constraint,
+CLOSURE_READERS: dict[str, Callable[[Node, Mapping[str, Array]], Closure]] = {
+    "loop": read_loop, "constraint": read_constraint, "loop_joint": read_loop_joint,
+    BALL: lambda node, _: read_ball_constraint(node), WELD: lambda node, _: read_weld_constraint(node),
 }  # fmt: skip
 
 

@@ -1,0 +1,184 @@
+"""Closures of a URDF in the forms of other projects: each is the `<loop>` that has their meaning."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hybridyn.description import read
+from tests.description.reading import Texts, holds, refused, save_all
+from tests.description.test_urdf_dialects import AXIS, GAZEBO, MOTOR, angles, closed, compare, frame, loop
+from tests.files import save
+from tests.robot_texts import robot
+from tests.samples import slow
+
+#: urdfdom's proposal: each side has its own origin and its own axis.
+CONSTRAINT = """<constraint name="pin" type="{}">
+  <parent link="coupler"/><parent_origin xyz="1.5 0 0" rpy="0.5 0 0"/><parent_axis xyz="{}"/>
+  <child link="rocker"/><child_origin xyz="1 0 0"/><child_axis xyz="{}"/></constraint>"""
+#: The z axis of a frame that stands at rpy 0.5 0 0.
+TURNED = f"0 {math.sin(0.5)!r} {math.cos(0.5)!r}"
+
+#: What an exporter of Fusion writes: one point in both links, and the axis in the parent's frame.
+FUSION = """<loop_joint name="pin" type="{}">
+  <parent link="coupler"/><child link="rocker"/>
+  <parent_origin xyz="1.5 0.0 0.0"/><child_origin xyz="1.0 0.0 0.0"/>{}</loop_joint>"""
+
+#: Dojo's, whose joint has damping.
+DOJO = """<loop_joint name="pin" type="continuous"><axis xyz="0 0 1"/>
+  <link1 link="coupler" rpy="0 0 0" xyz="1.5 0 0"/><link2 link="rocker" rpy="0 0 0" xyz="1 0 0"/>
+  <dynamics damping="1.0"/></loop_joint>"""
+
+CROSS = (
+    '<loop name="pin" type="universal"><predecessor link="coupler"><origin xyz="1.5 0 0"/></predecessor>'
+    '<successor link="rocker"><origin xyz="1 0 0" rpy="{}"/></successor><axis xyz="0 0 1"/><axis2 xyz="{}"/>'
+    "</loop>"
+)
+BALL = loop("spherical", "")
+
+
+def pair(one: str, other: str, *, high: bool = False) -> str:
+    """Return two frames at the tip of the four-bar, and two more 0.1 m above them."""
+    frames = frame(one, "coupler", "1.5 0 0") + frame(other, "rocker", "1 0 0")
+    above = frame(f"{one}_z", "coupler", "1.5 0 0.1") + frame(f"{other}_z", "rocker", "1 0 0.1")
+    return frames + (above if high else "")
+
+
+#: A robot in the words of another project, and in ours.
+SAME: dict[str, tuple[Texts, str]] = {
+    "a revolute constraint": (
+        robot(MOTOR, CONSTRAINT.format("revolute", TURNED, "0 0 1")), robot(MOTOR, loop("revolute")),
+    ),
+    "a spherical constraint": (
+        robot(MOTOR, CONSTRAINT.format("spherical", "1 0 0", "0 1 0")), robot(MOTOR, BALL),
+    ),
+    "a universal constraint": (
+        robot(MOTOR, CONSTRAINT.format("universal", TURNED, "1 0 0")),
+        robot(MOTOR, CROSS.format("0 0 0", "1 0 0")),
+    ),
+    "a hinge of Fusion": (
+        robot(MOTOR, FUSION.format("revolute", '<axis xyz="0 0 1" frame="parent"/>')),
+        robot(MOTOR, loop("revolute")),
+    ),
+    "a ball of Fusion": (robot(MOTOR, FUSION.format("spherical", "")), robot(MOTOR, BALL)),
+    "a universal joint of Gazebo": (
+        closed(MOTOR, GAZEBO.format("universal", "0 0 0", AXIS + "<axis2><xyz>1 0 0</xyz></axis2>")),
+        closed(MOTOR, CROSS.format("0 0 0", "1 0 0")),
+    ),
+    **{
+        f"{one} and {other}": (
+            robot(MOTOR, pair(one, other)), robot(MOTOR, pair("x1", "x2"), BALL),
+        )
+        for one, other in (
+            ("loop_tip_1", "loop_tip_2"), ("tip_cut_a", "tip_cut_b"), ("cut_tip_A", "cut_tip_B"),
+            ("loop_closure_1_a", "loop_closure_1_b"),
+        )
+    },
+    "a hinge of two pairs": (
+        robot(MOTOR, pair("loop_tip_1", "loop_tip_2", high=True)),
+        robot(MOTOR, pair("x1", "x2", high=True), loop("revolute")),
+    ),
+}  # fmt: skip
+SLOW = (
+    "a spherical",
+    "a revolute",
+    "a ball",
+    "a universal joint",
+    "tip_cut",
+    "cut_tip",
+    "loop_closure",
+    "a hinge of two",
+)
+
+
+@pytest.mark.parametrize("name", [slow(name) if name.startswith(SLOW) else name for name in SAME])
+def test_the_same_loop_in_their_words(name: str, tmp_path: Path) -> None:
+    theirs, ours = SAME[name]
+    compare(save_all(tmp_path / "a", theirs), save(tmp_path / "b", ours))
+
+
+def test_an_axis_of_fusion_is_that_of_the_parent_in_both_links(tmp_path: Path) -> None:
+    """The links stand turned about z where all joints are at zero; there the axes of both are one."""
+    elbow, swing = angles()
+    text = closed(MOTOR, FUSION.format("revolute", '<axis xyz="1 2 3" frame="parent"/>'))
+    (closure,) = read(save(tmp_path, text)).closures
+    axis, turn = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0), 0.4 + elbow - swing
+    rotation = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    np.testing.assert_allclose(closure.frame_a[:3, 2], axis, atol=1e-15)
+    np.testing.assert_allclose(closure.frame_b[:3, :3], rotation @ closure.frame_a[:3, :3], atol=1e-15)
+    of_child = text.replace('frame="parent"', 'frame="child"')
+    (closure,) = read(save(tmp_path, of_child)).closures
+    np.testing.assert_allclose(closure.frame_b[:3, 2], axis, atol=1e-15)
+
+
+WELDED = frame("closedloop1_A", "coupler", "1.5 0 0") + frame("closedloop1_B", "rocker", "1 0 0")
+NAMED = robot(WELDED).replace('"drive"', '"motor_1"').replace('"elbow"', '"elbow_spherical"')
+AXLE = '<axis xyz="0 0 1"/>'
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+#: What is read of a robot.
+READ: dict[str, tuple[Texts, dict[str, object]]] = {
+    "a prismatic constraint": (
+        robot(CONSTRAINT.format("prismatic", "0 1 0", "0 1 0")),
+        {"closures": [{"kind": "prismatic", "translations": (0, 1), "rotation": "fixed"}]},
+    ),
+    "a damped loop of Dojo stays a joint": (
+        closed(MOTOR, DOJO), {"joints": {"pin": {"damping": 1.0}}, "closures": ["pin_closure"]},
+    ),
+    "a damped loop of Fusion stays a joint": (
+        closed(MOTOR, FUSION.format("revolute", AXLE + '<dynamics damping="0.5" friction="0.1"/>')),
+        {"joints": {"pin": {"damping": 0.5, "friction": 0.1}}, "closures": ["pin_closure"]},
+    ),
+    "limits of a loop": (
+        robot(MOTOR, FUSION.format("revolute", AXLE + LIMIT)),
+        {"closures": ["pin"], "notes": {"the limits of closure 'pin' are not read"}},
+    ),
+    "frames of Gepetto without a side-car": (
+        NAMED,
+        {
+            "closures": [{"kind": "6d", "rotation": "fixed"}], "motors": ("motor_1",),
+            "joints": {"elbow_spherical": {"kind": "spherical"}}, "notes": {"1 joints named spherical"},
+        },
+    ),
+    "a pair beside a loop is none": (robot(pair("loop_tip_1", "loop_tip_2"), BALL), {"closures": ["pin"]}),
+    "two frames on one body are no pair": (
+        robot(frame("loop_tip_1", "coupler", "1.5 0 0") + frame("loop_tip_2", "coupler", "1 0 0")),
+        {"closures": []},
+    ),
+    "links with a mass are no pair": (
+        robot(pair("loop_tip_1", "loop_tip_2").replace('"1e-9"', '"0.5"')), {"closures": []},
+    ),
+    "a damped universal joint of Gazebo": (
+        closed(
+            MOTOR,
+            GAZEBO.format("universal", "0 0 0", AXIS + "<axis2><xyz>1 0 0</xyz><dynamics><damping>1</damping>"
+                          "</dynamics></axis2>"),
+        ),
+        {"closures": ["pin"], "notes": {"drops 'damping' of closure 'pin'"}},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", READ)
+def test_what_is_read(name: str, tmp_path: Path) -> None:
+    texts, expected = READ[name]
+    holds(read(save_all(tmp_path, texts)), expected)
+
+
+@pytest.mark.parametrize(
+    ("element", "message"),
+    [
+        (CONSTRAINT.format("prismatic", "0 1 0", "0 0 1"), "does not say how they are turned"),
+        (CONSTRAINT.format("revolut", "0 1 0", "0 0 1"), "did you mean 'revolute'"),
+        (
+            CONSTRAINT.format("universal", "0 1 0", "0 0 1").replace('<child_axis xyz="0 0 1"/>', ""),
+            "<child_axis> is missing",
+        ),
+        (FUSION.format("revolute", '<axis xyz="0 0 1" frame="world"/>'), "known: 'parent', 'child'"),
+        (FUSION.format("revolute", "<link1/>"), "unknown in <loop_joint"),
+        (FUSION.format("revolute", "").replace('<child_origin xyz="1.0 0.0 0.0"/>', ""), "<child_origin>"),
+        (FUSION.format("revolute", "").replace('"rocker"', '"rokcer"'), "did you mean 'rocker'"),
+    ],
+)
+def test_is_refused_by_name(tmp_path: Path, element: str, message: str) -> None:
+    assert refused(save(tmp_path, robot(element)), message).line is not None
