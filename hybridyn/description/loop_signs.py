@@ -321,12 +321,12 @@ def _passive_joints(description: Description) -> Iterator[Sign]:
                 mend,
                 joint=driven[0].name,
             )
-    elif "<transmission>" in description.motors_from:
+    elif told := [word for word in ("<transmission>", "<ros2_control>") if word in description.motors_from]:
         moved = moved_by(description.motors, description.couplings)
         passive = [j.name for j in description.joints if FREEDOMS[j.kind] == 1 and j.name not in moved]
         if passive:
             yield Sign(
-                f"<transmission> drives {len(description.motors)} joints and leaves these passive: "
+                f"{told[0]} drives {len(description.motors)} joints and leaves these passive: "
                 f"{listed(passive)}; they move freely, because no closure is stated",
                 f"if they are driven too, {mend}",
                 joint=passive[0],

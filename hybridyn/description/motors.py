@@ -50,8 +50,9 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     statement, joints = stated[0], {joint.name for joint in robot.joints}
     undriven = [joint.name for joint in _free_joints(robot) if joint.name not in statement.names]
     lost = [name for name in statement.names if name not in joints and not closest(name, undriven)]
-    if lost and statement.source == "transmission":  # of joints that were cut away
-        robot.notes.append(f"<transmission> names joints that the robot does not have: {listed(lost)}")
+    if lost and statement.source in ("transmission", "interface"):  # of joints that were cut away
+        where = statement.where.removeprefix("URDF ")
+        robot.notes.append(f"{where} names joints that the robot does not have: {listed(lost)}")
         statement = statement._replace(names=tuple(name for name in statement.names if name not in lost))
     return _checked(robot, statement), statement.where
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import ModelError
-from .names import did_you_mean, listed
+from .names import LISTED_NAMES, counted, did_you_mean, listed
 from .placement import outwards
 from .records import FREEDOMS, Closure, Coupling, Joint, Link, RobotFile
 
@@ -80,8 +80,10 @@ def _check_tree(robot: RobotFile) -> None:
         )
     if len(roots) > 1:
         raise ModelError(
-            f"{len(roots)} links have no parent joint: {listed(roots)}; a robot has one root, so join the "
-            "others to it (a fixed joint welds, a floating joint leaves free)",
+            f"{len(roots)} links have no parent joint: {_with_sizes(robot, roots)}; a robot has one "
+            f'root. To weld \'{roots[1]}\' on, write <joint name="weld" type="fixed"><parent '
+            f'link="{roots[0]}"/><child link="{roots[1]}"/></joint>; type="floating" leaves it free; to '
+            "choose one of them, remove the links of the others",
             file=robot.file,
             element=roots[1],
         )
@@ -95,6 +97,15 @@ def _check_tree(robot: RobotFile) -> None:
             line=lost[0].line,
             element=lost[0].name,
         )
+
+
+def _with_sizes(robot: RobotFile, roots: list[str]) -> str:
+    """Return the names of roots, each with the number of links that joints hang on it."""
+    below = {root: sum(1 for _ in outwards(robot.joints, [root])) for root in roots[:LISTED_NAMES]}
+    told = [
+        f"'{root}' ({counted(size, 'link') if size else 'nothing'} on it)" for root, size in below.items()
+    ]
+    return ", ".join(told) + (f" and {len(roots) - len(told)} more" if len(roots) > len(told) else "")
 
 
 def _check_couplings(robot: RobotFile) -> None:

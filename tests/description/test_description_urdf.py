@@ -140,7 +140,7 @@ WRONG = [
         "<parent> is missing",
     ),
     (FOUR_BAR, DRIVE, 'type="revolut">\n    <origin', "did you mean 'revolute'"),
-    (FOUR_BAR, DRIVE, 'type="spherical">\n    <origin', "does not exist in URDF"),
+    (FOUR_BAR, DRIVE, 'type="sphere">\n    <origin', "does not exist in URDF"),
     (FOUR_BAR, DRIVE, ">\n    <origin", "attribute 'type' is missing"),
     (FOUR_BAR, 'name="drive"', 'name=""', "attribute 'name' is empty"),
     (FOUR_BAR, '<mass value="2"/>', '<mass value="-2"/>', "negative mass"),
@@ -204,7 +204,7 @@ def links(*names: str) -> str:
             links("r", "a", "b") + joint("j", "a", "b") + joint("k", "b", "a"),
             "links 'a', 'b' form a cycle of joints apart from the root 'r'",
         ),
-        (links("a", "b"), "2 links have no parent joint: 'a', 'b'"),
+        (links("a", "b"), "2 links have no parent joint: 'a' (nothing on it), 'b' (nothing on it)"),
         (links(*(f"l{i}" for i in range(20))), "'l7' and 12 more"),
     ],
 )

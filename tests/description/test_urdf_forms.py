@@ -4,13 +4,16 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+import hybridyn
 from hybridyn.description import read
+from hybridyn.description.loop_signs import lost_loops
 from tests.description.reading import Texts, holds, refused, save_all
 from tests.description.test_urdf_dialects import AXIS, GAZEBO, MOTOR, angles, closed, compare, frame, loop
 from tests.files import save
-from tests.robot_texts import robot
+from tests.robot_texts import INERTIAL, robot
 from tests.samples import slow
 
 #: urdfdom's proposal: each side has its own origin and its own axis.
@@ -182,3 +185,89 @@ def test_what_is_read(name: str, tmp_path: Path) -> None:
 )
 def test_is_refused_by_name(tmp_path: Path, element: str, message: str) -> None:
     assert refused(save(tmp_path, robot(element)), message).line is not None
+
+
+COMMANDED = """<ros2_control name="arm" type="system">
+  <hardware><plugin>mock_components/GenericSystem</plugin></hardware>
+  <joint name="drive"><command_interface name="effort"/><state_interface name="position"/></joint>
+  <joint name="swing"><command_interface name="position"/><param name="gain">3</param></joint>
+  <joint name="elbow"{}><state_interface name="position"/></joint>{}
+</ros2_control>"""
+GRIPPER = '<joint name="finger"><command_interface name="effort"/></joint>'
+FOLLOWS = '<joint name="elbow" type="continuous">', (
+    '<joint name="elbow" type="continuous"><mimic joint="drive" multiplier="-2"/>'
+)  # fmt: skip
+#: Blocks of ros2_control, and what is read of the robot.
+CONTROLLED: dict[str, tuple[str, dict[str, object]]] = {
+    "of a tree": (
+        robot(COMMANDED.format("", "")),
+        {"motors": ("drive", "swing"), "motors_from": "command interfaces of <ros2_control>"},
+    ),
+    "of a closed loop": (robot(COMMANDED.format("", ""), BALL), {"motors": ("drive", "swing")}),
+    "beside transmissions": (
+        robot(COMMANDED.format("", ""), MOTOR), {"motors": ("drive",), "motors_from": "URDF <transmission>"},
+    ),
+    "of joints that were cut away": (
+        robot(COMMANDED.format("", GRIPPER)),
+        {"motors": ("drive", "swing"), "notes": {"commands joints that the robot does not have: 'finger'"}},
+    ),
+    "of nothing that is commanded": (
+        robot(COMMANDED.format("", "").replace("command_", "state_")),
+        {"motors": ("drive", "elbow", "swing")},
+    ),
+    "with a follower": (
+        robot(COMMANDED.format(' mimic="true"', "")).replace(*FOLLOWS),
+        {"motors": ("drive", "swing"), "couplings": ["elbow"], "notes": ()},
+    ),
+    "with a follower that is none": (
+        robot(COMMANDED.format(' mimic="true"', "")), {"notes": {"but follows no joint"}, "couplings": []},
+    ),
+    "with a follower that is said to be none": (
+        robot(COMMANDED.format(' mimic="false"', "")).replace(*FOLLOWS),
+        {"notes": {"it follows by its <mimic> here"}, "couplings": ["elbow"]},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CONTROLLED)
+def test_command_interfaces_are_motors(name: str, tmp_path: Path) -> None:
+    text, expected = CONTROLLED[name]
+    holds(read(save(tmp_path, text)), expected)
+
+
+def test_a_tree_with_a_joint_without_command_is_told(tmp_path: Path) -> None:
+    (sign,) = lost_loops(read(save(tmp_path, robot(COMMANDED.format("", "")))))
+    assert "<ros2_control> drives 2 joints and leaves these passive: 'elbow'" in sign.message
+
+
+def test_a_robot_with_two_roots_says_which_and_how_to_weld_them(tmp_path: Path) -> None:
+    table = f'<link name="table">{INERTIAL}</link>'
+    error = refused(save(tmp_path, robot(table)), "'ground' (3 links on it), 'table' (nothing on it)")
+    weld = str(error).partition("write ")[2].partition(";")[0]
+    read(save(tmp_path, robot(table, weld)))
+
+
+SPHERICAL = f"""<robot name="pendulum"><link name="base"/><link name="bob">{INERTIAL}</link>
+  <joint name="neck" type="spherical"><parent link="base"/><child link="bob"/>
+    <origin xyz="0.1 0.2 0.3" rpy="0.3 -0.2 0.5"/><dynamics damping="0.25"{{}}/></joint></robot>"""
+
+
+def test_a_spherical_joint_is_a_ball_whose_damping_is_that_of_each_axis(tmp_path: Path) -> None:
+    """PyBullet's `spherical`: Euler's equation of the body about its centre, with -d w about each axis."""
+    loaded = hybridyn.load(save(tmp_path, SPHERICAL.format("")))
+    (joint,) = loaded.description.joints
+    assert (joint.kind, joint.damping, loaded.motors) == ("spherical", 0.25, ())
+    half = np.array([0.3, -0.4, 0.5, 0.0]) / 2
+    q = np.array([*half[:3], math.sqrt(1 - half[:3] @ half[:3])])
+    w = np.array([0.7, -0.2, 1.1])
+    found = hybridyn.ddm(loaded, q, w, [], effects="model")
+    com, inertia = np.array([0.5, 0.0, 0.0]), np.diag([0.1, 0.2, 0.25])
+    inertia = inertia + 2.0 * (com @ com * np.eye(3) - np.outer(com, com))
+    down = (pin.rpy.rpyToMatrix(0.3, -0.2, 0.5) @ pin.Quaternion(*q[[3, 0, 1, 2]]).matrix()).T @ [0, 0, -9.81]
+    moment = 2.0 * np.cross(com, down) - np.cross(w, inertia @ w) - 0.25 * w
+    np.testing.assert_allclose(found, np.linalg.solve(inertia, moment), rtol=1e-12)
+
+
+def test_a_spherical_joint_has_no_dry_friction(tmp_path: Path) -> None:
+    found = read(save(tmp_path, SPHERICAL.format(' friction="0.5"')))
+    holds(found, {"joints": {"neck": {"friction": 0.0}}, "notes": {"drops the dry friction of joint 'neck'"}})

@@ -1,4 +1,4 @@
-"""Read what the `<gazebo>` and `<ros2_control>` blocks of a URDF state about the motion.
+"""Read what the `<gazebo>` blocks of a URDF state about the motion, and the followers of ros2_control.
 
 Joints in `<gazebo>` are SDF: `<parent>` and `<child>` name links, `<pose>` places the joint in the child's
 frame, and the loop is closed where all joints are at zero, because SDF places its links in this posture. A
@@ -7,7 +7,7 @@ DetachableJoint welds two links as they stand there. Mimic plugins and `<param n
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ..placement import placement_from, poses_at_zero, relative, rotation_from_r
 from ..plugins import Follower, followers, refuse_holding, weld_of
 from ..records import FREEDOMS, Array, Coupling, RobotFile, StatedSpring
 from ..sdf.elements import flag, numbers
+from .control import followers_of_control
 from .kept_joints import keep_joint
 from .loops import kind_of
 from .xml_node import Node, unit
@@ -65,7 +66,7 @@ def read_gazebo(root: Node, robot: RobotFile) -> None:
     for plugin in plugins:
         if weld_of(plugin, robot.name) is None:
             refuse_holding(plugin, links, f"a{ACCEPTED_FORMS[1:]}")
-    for follower in (*(one for plugin in plugins for one in followers(plugin)), *_of_control(root)):
+    for follower in (*(one for plugin in plugins for one in followers(plugin)), *followers_of_control(root)):
         _couple(follower, robot)
     for block in blocks:
         _read_spring(block, robot)
@@ -77,19 +78,6 @@ def _weld(plugin: Node, ends: tuple[Node, Node], poses: Mapping[str, Array], rob
     name = unique(f"weld_{parent}_{child}", {closure.name for closure in robot.closures})
     sides = (parent, relative(poses[parent], poses[child])), (child, np.eye(4))
     robot.closures.append(closure_of(name, "fixed", sides, line=plugin.line))
-
-
-def _of_control(root: Node) -> Iterator[Follower]:
-    """Yield the joints that ros2_control moves with others (`<param name="mimic">`)."""
-    for block in root.children("ros2_control"):
-        for joint in block.children("joint"):
-            stated = {str(param.xml.get("name")): param for param in joint.children("param")}
-            if "mimic" in stated:
-                numbers = (
-                    stated[word].number() if word in stated else default
-                    for word, default in (("multiplier", 1.0), ("offset", 0.0))
-                )
-                yield Follower(joint, joint.text("name"), stated["mimic"].content(), *numbers)
 
 
 def _couple(follower: Follower, robot: RobotFile) -> None:

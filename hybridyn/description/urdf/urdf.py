@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
-from typing import Any, cast, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -26,13 +26,15 @@ from ..records import (
     massless,
     spring_effect,
 )
+from .control import state_interfaces
 from .drake import PITCH, SPRING, TENDON, is_drakes, read_drake_joint, read_tendon, spring_effects
 from .engines import dropped
 from .gazebo import read_gazebo
 from .loops import add_closures, forces_of, pose_of, read_coupling, read_mimic
 from .xml_node import Node, axis_of
 
-URDF_KINDS = [kind for kind in get_args(JointKind) if kind != "spherical"]
+#: Types of joints of URDF, and PyBullet's `spherical`, a ball.
+URDF_KINDS: tuple[JointKind, ...] = get_args(JointKind)
 
 #: Limits of this size are none. URDF has no word for infinity that every program reads.
 UNLIMITED = 1e30
@@ -80,6 +82,7 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
     robot.couplings += [read_tendon(node) for node in root.children(TENDON)]
     robot.effects += spring_effects(root.children(SPRING))
     _state_motors(robot, root, independent, len(nodes))
+    state_interfaces(root, robot)
     _add_armatures(robot, nodes)
     if robot.springs:
         robot.effects += (spring_effect(robot.springs),)
@@ -208,7 +211,7 @@ def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:
 def _joint_kind(node: Node) -> JointKind:
     kind = node.text("type")
     if kind in URDF_KINDS:
-        return cast(JointKind, kind)
+        return kind
     raise node.error(
         f"joint type '{kind}' does not exist in URDF{did_you_mean(kind, URDF_KINDS)}; known: "
         f"{listed(URDF_KINDS)}. Write others as one-freedom joints with massless links between them, or "
@@ -248,6 +251,10 @@ def _forces(node: Node | None, name: str, kind: JointKind, robot: RobotFile) -> 
     if min(*out.values(), stiffness) < 0:
         numbers = f"{out['damping']:g}, {out['friction']:g}"
         raise node.error(f"joint '{name}' has negative damping or friction ({numbers})")
+    if kind == "spherical" and out["friction"]:
+        place = "{}:{}".format(*node.place)
+        robot.notes.append(f"{place}: {DROPS} the dry friction of joint '{name}', which has several freedoms")
+        out["friction"] = 0.0
     if stiffness and FREEDOMS[kind] == 1:
         robot.springs.append(StatedSpring(name, stiffness, stated.get("spring_reference", 0.0)))
     elif stiffness and kind != "fixed":

@@ -1,0 +1,63 @@
+"""Read what `<ros2_control>` of a URDF states of the robot: joints that follow others, and driven joints.
+
+A joint with a `<command_interface>` is driven; one that has only state interfaces is measured. What moves
+with another joint follows by the `<mimic>` of the URDF, or by `<param name="mimic">`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..names import listed
+from ..plugins import Follower
+from ..records import FREEDOMS, MotorStatement, RobotFile
+from .xml_node import Node
+
+TAG = "ros2_control"
+
+
+def followers_of_control(root: Node) -> Iterator[Follower]:
+    """Yield the joints that ros2_control moves with others by `<param name="mimic">`."""
+    for joint in _joints(root):
+        stated = {str(param.xml.get("name")): param for param in joint.children("param")}
+        if "mimic" in stated:
+            numbers = (
+                stated[word].number() if word in stated else default
+                for word, default in (("multiplier", 1.0), ("offset", 0.0))
+            )
+            yield Follower(joint, joint.text("name"), stated["mimic"].content(), *numbers)
+
+
+def state_interfaces(root: Node, robot: RobotFile) -> None:
+    """Add the joints with a command interface to the motors, and note what the blocks say of followers."""
+    followers = {coupling.name for coupling in robot.couplings}
+    freedoms = {joint.name: FREEDOMS[joint.kind] for joint in robot.joints}
+    driven: dict[str, Node] = {}
+    for node in _joints(root):
+        name, mimic = node.text("name"), str(node.xml.get("mimic", "")).strip().lower()
+        if mimic == "false" and name in followers:
+            _note(robot, node, f"joint '{name}' says mimic=\"false\"; it follows by its <mimic> here")
+        if mimic == "true" and name in freedoms and name not in followers:
+            _note(robot, node, f"joint '{name}' says mimic=\"true\", but follows no joint")
+        if node.children("command_interface"):
+            driven[name] = node
+    unknown = [name for name in driven if name not in freedoms]
+    if unknown:
+        _note(
+            robot, driven[unknown[0]], f"it commands joints that the robot does not have: {listed(unknown)}"
+        )
+    names = [name for name in driven if freedoms.get(name) == 1 and name not in followers]
+    if names:
+        node = driven[names[0]]
+        where = "command interfaces of <ros2_control>"
+        robot.motors.append(MotorStatement("interface", where, tuple(names), root.file, node.line))
+
+
+def _joints(root: Node) -> Iterator[Node]:
+    """Yield the joints of the blocks."""
+    for block in root.children(TAG):
+        yield from block.children("joint")
+
+
+def _note(robot: RobotFile, node: Node, text: str) -> None:
+    robot.notes.append("{}:{}".format(*node.place) + f": <{TAG}>: {text}")
