@@ -26,8 +26,8 @@ from .urdf.xml_node import Node
 
 ACCEPTED_FORMS = (
     "accepted forms: <loop>, <coupling> (URDF+), <mimic>, <loop_joint>, <constraint> (urdfdom), an SDF joint "
-    "directly in <gazebo>, frames closing_x_1 and closing_x_2, or a side-car robot.yaml (closed_loop: pairs "
-    "of frames)"
+    "directly in <gazebo>, frames closing_x_1 and closing_x_2, or a side-car: robot.yaml (closed_loop: pairs "
+    "of frames), submechanisms.yml, loop_closures.yaml"
 )
 
 #: Elements that are read below `<robot>`.
@@ -106,23 +106,6 @@ def refuse_unclosed_frames(robot: RobotFile) -> None:
             line=lines[named[0]],
             element=named[0],
         )
-
-
-def refuse_unread_side_cars(robot: RobotFile, folder: Path) -> None:
-    """Raise for side-cars in forms that are not read; if the robot states closures, only note them.
-
-    Raises:
-        ModelError: There is such a file, and the robot states no closure.
-    """
-    for file in folder.glob("loop_closures.y*ml"):
-        if not robot.closures:
-            raise ModelError(
-                f"{file.name} beside it (scikit-robot) may state loop closures, but is not read; move it "
-                f"away if it belongs to another robot. A{ACCEPTED_FORMS[1:]}",
-                file=robot.file,
-                element=file.name,
-            )
-        robot.notes.append(f"{file.name} (scikit-robot) is beside the robot file and was not read")
 
 
 def _refuse_if_suspicious(node: Node) -> None:

@@ -14,11 +14,11 @@ from pathlib import Path
 from ..errors import ModelError
 from .closure_forms import apply_closing_frames, apply_welded_frames
 from .followers import followers_at_home
-from .loop_signs import lost_loops, refuse_unclosed_frames, refuse_unread_side_cars
+from .loop_signs import lost_loops, refuse_unclosed_frames
 from .motors import choose_motors
 from .names import counted, listed
 from .records import Description, ReadFrom, RobotFile
-from .side_cars.model_toml import find_model_file, find_side_car
+from .side_cars.model_toml import find_loop_closures, find_model_file, find_side_car
 from .urdf.robot_folders import content_of
 from .urdf.xacro import expand
 from .urdf.xml_node import LARGEST_FILE, Node, parse
@@ -158,7 +158,20 @@ def _read_side_cars(robot: RobotFile, file: str) -> None:
     else:
         apply_welded_frames(robot)
     apply_closing_frames(robot)
-    refuse_unread_side_cars(robot, folder)
+    _read_loop_closures(robot, file)
+
+
+def _read_loop_closures(robot: RobotFile, file: str) -> None:
+    """Add the closures of a `loop_closures.yaml`, where nothing else states any."""
+    if not (path := find_loop_closures(file)):
+        return
+    if robot.closures:
+        robot.notes.append(f"{path.name} is beside the robot file, which states closures itself; not read")
+        return
+    from .side_cars.loop_closures import apply_loop_closures
+    from .side_cars.yaml_file import read_yaml
+
+    apply_loop_closures(robot, read_yaml(read_bytes(str(path)), str(path)))
 
 
 def _read_model_file(robot: RobotFile, file: str) -> dict[str, tuple[float, ...]]:

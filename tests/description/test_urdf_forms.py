@@ -271,3 +271,81 @@ def test_a_spherical_joint_is_a_ball_whose_damping_is_that_of_each_axis(tmp_path
 def test_a_spherical_joint_has_no_dry_friction(tmp_path: Path) -> None:
     found = read(save(tmp_path, SPHERICAL.format(' friction="0.5"')))
     holds(found, {"joints": {"neck": {"friction": 0.0}}, "notes": {"drops the dry friction of joint 'neck'"}})
+
+
+def in_root() -> str:
+    """Return where the tip of the closed four-bar stands in the root's frame."""
+    elbow, _ = angles()
+    at = np.array([math.cos(0.4), math.sin(0.4)])
+    at = at + 1.5 * np.array([math.cos(0.4 + elbow), math.sin(0.4 + elbow)])
+    return f"[{at[0]:.17g}, {at[1]:.17g}, 0.0]"
+
+
+SOLVED = "dependent: [elbow, swing]\nindependent: [drive]\n"
+HINGES = f"closures:\n- axis: [0.0, 0.0, 1.0]\n  link_a: coupler\n  link_b: rocker\n  point: {in_root()}\n"
+POINTS = """  - name: pin
+    parent: coupler
+    child: rocker
+    parent_xyz: [1.5, 0.0, 0.0]
+    child_xyz: [1.0, 0.0, 0.0]
+"""
+PINS = f"pin_loops:\n{POINTS}    axis: [0.0, 0.0, 1.0]\nactuated_joints:\n  - drive\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "side_car"),
+    [
+        ("loop_closures.yaml", HINGES + SOLVED),
+        slow("../config/loop_closures.yaml", HINGES + SOLVED),
+        slow("../loop_closures.yml", PINS),
+    ],
+)
+def test_hinges_of_loop_closures(name: str, side_car: str, tmp_path: Path) -> None:
+    theirs = save(tmp_path / "a" / "urdf", closed())
+    save((tmp_path / "a" / "urdf" / name).parent, side_car, Path(name).name)
+    compare(theirs, save(tmp_path / "b", closed(MOTOR, loop("revolute"))))
+
+
+#: Files beside the four-bar, and what is read.
+BESIDE: dict[str, tuple[str, str, dict[str, object]]] = {
+    "a ball": (
+        closed(), f"ball_loops:\n{POINTS}ball_upgrades: [elbow]\nball_limit_deg: 15.0\n",
+        {
+            "closures": [{"name": "pin", "rotation": "free"}], "joints": {"elbow": {"kind": "spherical"}},
+            "notes": {"ball_limit_deg of loop_closures.yaml is not read"},
+        },
+    ),
+    "motors": (closed(), HINGES + SOLVED, {"motors_from": "independent of loop_closures.yaml"}),
+    "motors of the robot": (closed(MOTOR), HINGES + SOLVED, {"motors_from": "URDF <transmission>"}),
+    "a robot with loops": (
+        robot(MOTOR, BALL), HINGES, {"closures": ["pin"], "notes": {"states closures itself; not read"}},
+    ),
+    "another robot's": (
+        robot(), HINGES.replace("coupler", "arm").replace("rocker", "leg"),
+        {"closures": [], "notes": {"names no link of this robot"}},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_loop_closures_beside_a_robot(name: str, tmp_path: Path) -> None:
+    text, side_car, expected = BESIDE[name]
+    holds(read(save_all(tmp_path, {"r.urdf": text, "loop_closures.yaml": side_car})), expected)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("link_b: rocker", "link_b: rokcer", "no link is called 'rokcer' (did you mean 'rocker'?)"),
+        ("[0.0, 0.0, 1.0]", "[0.0, 0.0, 0.0]", "is zero, so it has no direction"),
+        ("[0.0, 0.0, 1.0]", "[0.0, 1.0]", "at least 3 items"),
+        ("[0.0, 0.0, 1.0]", "[0.0, 0.0, .nan]", "should be a finite number"),
+        ("link_b: rocker", "link_c: rocker", "'link_b' is missing"),
+        ("independent: [drive]", "independent: [drvie]", "no joint is called 'drvie'"),
+        ("closures:", "closure:", "states no loop"),
+    ],
+)
+def test_wrong_loop_closures(old: str, new: str, message: str, tmp_path: Path) -> None:
+    side_car = (HINGES + SOLVED).replace(old, new)
+    error = refused(save_all(tmp_path, {"r.urdf": closed(), "loop_closures.yaml": side_car}), message)
+    assert error.file == str(tmp_path / "loop_closures.yaml")

@@ -295,6 +295,14 @@ def find_side_car(file: str) -> Path | None:
     return next(filter(Path.is_file, places), None)
 
 
+def find_loop_closures(file: str) -> Path | None:
+    """Return the file that belongs to a robot: beside it, or where packages with a folder `urdf` have it."""
+    folder = Path(file).absolute().parent
+    above = (folder.parent, folder.parent / "config") if folder.name == "urdf" else ()
+    found = (path for place in (folder, *above) for path in sorted(place.glob("loop_closures.y*ml")))
+    return next(found, None)
+
+
 def find_model_file(file: str) -> Path | None:
     """Return the path of the model file that belongs to a robot file, or None.
 
