@@ -45,6 +45,16 @@ READ: dict[str, tuple[Texts, dict[str, str], list[str], dict[str, object]]] = {
         {"r.urdf": xacro('<xacro:property name="n" value="a"/><link name="${n}"/>')}, {}, [],
         {"links": ["a"]},
     ),
+    "arithmetic of arguments, numbers and names": (
+        {
+            "r.xacro": xacro(
+                '<xacro:arg name="count" default="2"/><xacro:arg name="big" default="false"/>'
+                '<xacro:arg name="side" default="left"/>'
+                "<link name=\"a$(eval count * 2 + 1)_$(eval side + '_' if not big else 'x')$(eval pi > 3)\"/>"
+            )
+        },
+        {"count": "3"}, [], {"links": ["a7_left_True"]},
+    ),
     "an element whose name is evaluated": (
         {"r.xacro": xacro('<xacro:element xacro:name="${\'link\'}" name="a"/>')},
         {}, [], {"links": ["a"]},
@@ -104,7 +114,8 @@ REFUSED: list[tuple[Texts, list[str]]] = [
             ("${().__class__}", "attribute '__class__' is not allowed"),
             ("${_private}", "'_private' is not defined"),
             ("${'a'.format(1)}", "attribute 'format' is not allowed"),
-            ("$(eval 1 + 1)", "$(eval 1 + 1) is not read; write ${1 + 1}"),
+            ("$(eval 1 + side)", "'side' is not defined"),
+            ("$(eval open)", "open"),
             ("$(env HOME)", "HOME"),
             ("${undefined + 1}", "undefined"),
             ("${1 +}", "invalid syntax"),
@@ -125,8 +136,8 @@ REFUSED: list[tuple[Texts, list[str]]] = [
     ('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>', ["without end"]),
     (INCLUDE.format("entity"), ["entity.xacro:2: xacro: <!DOCTYPE is not allowed"]),
     (
-        '<xacro:property name="p" value="$(eval 1+1)"/><link name="${p}"/>',
-        ["r.xacro:2: xacro: $(eval 1+1) is not read; write ${1+1} when evaluating expression 'p'"],
+        '<xacro:property name="p" value="$(eval 1+x)"/><link name="${p}"/>',
+        ["r.xacro:2: xacro: 'x' is not defined for expression '1+x' when evaluating expression 'p'"],
     ),
     # What is expanded is checked like any URDF.
     (

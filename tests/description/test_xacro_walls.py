@@ -313,7 +313,7 @@ ATTACKS = [
     *(
         (f"<link>{said}</link>", message)
         for said, message in (
-            ("$(eval exec)", r"\$\(eval exec\) is not read; write \$\{exec\}"),
+            ("$(eval exec)", "'exec' is not defined"),
             (r"${xacro.load_yaml('python.yaml')}", "could not determine a constructor"),
             (r"${xacro.load_yaml('code.yaml')}", "not defined"),
             (r"${xacro.load_yaml('/proc/self/environ')}", OUTSIDE),

@@ -31,6 +31,8 @@ from .xml_node import DOCTYPE, PLACE
 IN_WORDS: dict[type[BaseException], str] = {
     MemoryError: "needs too much memory", RecursionError: "macros or includes call themselves without end",
 }  # fmt: skip
+#: Names of every `$(eval ...)`.
+CONSTANTS = {"true": True, "false": False}
 #: What an element, text or comment, and an attribute take in xacro's document [bytes].
 NODE, ATTRIBUTE = 400, 500
 #: What count a macro or block that is replaced, a node that is moved, or passed in a search, a text that is
@@ -66,7 +68,9 @@ class Expansion:
             symbols["xacro"], message=self._note, warning=self._note, error=self._note,
             print_location=lambda *_, **__: "", arg=self._argument,
         )  # fmt: skip
-        self.evaluator = Evaluator(symbols, (xacro.NameSpace, xacro.YamlDictWrapper), self._budget)
+        spaces = xacro.NameSpace, xacro.YamlDictWrapper
+        self.evaluator = Evaluator(symbols, spaces, self._budget)
+        self._of_arguments = Evaluator({**symbols, "find": find}, spaces, self._budget)
         xacro.eval_text, xacro.safe_eval = self._text, lambda text, names: self.evaluator(text, names)
         xacro.Table._eval_literal = staticmethod(partial(self.trace.mapped, xacro.literal))
         xacro.get_boolean_value = lambda value, stated: self.trace.chosen(
@@ -76,7 +80,7 @@ class Expansion:
         xacro.open = self._opened
         xacro.glob, xacro.root_dir = SimpleNamespace(glob=_refuse_pattern), os.getcwd()
         xacro.warning, xacro.print_location = self._note, lambda: None
-        dollar._eval, dollar._eval_find = _refuse_eval, find
+        dollar._eval, dollar._eval_find = self._of_dollar, find
 
         try:
             document = xacro.process_file(folders.file, mappings=self._given, verbosity=0)
@@ -170,6 +174,23 @@ class Expansion:
         if OPEN in self._given[name]:
             raise UntracedError
         return self._given[name]
+
+    def _of_dollar(self, expression: str, context: Mapping[str, Mapping[str, str]]) -> str:
+        """Return the value of `$(eval ...)` as text: it knows the arguments and the names of `math`."""
+        stated, convert = context.get("arg", {}), self._xacro.substitution_args.convert_value
+
+        def argument(name: str) -> Any:
+            if OPEN in stated[name]:
+                raise UntracedError
+            return convert(stated[name], "auto")
+
+        if OPEN in expression:
+            raise UntracedError
+        self._of_arguments.functions["arg"] = argument
+        math = self._xacro._global_symbols["math"]
+        known = {**CONSTANTS, **{name: math[name] for name in dict.keys(math) if not callable(math[name])}}
+        names = Names(lambda name: known[name] if name in known else argument(name))
+        return str(self._of_arguments(expression, names))
 
     def _text(self, text: str, symbols: Any) -> Any:
         """Return the value of a text with expressions, which is a text unless it is one expression alone."""
@@ -295,11 +316,6 @@ def _lexed(text: str) -> list[tuple[int, str]]:
 def _refuse_pattern(pattern: str) -> NoReturn:
     """Refuse a pattern of names in `<xacro:include>`, which no robot file uses."""
     raise ModelError(f"the pattern '{pattern}' names no file; include each file by its name")
-
-
-def _refuse_eval(expression: str, _: object) -> NoReturn:
-    """Refuse `$(eval ...)`, which is of launch files and no robot file."""
-    raise ModelError(f"$(eval {expression}) is not read; write ${{{expression}}}")
 
 
 def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
