@@ -8,7 +8,13 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
-from hybridyn.description.placement import placement_from, rotation_from_quaternion, rotation_from_rpy
+from hybridyn.description.placement import (
+    inverse,
+    placement_from,
+    poses_at,
+    rotation_from_quaternion,
+    rotation_from_rpy,
+)
 from hybridyn.description.urdf.robot_folders import recorded
 from hybridyn.description.usd import opening
 from hybridyn.description.usd.schema import AXES
@@ -327,3 +333,43 @@ def test_files_that_are_too_large_are_refused(tmp_path: Path, monkeypatch: pytes
     assert read(file).root == "a"
     monkeypatch.setattr(opening, "MOST_PRIMS", 2)
     refused(file, "more than 2 prims")
+
+
+def hinted(word: str, flag: str = "", *more: str) -> str:
+    """Return a rod on a crank by a generic joint whose customData says what it is, as Kamino's files do."""
+    rod = joint("", "g", "a", "b", at(0, "1, 0, 0", ".8, .6, 0, 0"), at(1, "0, 0, .3"), flag)
+    hint = f'"g" (customData = {{ string dofs = "{word}" }})'
+    return usda(*PAIR, rod.replace('"g"', hint, 1), *more)
+
+
+def test_a_universal_joint_of_kamino_turns_about_x_then_y(tmp_path: Path) -> None:
+    """The first axis is x of the joint's frame in the first body, the second y of that in the second one."""
+    found = read(save(tmp_path, hinted("universal")))
+    holds(found, {"joints": {"g_rotX": {"kind": "revolute"}, "g_rotY": {"kind": "revolute"}}})
+    loaded = hybridyn.load(save(tmp_path, hinted("universal")))
+    q = np.array([0.0, 0.3, -0.4])
+    placed = poses_at(found, dict(zip(("j", "g_rotX", "g_rotY"), ((x,) for x in q), strict=True)))
+    in_a = placement_from(rotation_from_quaternion(0.6, 0, 0, 0.8), np.array([1.0, 0, 0]))
+    turn = rotation_from_rpy(0.3, 0, 0) @ rotation_from_rpy(0, -0.4, 0)
+    in_b = placement_from(np.eye(3), np.array([0, 0, 0.3]))
+    expected = placed["a"] @ in_a @ placement_from(turn, np.zeros(3)) @ inverse(in_b)
+    np.testing.assert_allclose(placed["b"], expected, atol=1e-7)
+    assert loaded.nv == 3
+
+
+def test_a_universal_joint_of_kamino_closes_a_loop_with_four_rows(tmp_path: Path) -> None:
+    second = joint("Revolute", "k", "a", "b", HINGE, at(0, "1, 0, 0"), at(1, "0, 0, .3"))
+    (closure,) = read(save(tmp_path, hinted("universal", EXCLUDED, second))).closures
+    assert (closure.kind, closure.translations, closure.rotation) == ("universal", (0, 1, 2), "perpendicular")
+    in_a = rotation_from_quaternion(0.6, 0, 0, 0.8)
+    np.testing.assert_allclose(closure.frame_a[:3, 2], in_a[:, 0], atol=1e-7)
+    np.testing.assert_allclose(closure.frame_b[:3, 2], [0, 1, 0], atol=1e-7)
+
+
+@pytest.mark.parametrize(("word", "kinds"), [
+    ("cylindrical", ["prismatic", "revolute"]), ("cartesian", ["prismatic"] * 3),
+])  # fmt: skip
+def test_other_hints_of_kamino(word: str, kinds: list[str], tmp_path: Path) -> None:
+    found = read(save(tmp_path, hinted(word)))
+    made = [one.kind for one in found.joints if one.name.startswith("g_")]
+    assert [kind for kind in made if kind != "fixed"] == kinds

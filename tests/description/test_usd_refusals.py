@@ -24,6 +24,12 @@ def d6(*locked: str, extra: str = "") -> str:
     return joint("", "g", "a", "b", *limits, extra, schemas=schemas)
 
 
+def hinted(word: str, *locked: str) -> str:
+    """Return a generic joint whose customData says what it is."""
+    hint = f'"g" (customData = {{ string dofs = "{word}" }}\n  prepend'
+    return d6(*locked).replace('"g" (prepend', hint)
+
+
 def hinged(*content: str, schemas: tuple[str, ...] = ()) -> str:
     return usda(A, joint("Revolute", "j", "", "a", *content, schemas=schemas))
 
@@ -61,6 +67,10 @@ CASES = {
     "universal": (
         usda(A, B, HELD, d6(*TRANS, "rotX")),
         "</robot/g>: one rotation is locked and two are free",
+    ),
+    "a universal joint of Kamino whose axis is locked": (
+        usda(A, B, HELD, hinted("universal", *TRANS, "rotX")),
+        "its axis rotX is locked",
     ),
     "distance axis": (usda(A, B, HELD, d6("distance")), "a limit of 'distance' is not read"),
     "locked away from zero": (

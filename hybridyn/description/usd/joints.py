@@ -23,6 +23,11 @@ from ..records import Array, Coupling, RobotFile
 from .schema import AXES, DEGREES, JOINTS, NUMBERS, ONE_AXIS, SINGLE_PRECISION
 from .stage import Prim, Stage
 
+#: Free axes of a PhysicsJoint by the word `dofs` of its customData, which Newton's Kamino reads: the first is
+#: fixed in the first body, the last in the second one.
+HINTS = {
+    "universal": ("rotX", "rotY"), "cylindrical": ("transX", "rotX"), "cartesian": AXES[:3],
+}  # fmt: skip
 #: Numbers by which a joint needs its position.
 WEIGHTS = ("rotor_inertia", "friction", "damping")
 
@@ -193,10 +198,16 @@ def _limits(prim: Prim) -> dict[str, tuple[float, float]]:
                 f"axis {name} is locked at {lower:g}; lock it at 0 (low above high), and put the offset into "
                 "localPos0 and localRot0"
             )
+    hint = str(prim.usd.GetCustomData().get("dofs", ""))
+    if hint in HINTS:
+        if locked := [axis for axis in HINTS[hint] if axis in stated and axis not in limits]:
+            raise prim.error(f"customData says that it is {hint}, but its axis {locked[0]} is locked")
+        return {axis: limits.get(axis, (-np.inf, np.inf)) for axis in HINTS[hint]}
     if sum(axis.startswith("rot") for axis in limits) == 2:
         raise prim.error(
             "one rotation is locked and two are free, which is no universal joint in USD (the twist is "
-            "locked) and no joint here; write two revolute joints with a small body between them"
+            "locked) and no joint here; write two revolute joints with a small body between them, or "
+            'customData = { string dofs = "universal" } (Newton)'
         )
     return limits
 

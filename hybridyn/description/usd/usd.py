@@ -20,9 +20,11 @@ from ..closure_forms import ROWS, closure_of, form_of_rows
 from ..joint_graph import Chain, JointGraph, Tree, span, step
 from ..motors import MEND
 from ..names import noted
+from ..placement import rotation_to_axis
 from ..records import Array, Closure, JointKind, Link, MotorStatement, RobotFile
 from ..urdf.robot_folders import RobotFolders
 from .joints import (
+    HINTS,
     UsdJoint,
     add_home,
     coupled,
@@ -329,6 +331,11 @@ def _drives(prim: Prim) -> list[str]:
 
 def _closing(joint: UsdJoint, links: tuple[str, str]) -> Closure:
     """Return a joint as a closure between two links."""
+    if tuple(joint.limits) == HINTS["universal"]:
+        turns = [rotation_to_axis(direction(axis)) for axis in joint.limits]
+        return closure_of(
+            joint.name, "universal", zip(links, joint.frames, strict=True), turns, line=joint.line
+        )
     form = form_of_rows(
         " ".join(row for row, axis in zip(ROWS, AXES, strict=True) if axis not in joint.limits)
     )
