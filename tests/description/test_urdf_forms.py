@@ -349,3 +349,41 @@ def test_wrong_loop_closures(old: str, new: str, message: str, tmp_path: Path) -
     side_car = (HINGES + SOLVED).replace(old, new)
     error = refused(save_all(tmp_path, {"r.urdf": closed(), "loop_closures.yaml": side_car}), message)
     assert error.file == str(tmp_path / "loop_closures.yaml")
+
+
+WRIST = """<robot name="wrist"><link name="base"/><link name="cross">{0}</link><link name="hand">{0}</link>
+<joint name="pitch" type="revolute"><parent link="base"/><child link="cross"/><axis xyz="0 1 0"/>
+  <limit lower="-1" upper="1" effort="10" velocity="5"/></joint>
+<joint name="roll" type="revolute"><parent link="cross"/><child link="hand"/><axis xyz="0 0 1"/>
+  <limit lower="-2" upper="2" effort="10" velocity="5"/></joint>
+<transmission name="wrist_trans"><type>transmission_interface/{1}Transmission</type>
+  <actuator name="m2"><role>actuator2</role><mechanicalReduction>50</mechanicalReduction>
+    <rotor_inertia>{3}</rotor_inertia></actuator>
+  <actuator name="m1"><role>actuator1</role><mechanicalReduction>30</mechanicalReduction>
+    <rotor_inertia>{2}</rotor_inertia></actuator>
+  <joint name="roll"><role>joint2</role><mechanicalReduction>3</mechanicalReduction></joint>
+  <joint name="pitch"><role>joint1</role><mechanicalReduction>2</mechanicalReduction></joint>
+</transmission></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "rates"),
+    [
+        ("Differential", [[30 * 2, 30 * 3], [50 * 2, -50 * 3]]),
+        ("FourBarLinkage", [[30 * 2, 0], [50, 50 * 3]]),
+    ],
+)
+def test_rotors_that_turn_with_two_joints(kind: str, rates: list[list[float]], tmp_path: Path) -> None:
+    """Each rotor adds J r r^T to the mass matrix, with r its turns per turn of the joints."""
+    loaded = hybridyn.load(save(tmp_path, WRIST.format(INERTIAL, kind, 1e-5, 3e-5)))
+    bare = hybridyn.load(save(tmp_path / "bare", WRIST.format(INERTIAL, kind, 0, 0)))
+    assert loaded.motors == bare.motors == ("roll", "pitch")
+    q = np.array([0.3, -0.4])
+    turns = np.array(rates)[:, ::-1]  # of roll, then pitch: the order of the motors
+    added = sum(J * np.outer(r, r) for J, r in zip((1e-5, 3e-5), turns, strict=True))
+    expected = hybridyn.mass_matrix(bare, q) + added
+    at = hybridyn.assemble(loaded, motors={"pitch": (q[0], 0, 0), "roll": (q[1], 0, 0)}, guess=loaded.home)[0]
+    found = hybridyn.mass_matrix(loaded, at, effects="model")
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
+    driven = read(save(tmp_path, WRIST.format(INERTIAL, kind, 1e-5, 3e-5)), motors=["m1", "m2"])
+    assert driven.motors == ("m1", "m2")

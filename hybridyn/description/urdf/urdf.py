@@ -6,6 +6,7 @@ Elements that do not affect the dynamics (visuals, collisions, materials, meshes
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any, get_args
@@ -13,10 +14,11 @@ from typing import Any, get_args
 import numpy as np
 
 from ..loop_signs import refuse_unread_loops
-from ..names import DROPS, did_you_mean, listed
+from ..names import DROPS, did_you_mean, listed, unique
 from ..records import (
     FREEDOMS,
     Array,
+    Coupling,
     Joint,
     JointKind,
     Link,
@@ -268,7 +270,7 @@ def read_transmissions(root: Node, robot: RobotFile) -> dict[str, dict[str, Any]
 
     Returns:
         The rotors by joint name. For a transmission with several joints or actuators, the values inside its
-        `<joint>` elements count, and the rotors of a differential.
+        `<joint>` elements count, and equal rotors of a differential.
     """
     nodes = root.children("transmission")
     rotors: dict[str, dict[str, Any]] = {}
@@ -296,30 +298,81 @@ def read_transmissions(root: Node, robot: RobotFile) -> dict[str, dict[str, Any]
 def _share_rotors(
     node: Node, joints: list[Node], rotors: dict[str, dict[str, Any]], robot: RobotFile
 ) -> None:
-    """Give the joints of a differential the inertia of its rotors; note rotors that joints cannot express.
+    """Give two joints the inertia of the rotors that turn with both; note rotors that nothing can express.
 
-    The rotors turn with a = n (n_1 q_1 + n_2 q_2) and n (n_1 q_1 - n_2 q_2), with n the reduction of each
-    actuator and n_1, n_2 those of the joints. Where J n^2 of both are equal, the inertia 2 J n^2 stands
-    behind the reduction of each joint; other rotors couple the two joints.
+    Rotor i turns by n_i (c_i1 q_1 + c_i2 q_2), with n_i the reduction of its actuator. With the reductions
+    n_1, n_2 of the joints, c is ((n_1, n_2), (n_1, -n_2)) in a DifferentialTransmission, and ((n_1, 0),
+    (1, n_2)) in a FourBarLinkageTransmission. Where J n_i^2 of both rotors of a differential are equal, the
+    inertia 2 J n_i^2 stands behind the reduction of each joint. Other rotors become joints, which follow.
+
+    Source: transmission_interface of ros_control, the maps of positions.
     """
     owners = [*node.children("actuator"), node]
     stated = [(owner, rotor) for owner in owners if (rotor := read_rotor(owner)).get("rotor_inertia")]
     if not stated:
         return
-    at_joint = [rotor["rotor_inertia"] * rotor.get("gear_ratio", 1.0) ** 2 for _, rotor in stated]
     kind = node.child("type")
-    differential = "Differential" in f"{node.xml.get('type', '')} {kind.content() if kind else ''}"
-    two = len(joints) == 2 == len(stated) and stated[-1][0] is not node
-    own = any(rotors[joint.text("name")].get("rotor_inertia") for joint in joints)
-    if differential and two and not own and math.isclose(*at_joint):
-        for joint in joints:
-            rotors[joint.text("name")]["rotor_inertia"] = sum(at_joint)
+    words = f"{node.xml.get('type', '')} {kind.content() if kind else ''}"
+    names = [joint.text("name") for joint in _by_role(joints)]
+    ratios = [rotors[name].get("gear_ratio", 1.0) for name in names]
+    maps = {word: of(*ratios) for word, of in ROTOR_MAPS.items() if word in words and len(joints) == 2}
+    own = any(rotors[name].get("rotor_inertia") for name in names)
+    if own or not maps or len(owners) != 3 or stated[-1][0] is node:
+        place = "{}:{}".format(*node.place)
+        told = listed(owner.xml.get("name", owner.tag) for owner, _ in stated)
+        robot.notes.append(
+            f"{place}: {DROPS} the rotors of {told}: "
+            "they couple joints; state their inertia in the <joint>s of the <transmission>, or in model.toml"
+        )
         return
-    place = "{}:{}".format(*node.place)
-    robot.notes.append(
-        f"{place}: {DROPS} the rotors of {listed(owner.xml.get('name', owner.tag) for owner, _ in stated)}: "
-        "they couple joints; state their inertia in the <joint>s of the <transmission>, or in model.toml"
-    )
+    at_joint = [rotor["rotor_inertia"] * rotor.get("gear_ratio", 1.0) ** 2 for _, rotor in stated]
+    ((word, map_),) = maps.items()
+    if word == "Differential" and len(stated) == 2 and math.isclose(*at_joint):
+        for name in names:
+            rotors[name]["rotor_inertia"] = sum(at_joint)
+        return
+    rows = dict(zip((owner.text("name") for owner in _by_role(owners[:2])), map_, strict=True))
+    for owner, rotor in stated:
+        _add_rotor(owner, rotor, dict(zip(names, rows[owner.text("name")], strict=True)), robot)
+
+
+#: Turns of the two rotors, before their own reductions, per turn of the two joints, by the type.
+ROTOR_MAPS: dict[str, Callable[[float, float], tuple[tuple[float, float], tuple[float, float]]]] = {
+    "Differential": lambda first, second: ((first, second), (first, -second)),
+    "FourBar": lambda first, second: ((first, 0.0), (1.0, second)),
+}
+
+
+def _by_role(nodes: list[Node]) -> list[Node]:
+    """Return two joints or actuators in the order of their roles ("joint1"), or of the file without them."""
+    roles = {id(node.xml): role.content() for node in nodes if (role := node.child("role"))}
+    return sorted(nodes, key=lambda node: roles.get(id(node.xml), "")[-1:])
+
+
+def _add_rotor(owner: Node, rotor: dict[str, Any], rates: dict[str, float], robot: RobotFile) -> None:
+    """Add a rotor as a joint with the name of its actuator, which follows the joints.
+
+    Args:
+        owner: The actuator.
+        rotor: Inertia and reduction.
+        rates: Turns before the reduction per turn of each joint.
+        robot: The robot.
+    """
+    carrier = next((joint.parent for joint in robot.joints if joint.name in rates), None)
+    if carrier is None:  # `choose_motors` notes that there is no such joint
+        return
+    name = unique(owner.text("name"), {joint.name for joint in robot.joints})
+    link = unique(name, {link.name for link in robot.links})
+    robot.links.append(massless(link, owner.line, between=True))
+    robot.joints.append(
+        Joint(
+            name, "continuous", carrier, link, np.eye(4), np.array([0.0, 0.0, 1.0]),
+            rotor_inertia=rotor["rotor_inertia"], line=owner.line,
+        )
+    )  # fmt: skip
+    ratio = rotor.get("gear_ratio", 1.0)
+    terms = tuple((joint, -ratio * rate) for joint, rate in rates.items() if rate)
+    robot.couplings.append(Coupling(name, ((name, 1.0), *terms), 0.0, owner.line))
 
 
 def read_rotor(node: Node) -> dict[str, Any]:
