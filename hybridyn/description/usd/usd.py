@@ -332,9 +332,9 @@ def _drives(prim: Prim) -> list[str]:
 def _closing(joint: UsdJoint, links: tuple[str, str]) -> Closure:
     """Return a joint as a closure between two links."""
     if tuple(joint.limits) == HINTS["universal"]:
-        turns = [rotation_to_axis(direction(axis)) for axis in joint.limits]
+        axes = [rotation_to_axis(direction(axis)) for axis in joint.limits]
         return closure_of(
-            joint.name, "universal", zip(links, joint.frames, strict=True), turns, line=joint.line
+            joint.name, "universal", zip(links, joint.frames, strict=True), axes, line=joint.line
         )
     form = form_of_rows(
         " ".join(row for row, axis in zip(ROWS, AXES, strict=True) if axis not in joint.limits)
