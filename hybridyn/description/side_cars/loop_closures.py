@@ -29,6 +29,7 @@ from ..closure_forms import FREE, closure_of
 from ..names import unique
 from ..placement import placement_from, poses_at_zero, relative, rotation_to_axis
 from ..records import FREEDOMS, Array, Closure, MotorStatement, RobotFile
+from ..urdf.xml_node import SMALLEST_AXIS
 from .tables import Open, Point, table
 from .yaml_file import Place, YamlFile, checked
 
@@ -45,9 +46,6 @@ File: Any = table(
     ball_loops=list[Ball] | None, dependent=Names | None, independent=Names | None,
     ball_upgrades=Names | None, actuated_joints=Names | None, ball_limit_deg=float | None,
 )  # fmt: skip
-
-#: Shortest axis with a direction.
-SMALLEST = 1e-12
 
 
 def apply_loop_closures(robot: RobotFile, document: YamlFile) -> None:
@@ -93,7 +91,7 @@ def _closure(
     turn, kind = np.eye(3), "spherical"
     if axis is not None:
         size = float(np.linalg.norm(axis))
-        if size < SMALLEST:
+        if size < SMALLEST_AXIS:
             raise document.error((*place, "axis"), "is zero, so it has no direction")
         turn, kind = rotation_to_axis(np.array(axis) / size), "revolute"
     if place[0] == "closures":
