@@ -32,7 +32,8 @@ NO_ROBOTS = [
     ("  \n ", "not well-formed XML"),
     ("no xml at all", "not well-formed XML"),
     (FOUR_BAR[:-20], "not well-formed XML"),
-    ('<?xml version="1.0" encoding="nonsense"?><robot/>', "encoding"),
+    ('<?xml version="1.0" encoding="nonsense"?><robot>', "not well-formed XML"),
+    ('<robot name="a"><link name="x & y"/></robot>', "not well-formed XML"),
     ("<robot>" * 2000 + "</robot>" * 2000, "not well-formed XML"),
     ("<mujocoinclude><worldbody/></mujocoinclude>", "this is a part of an MJCF file (MuJoCo)"),
     ('<sdf version="1.9"><model name="a"/></sdf>', "the model has no <link>"),
@@ -74,6 +75,23 @@ def test_numbers_must_be_finite_and_as_many_as_needed(
         (lambda text: text.replace("<link", "<!-- limits -- see the manual --><link", 1), "2: '--' in"),
         (lambda text: "\ufeff" + text.replace("<link", "<!-- a -- b --><link", 1), "2: '--' in"),
         (lambda text: "<!-- by hand --><?xml version='1.0'?>" + text, "1: an XML declaration"),
+        *(
+            (
+                lambda text, word=word: f"<?xml{word}?>{text}",
+                f"1: the declaration <?xml{word}?> is not XML" if word else "1: an XML declaration",
+            )
+            for word in (
+                "",
+                ' version="2.0"',
+                ' version="1"',
+                ' encoding="UTF-8" version="1.0"',
+                ' encoding="UTF-8"',
+                ' version="1.0" encoding="unicode"',
+                ' version="1.0" encoding="UTF-16"',
+                ' version="1.0" standalone="true"',
+            )
+        ),
+        (lambda text: "<!-- caf\u00e9 -->" + text, "1: a byte that is not UTF-8"),
         (lambda text: text.replace("<link", "<drake:group name='g'/><link", 1), "2: a prefix without xmlns"),
         (lambda text: text.replace("<link", "<material name='<grey>'/><link", 1), "2: '<' in an attribute"),
     ],
@@ -82,7 +100,9 @@ def test_what_other_readers_accept_is_read_and_noted(
     tmp_path: Path, change: Callable[[str], str], note: str
 ) -> None:
     wanted = read(save(tmp_path, FOUR_BAR))
-    found = read(save(tmp_path, change(FOUR_BAR), "other.urdf"))
+    text = change(FOUR_BAR)
+    encoding = "latin-1" if "caf" in text else "utf-8"
+    found = read(save(tmp_path, text.encode(encoding), "other.urdf"))
     assert [one for one in found.notes if note in one]
     same = {"notes": wanted.notes, "source": wanted.source, "read_from": wanted.read_from}
     assert repr(replace(found, **same)) == repr(wanted)

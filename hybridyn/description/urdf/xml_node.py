@@ -13,7 +13,7 @@ import re
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from lxml import etree
@@ -38,7 +38,10 @@ READ_ALIKE = {
     "NS_ERR_UNDEFINED_NAMESPACE": "a prefix without xmlns",
     "ERR_RESERVED_XML_NAME": "an XML declaration that is not the first line",
     "ERR_LT_IN_ATTRIBUTE": "'<' in an attribute",
+    "ERR_INVALID_ENCODING": "a byte that is not UTF-8",
 }
+#: The declaration at the start of a file. Other readers ignore what it says.
+_DECLARATION = re.compile(rb"\s*<\?xml\b[^<>]*\?>")
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
@@ -82,11 +85,13 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
         remove_pis=True,
         recover=True,
     )
-    try:
-        root = etree.fromstring(text, parser)
-    except (ValueError, LookupError, etree.XMLSyntaxError) as error:
-        raise ModelError(f"not readable as XML: {error.args[0]}", file=file) from None
-    errors = [entry for entry in parser.error_log if entry.level >= etree.ErrorLevels.ERROR]
+    root, errors = _tree(text, parser, file)
+    declared, odd = _DECLARATION.match(text.removeprefix(BOM_UTF8)), ""
+    if declared and any(entry.type_name not in READ_ALIKE for entry in errors):
+        odd = declared[0].decode("ascii", "replace").strip()[:80]
+        blank = re.sub(rb"[^\r\n]", b" ", declared[0])
+        text = blank + text.removeprefix(BOM_UTF8)[declared.end() :]
+        root, errors = _tree(text, parser, file)
     if wrong := next((entry for entry in errors if entry.type_name not in READ_ALIKE), None):
         message = f"not well-formed XML: {wrong.message.strip()}, column {wrong.column}"
         raise ModelError(message, file=file, line=wrong.line)
@@ -105,6 +110,10 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
         for kind, what in READ_ALIKE.items()
         if kind in first
     ]
+    if odd:
+        notes.append(
+            f"{file}:1: the declaration {odd} is not XML; it is ignored, as Gazebo, Drake and MuJoCo do"
+        )
     if root.getroottree().docinfo.internalDTD is not None:
         raise ModelError(DOCTYPE, file=file, line=1)
     count = int(cast("float", root.xpath("count(//*)")))
@@ -117,6 +126,15 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
             where, _, line = str(xml.attrib.pop(PLACE, "")).rpartition(":")
             file.places[cast("int", xml.sourceline)] = where, int(line or 0)
     return Node(root, file, tuple(notes))
+
+
+def _tree(text: bytes, parser: etree.XMLParser, file: str) -> tuple[etree._Element, list[Any]]:
+    """Return the root element of a text, and the errors that the parser recovered from."""
+    try:
+        root = etree.fromstring(text, parser)
+    except (ValueError, LookupError, etree.XMLSyntaxError) as error:
+        raise ModelError(f"not readable as XML: {error.args[0]}", file=file) from None
+    return root, [entry for entry in parser.error_log if entry.level >= etree.ErrorLevels.ERROR]
 
 
 def _written(xml: etree._Element) -> str:
