@@ -29,7 +29,10 @@ def followers_of_control(root: Node) -> Iterator[Follower]:
 
 
 def state_interfaces(root: Node, robot: RobotFile) -> None:
-    """Add the joints with a command interface to the motors, and note what the blocks say of followers."""
+    """Add the joints with a command interface to the motors, and note what the blocks say of followers.
+
+    The motors have the order of the joints of the robot.
+    """
     followers = {coupling.name for coupling in robot.couplings}
     freedoms = {joint.name: FREEDOMS[joint.kind] for joint in robot.joints}
     driven: dict[str, Node] = {}
@@ -46,7 +49,7 @@ def state_interfaces(root: Node, robot: RobotFile) -> None:
         _note(
             robot, driven[unknown[0]], f"it commands joints that the robot does not have: {listed(unknown)}"
         )
-    names = [name for name in driven if freedoms.get(name) == 1 and name not in followers]
+    names = [name for name, n in freedoms.items() if name in driven and n == 1 and name not in followers]
     if names:
         node = driven[names[0]]
         where = "command interfaces of <ros2_control>"
