@@ -80,10 +80,10 @@ def _check_tree(robot: RobotFile) -> None:
         )
     if len(roots) > 1:
         raise ModelError(
-            f"{len(roots)} links have no parent joint: {_with_sizes(robot, roots)}; a robot has one "
-            f'root. To weld \'{roots[1]}\' on, write <joint name="weld" type="fixed"><parent '
-            f'link="{roots[0]}"/><child link="{roots[1]}"/></joint>; type="floating" leaves it free; to '
-            "choose one of them, remove the links of the others",
+            f"{len(roots)} links have no parent joint: {_with_sizes(robot, roots)}; a robot has one root. To "
+            'weld another on, write <joint name="weld" type="fixed"><parent link="ROOT"/><child '
+            'link="OTHER"/></joint>; type="floating" leaves it free; to choose one of them, remove the links '
+            "of the others",
             file=robot.file,
             element=roots[1],
         )

@@ -244,7 +244,7 @@ def test_a_robot_with_two_roots_says_which_and_how_to_weld_them(tmp_path: Path) 
     table = f'<link name="table">{INERTIAL}</link>'
     error = refused(save(tmp_path, robot(table)), "'ground' (3 links on it), 'table' (nothing on it)")
     weld = str(error).partition("write ")[2].partition(";")[0]
-    read(save(tmp_path, robot(table, weld)))
+    read(save(tmp_path, robot(table, weld.replace("ROOT", "ground").replace("OTHER", "table"))))
 
 
 SPHERICAL = f"""<robot name="pendulum"><link name="base"/><link name="bob">{INERTIAL}</link>
