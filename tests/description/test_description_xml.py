@@ -91,7 +91,6 @@ def test_numbers_must_be_finite_and_as_many_as_needed(
                 ' version="1.0" standalone="true"',
             )
         ),
-        (lambda text: "<!-- caf\u00e9 -->" + text, "1: a byte that is not UTF-8"),
         (lambda text: text.replace("<link", "<drake:group name='g'/><link", 1), "2: a prefix without xmlns"),
         (lambda text: text.replace("<link", "<material name='<grey>'/><link", 1), "2: '<' in an attribute"),
     ],
@@ -100,9 +99,7 @@ def test_what_other_readers_accept_is_read_and_noted(
     tmp_path: Path, change: Callable[[str], str], note: str
 ) -> None:
     wanted = read(save(tmp_path, FOUR_BAR))
-    text = change(FOUR_BAR)
-    encoding = "latin-1" if "caf" in text else "utf-8"
-    found = read(save(tmp_path, text.encode(encoding), "other.urdf"))
+    found = read(save(tmp_path, change(FOUR_BAR), "other.urdf"))
     assert [one for one in found.notes if note in one]
     same = {"notes": wanted.notes, "source": wanted.source, "read_from": wanted.read_from}
     assert repr(replace(found, **same)) == repr(wanted)

@@ -38,7 +38,6 @@ READ_ALIKE = {
     "NS_ERR_UNDEFINED_NAMESPACE": "a prefix without xmlns",
     "ERR_RESERVED_XML_NAME": "an XML declaration that is not the first line",
     "ERR_LT_IN_ATTRIBUTE": "'<' in an attribute",
-    "ERR_INVALID_ENCODING": "a byte that is not UTF-8",
 }
 #: The declaration at the start of a file. Other readers ignore what it says.
 _DECLARATION = re.compile(rb"\s*<\?xml\b[^<>]*\?>")
