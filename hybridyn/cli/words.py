@@ -515,8 +515,8 @@ workspace = RobotCommand(
         ),
         option(
             "--link", metavar="LINK[@OTHER]",
-            help="The link that is moved, and the link in which it is measured.  [default: the module's "
-            "platform; in the module's base, or the root]",
+            help="The link that is moved, and the link in which it is measured, or 'world'.  [default: the "
+            "module's platform; in the module's base, or the root]",
         ),
         option(
             "--sweep", metavar="X,Y,...", callback=split_names,

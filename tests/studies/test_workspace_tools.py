@@ -196,12 +196,17 @@ def test_the_other_link_holds_the_modules_before_it() -> None:
         (None, "scara_upper", (0,), "scara_base"),
         (None, "scara_upper@m1_platform", (1, 2, 3, 4), "m1_platform"),
         (None, "m1_platform@scara_quill", (3, 4), "scara_quill"),
+        (None, "m1_platform@world", (0, 1, 2, 3, 4), "scara_base"),
+        (None, "scara_upper@world", (0,), "scara_base"),
     ],
 )
+@pytest.mark.parametrize("fixed", [True, False])
 def test_the_modules_between_two_links_move(
-    module: int | None, link: str, modules: tuple[int, ...], base: str
+    module: int | None, link: str, modules: tuple[int, ...], base: str, fixed: bool
 ) -> None:
-    robot = hybridyn.load("scara_delta")
+    """A base that moves stays at home, where its frame is the world's."""
+    robot = hybridyn.load("scara_delta", base="fixed" if fixed else "moving")
+    assert fixed or robot.home[:7].tolist() == [0, 0, 0, 0, 0, 0, 1]
     sweep = find_sweep(robot, module, link, None, robot.home)
     assert (sweep.modules, sweep.base) == (modules, base)
 

@@ -15,6 +15,7 @@ from ...errors import TrajectoryError
 from ...linkage.targets import COORDINATES
 from ...spatial import Array, quaternion_from_rotation, rotation_from_axis_angle
 from ...structure.robot import HybridRobot
+from ...tables.signals import WORLD
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +77,7 @@ def find_sweep(
     Args:
         robot: The robot.
         module: As for `find_module`; if only a link is named, all modules that move it.
-        link: "link" or "link@other", see `workspace`.
+        link: "link", "link@other" or "link@world", see `workspace`.
         axes: Coordinates to sweep. By default all independent ones if there are at most three, else the
             translations.
         q: Posture at which the coordinates must be independent, shape (nq,).
@@ -107,6 +108,8 @@ def find_sweep(
 def _ends(robot: HybridRobot, module: int | str | None, key: str | None) -> tuple[tuple[int, ...], str, str]:
     """Return the modules that move a link, the link, and the link in which it is measured."""
     link, _, other = (key or "").partition("@")
+    if other == WORLD and WORLD not in robot.bodies.place:
+        other = robot.description.root  # a base that moves is at home, where its frame is the world's
     for name in (link, other):
         if name and name not in robot.bodies.place:
             raise TrajectoryError(f"there is no link '{name}'{did_you_mean(name, robot.bodies.place)}")

@@ -208,8 +208,9 @@ def workspace(
         robot: The robot; modules that do not move the link stay at home.
         module: Number (from 1) or name of the only module that moves; by default the only one with closures.
             If only a link is named, all modules move that move this link.
-        link: "link" or "link@other", measured in the other link: then all modules between the two move. By
-            default the platform of the module. The other link is by default the base link of the module, or
+        link: "link", "link@other" or "link@world", measured in the other link, or in the world, where a
+            moving or floating base stays at home: then all modules between the two move. By default the
+            platform of the module. The other link is by default the base link of the module, or
             the root link if several move the link.
         axes: Coordinates to sweep, of x, y, z, roll, pitch, yaw. By default all independent ones if there are
             at most three, else the translations.
