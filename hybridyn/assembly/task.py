@@ -141,8 +141,7 @@ class Task(NamedTuple):
         if targets:
             motion = self.problem.tree.sweep(q)
             for target in targets:
-                off = np.abs(target.residual(motion, samples) / target.units).max(axis=1)
-                out |= off > self.tolerance
+                out |= target.missed(motion, samples, self.tolerance)
         return out
 
     def headed(self, q: Array, samples: Index, *, on: bool = True) -> Task:

@@ -147,7 +147,20 @@ def least_squares(
     """
     if 0 in A.shape:
         return np.zeros((len(A), A.shape[2], *b.shape[2:]))
-    U, s, Vt = np.linalg.svd(A, full_matrices=False)
+    return least_norm(np.linalg.svd(A, full_matrices=False), b, relative=relative, rank=rank, damping=damping)
+
+
+def least_norm(
+    factors: tuple[Array, Array, Array],
+    b: Array,
+    *,
+    relative: float = 1e-12,
+    rank: int | None = None,
+    damping: Array | None = None,
+) -> Array:
+    """Compute the solution of `least_squares` from U, s and V^T of A, the reduced or the full ones."""
+    U, s, Vt = factors
+    U, Vt = U[:, :, : s.shape[1]], Vt[:, : s.shape[1]]
     if rank is None:
         keep = s > relative * size_of_rows(s, relative)
     else:

@@ -13,6 +13,7 @@ import numpy as np
 from ..spatial import (
     Array,
     Index,
+    Mask,
     cross,
     hat,
     in_turn,
@@ -229,6 +230,11 @@ class CoordinateTarget(NamedTuple):
         out: Array = self.coordinates(motion, samples) - self.value[samples]
         angle = self._rows >= 3
         out[:, angle] = wrapped(out[:, angle])
+        return out
+
+    def missed(self, motion: Motion, samples: Index, tolerance: float) -> Mask:
+        """Check at which samples a scaled residual is above a tolerance, shape (T,)."""
+        out: Mask = np.abs(self.residual(motion, samples) / self.units).max(axis=1) > tolerance
         return out
 
     def point(self, motion: Motion) -> tuple[Array, Array, list[int]]:

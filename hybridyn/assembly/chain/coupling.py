@@ -121,6 +121,7 @@ def chains_of(robot: HybridRobot, requests: Requests) -> tuple[Requests, list[Ch
         if (own_poses := _own_poses(alone, k)) and driven_alone(robot.modules[k]):
             chains.append(Chain((k,), own_poses))
             alone = [one for one in alone if not (one.own and one.owner == k)]
+    chains.sort(key=lambda chain: chain.modules)
     return requests._replace(poses=tuple(one.pose for one in alone)), chains
 
 

@@ -8,13 +8,14 @@ cost is linear in the number of modules.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from ...linkage.elimination import least_squares
+from ...linkage.elimination import least_norm, least_squares
 from ...linkage.newton import LoopProblem, relative_change
 from ...linkage.targets import Target
 from ...linkage.tree import Motion
@@ -74,11 +75,14 @@ class Split(NamedTuple):
 
     Attributes:
         rows: The rows.
+        factors: Singular value decomposition of the own rows of each part over its free freedoms, measured
+            by the rule; None for a part without rows.
         bases: Motions that the own rows of each part leave free, orthonormal by the rule, shape (T, n, d).
         reach: The targets over these motions, one part after the other, shape (T, targets, sum of d).
     """
 
     rows: ChainRows
+    factors: Sequence[tuple[Array, Array, Array] | None]
     bases: list[Array]
     reach: Array
 
@@ -179,18 +183,20 @@ class ChainProblem:
 
     def split(self, rows: ChainRows) -> Split:
         """Compute the motions that each part's own rows leave free, and the targets over them."""
-        bases = []
+        factors, bases = [], []
         for part, K, ease in zip(self.parts, rows.own, self.ease, strict=True):
             free = np.flatnonzero(part.free)
             N = np.zeros((len(K), part.tree.nv, self.left(part)))
-            if K.shape[1]:
-                Vt = np.linalg.svd(K[:, :, free] * ease[free], full_matrices=True)[2]
-                N[:, free] = np.swapaxes(Vt[:, part.rank or 0 :], 1, 2)
+            found = None
+            if K.shape[1] and len(free):
+                found = np.linalg.svd(K[:, :, free] * ease[free], full_matrices=True)
+                N[:, free] = np.swapaxes(found[2][:, part.rank or 0 :], 1, 2)
             else:
                 N[:, free] = np.eye(len(free))
+            factors.append(found)
             bases.append(N * ease[:, None])
         reach = [np.matmul(J, N) for J, N in zip(rows.targets, bases, strict=True)]
-        return Split(rows, bases, np.concatenate(reach, axis=2))
+        return Split(rows, factors, bases, np.concatenate(reach, axis=2))
 
     def solve(self, rows: ChainRows, rhs: Array, damping: Array | None = None) -> Array:
         """Solve all rows for the free freedoms, least norm, scaled, shape (T, nv); the others are zero."""
@@ -199,8 +205,12 @@ class ChainProblem:
     def solve_split(self, split: Split, rhs: Array, damping: Array | None = None) -> Array:
         """Solve rows, as `solve` does, with the motions that are free at hand."""
         rows, at, steps = split.rows, 0, []
-        for part, K, ease in zip(self.parts, rows.own, self.ease, strict=True):
-            steps.append(part.solve(K * ease, rhs[:, at : at + K.shape[1]], damping) * ease)
+        for part, K, ease, found in zip(self.parts, rows.own, self.ease, split.factors, strict=True):
+            step = np.zeros((len(K), part.tree.nv))
+            if found is not None:
+                own = rhs[:, at : at + K.shape[1]]
+                step[:, part.free] = least_norm(found, own, rank=part.rank, damping=damping) * ease[part.free]
+            steps.append(step)
             at += K.shape[1]
         b = rhs[:, at:] - sum(np.einsum("tij,tj->ti", J, x) for J, x in zip(rows.targets, steps, strict=True))
         y = least_squares(split.reach, b, rank=self.rank, damping=damping)

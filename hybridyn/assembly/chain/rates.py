@@ -169,7 +169,7 @@ class ChainRates:
 
     def _multipliers(self, least: Array) -> tuple[list[Array], Array]:
         """Compute mu with W x + K^T mu = 0: of the rows of each part, and of the targets between links."""
-        problem, (rows, _, reach) = self.task.problem, self.split
+        problem, rows, reach = self.task.problem, self.split.rows, self.split.reach
         measured = least / np.concatenate(problem.ease) ** 2
         y = problem.gathered(self.split, measured)
         between = least_squares(np.swapaxes(reach, 1, 2), -y, rank=problem.rank)

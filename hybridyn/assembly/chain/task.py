@@ -111,12 +111,12 @@ class ChainTask:
         out: Mask = np.any(
             [part.mirrored(x, samples) for part, x in zip(self.parts, self.each(q), strict=True)], axis=0
         )
-        turning = [one for one in self.problem.relatives if _turns(one)]
-        if turning:
+        if any(map(_turns, self.problem.relatives)):
             frames = self.problem.frames(self.problem.tree.sweep(q), samples)
-            for one in turning:
-                off = one.target.residual(frames.seen(one.link, one.other), samples)
-                out |= np.abs(off / one.target.units).max(axis=1) > self.tolerance
+            for one in self.problem.relatives:
+                if isinstance(one.target, CoordinateTarget) and one.target.turns:
+                    seen = frames.seen(one.link, one.other)
+                    out |= one.target.missed(seen, samples, self.tolerance)
         return out
 
     def headed(self, q: Array, samples: Index, *, on: bool = True) -> ChainTask:
