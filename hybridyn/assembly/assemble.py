@@ -137,7 +137,7 @@ def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> t
     assemble_by = _kind_by_kind if on_own_bases(alone, robot) else _one_by_one
     assemble_by(robot, alone, numbers, q, v, a)
     for chain in chains:
-        assemble_chain(robot, requests, chain, q, v, a)
+        assemble_chain(robot, requests, chain, guess, q, v, a)
     return q, v, a
 
 

@@ -162,7 +162,7 @@ def _unreachable(task: AnyTask, result: Closed, sample: int, lacking: float = 0.
     The row that is named is the one that is most open there.
 
     Args:
-        lacking: Length that a loop lacks in any posture [m], zero if it is not known to.
+        lacking: Length that it lacks in any posture [m], zero if it is not known to.
     """
     at = int(np.argmin(result.residual))
     best = float(result.residual[at])
@@ -171,7 +171,8 @@ def _unreachable(task: AnyTask, result: Closed, sample: int, lacking: float = 0.
     else:  # within the tolerance, but not rounding: a least distance, at a posture where rows lose rank
         why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
     if lacking:
-        why += f" (a loop lacks {lacking:.2g} m in any posture)"
+        who = "a loop" if isinstance(task, Task) else "the way to the target"
+        why += f" ({who} lacks {lacking:.2g} m in any posture)"
     what = "the loops do not close" if task.problem.has_loops else "no posture has what is given"
     rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
     worst = task.row_names[int(np.argmax(np.abs(rows)))]
@@ -324,7 +325,7 @@ def _walk(task: AnyTask, q: Array, sample: int, finest: bool = False) -> tuple[A
     while done < 1.0:
         step = min(step, 1.0 - done)
         way = task.between(sample, np.array([done, done + step]))
-        result: Closed = way.solve(q[None], np.array([1]))
+        result: Closed = way.solve(q[None], np.array([1]), enough=STALLED)
         if way.closed(result)[0] and _steps_as_predicted(way, np.stack([q, *result.q]), np.zeros(1, int))[0]:
             q, done, step, longer = result.q[0], done + step, longer * step, 2
             task = task.headed(q[None], np.array([sample]), on=False)

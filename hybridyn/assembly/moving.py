@@ -63,7 +63,7 @@ def move_link(robot: HybridRobot, link: str, way: Mapping[str, Array] | Array, g
     q, still = np.tile(np.asarray(guess, dtype=float), (2, 1)), np.zeros((2, 2, robot.nv))
     alone, chains = chains_of(robot, requests)
     for chain in chains:
-        assemble_chain(robot, requests, chain, q, *still)
+        assemble_chain(robot, requests, chain, q[0].copy(), q, *still)
     for one in alone.poses:
         number = robot.body_owner[robot.bodies.place[one.link][0]][0]
         request = module_request(alone, robot, number, {})

@@ -12,7 +12,7 @@ from ...errors import AssemblyError, inform
 from ...linkage.reduction import decide_rank
 from ...linkage.targets import named_rows
 from ...linkage.tree import Motion
-from ...spatial import Array
+from ...spatial import Array, rotation_from_quaternion
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..follow import follow
@@ -36,7 +36,7 @@ _STILL = np.eye(3), np.zeros(3)
 
 
 def assemble_chain(
-    robot: HybridRobot, requests: Requests, chain: Chain, q: Array, v: Array, a: Array
+    robot: HybridRobot, requests: Requests, chain: Chain, guess: Array, q: Array, v: Array, a: Array
 ) -> None:
     """Compute the postures of a chain's modules at all samples; write them into q, v, a of the robot.
 
@@ -44,6 +44,7 @@ def assemble_chain(
         robot: The robot.
         requests: All requests.
         chain: The modules and the poses that couple them.
+        guess: Initial posture of the whole robot, shape (nq,).
         q: Positions, shape (T, nq): those of other modules are known; the first row holds the guess.
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv).
@@ -52,11 +53,12 @@ def assemble_chain(
         HybridynError: As in `assemble`.
     """
     modules = [robot.modules[k] for k in chain.modules]
-    own, guess = own_requests(robot, requests, chain), cut_positions(robot, chain.modules, q[:1])
+    own = own_requests(robot, requests, chain)
     task = chain_task(robot, chain, own, (q, v, a))
+    task = replace(task, start=_at_guess(robot, chain, task.problem, guess))
     if task.redundant:
         inform(str(LeftToRule(task.left, tuple(part.module for part in task.parts))), log="hybridyn.assembly")
-    x, task = follow(task, guess, strict=requests.strict)
+    x, task = follow(task, cut_positions(robot, chain.modules, guess[None]), strict=requests.strict)
     at, to = task.problem.tree.q_of, task.problem.tree.v_of
     x = np.concatenate([settled(m.mechanism, x[:, i]) for m, i in zip(modules, at, strict=True)], axis=1)
     placed = task.problem.tree.sweep(x)
@@ -211,13 +213,30 @@ def chain_problem(
         module_task(robot, robot.modules[k], request, alone=False)
         for k, request in zip(numbers, own, strict=True)
     )
-    length = max(robot.modules[k].mechanism.length for k in numbers)
-    relatives = tuple(one for pose in chain.poses for one in _relatives(known, pose, length))
-    carried = Carried(tuple(known.base(k) for k in numbers))
+    carried, relatives = _standing(robot, chain, known)
     ease = tuple(
         ease_of(robot, robot.modules[k], request.weights) for k, request in zip(numbers, own, strict=True)
     )
     return ChainProblem(tuple(part.problem for part in parts), carried, relatives, ease), parts
+
+
+def _standing(robot: HybridRobot, chain: Chain, known: _Known) -> tuple[Carried, tuple[Relative, ...]]:
+    """Return what carries the modules of a chain, and the targets of its poses."""
+    length = max(robot.modules[k].mechanism.length for k in chain.modules)
+    relatives = tuple(one for pose in chain.poses for one in _relatives(known, pose, length))
+    return Carried(tuple(known.base(k) for k in chain.modules)), relatives
+
+
+def _at_guess(robot: HybridRobot, chain: Chain, problem: ChainProblem, guess: Array) -> ChainProblem:
+    """Return the problem of a chain where all other modules, and the base, are at a guess, shape (nq,)."""
+    poses = chain.poses
+    if robot.base != "fixed":
+        base = Motion.at_rest(1, rotation_from_quaternion(guess[3:7]), guess[:3])
+        world = Motion.at_rest(1).seen_from(base)
+        poses = tuple(pose if pose.frame is None else pose._replace(frame=world) for pose in poses)
+    known = _Known(robot, chain.modules, guess[None], *np.zeros((2, 1, robot.nv)))
+    carried, relatives = _standing(robot, chain._replace(poses=poses), known)
+    return replace(problem, carried=carried, relatives=relatives)
 
 
 def generic_motion(

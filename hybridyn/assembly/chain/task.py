@@ -15,6 +15,7 @@ from ...spatial import Array, Index, Mask, in_turn
 from ..task import Task, closed_samples, too_many
 from .bodies import Carried, Place
 from .problem import ChainProblem, Relative
+from .shortfall import chain_shortfall
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +26,13 @@ class ChainTask:
         problem: Rows and free freedoms.
         parts: The tasks of the modules, by what is given in them alone.
         left: Number of freedoms that what is given leaves: each row then moves least from the one before.
+        start: The problem where all other modules are at the guess, with one sample; None if they rest.
     """
 
     problem: ChainProblem
     parts: tuple[Task, ...]
     left: int
+    start: ChainProblem | None = None
 
     @property
     def redundant(self) -> bool:
@@ -103,8 +106,8 @@ class ChainTask:
         )
 
     def lacking(self, q: Array, samples: Index) -> Array:
-        """Return zeros: nothing is proven of loops through several modules, shape (T,)."""
-        return np.zeros(len(q))
+        """Return the length that chain and loops lack in any posture, see `chain_shortfall`."""
+        return chain_shortfall(self.problem, self.parts, self.with_known(q, samples), samples)
 
     def mirrored(self, q: Array, samples: Index) -> Mask:
         """Check which samples take an angle in the other of its triples, as `Task.mirrored`."""
@@ -163,22 +166,27 @@ class ChainTask:
         return self._with([part.between(sample, fractions) for part in self.parts], carried, relatives)
 
     def from_here(self, q: Array, samples: Index) -> ChainTask:
-        """Return the way from postures to samples, two samples for each, one after the other."""
+        """Return the way from postures to samples, two samples for each, one after the other.
 
-        def kept(place: Place) -> Place:
-            inner = place.inner.take(samples)
-            return replace(place, inner=Motion(*map(in_turn, inner.arrays, inner.arrays)))
+        Where the task has a `start`, other modules go with it, from the guess.
+        """
+        start, here = self.start or self.problem, np.zeros_like(samples) if self.start else samples
 
-        frames = self.problem.frames(self.problem.tree.sweep(q), samples)
+        def way(place: Place, before: Place) -> Place:
+            ends = before.inner.take(here), place.inner.take(samples)
+            return replace(place, inner=Motion(*map(in_turn, *(end.arrays for end in ends))))
+
+        frames = start.frames(start.tree.sweep(q), here)
         relatives = tuple(
             replace(
-                one, link=kept(one.link), other=kept(one.other),
-                target=one.target.from_here(frames.seen(one.link, one.other), samples),
+                one, link=way(one.link, before.link), other=way(one.other, before.other),
+                target=one.target.from_here(frames.seen(before.link, before.other), samples),
             )
-            for one in self.problem.relatives
+            for one, before in zip(self.problem.relatives, start.relatives, strict=True)
         )  # fmt: skip
+        bases = tuple(map(way, self.problem.carried.bases, start.carried.bases))
         parts = [part.from_here(x, samples) for part, x in zip(self.parts, self.each(q), strict=True)]
-        return self._with(parts, Carried(tuple(map(kept, self.problem.carried.bases))), relatives)
+        return self._with(parts, Carried(bases), relatives)
 
     def _with(self, parts: Sequence[Task], carried: Carried, relatives: tuple[Relative, ...]) -> ChainTask:
         """Return the task with other samples."""
