@@ -1,10 +1,13 @@
 """Random targets of random stacks: what is prescribed of links and joints over time, and what the rule is."""
 
+import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import pinocchio as pin
@@ -12,10 +15,13 @@ import pinocchio as pin
 from hybridyn import HybridRobot
 from hybridyn.assembly.chain.coupling import ways_between
 from hybridyn.assembly.poses import PoseRequest
+from hybridyn.description import read
 from hybridyn.structure.building import build_robot
+from tests.as_written import WRITTEN
 from tests.fitted import ANGLES, DEPENDENT, LENGTHS, ROOT, WORLD, Array, Course, Fitted, Wanted
 from tests.mechanisms import home_posture, near
 from tests.oracle import Oracle
+from tests.shipped import shipped
 from tests.stacks import Stack, random_stack
 
 #: How far a state lies from home, in the oracle's scaled coordinates.
@@ -299,10 +305,29 @@ def march(aim: Aim, times: Iterable[float], least: float = 0.0) -> March:
     return March(np.array(times[:found]), np.array(known[1:]), np.array(clear[1:]), found < len(times))
 
 
-def random_aims(seeds: Iterable[int], count: int, *, still: bool = False) -> Iterator[Aim]:
-    """Draw so many targets of each random stack; every other one may leave freedoms to the rule."""
-    for seed in seeds:
-        standing, rng = Standing.of(random_stack(seed)), np.random.default_rng([seed, count, int(still)])
+def standing_of(name: int | str) -> Standing:
+    """Build a random stack by its seed, or a robot as people write it, or a shipped one, by its name."""
+    if isinstance(name, int):
+        return Standing.of(random_stack(name))
+    if name not in WRITTEN:
+        robot = build_robot(shipped(name))
+        return Standing(
+            robot, Fitted(robot.description), robot.modules[-1].outputs[0], robot.description.root
+        )
+    text, link, other, floating = WRITTEN[name]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}.urdf"
+        path.write_text(text())
+        description = read(path)
+    robot = build_robot(description, base="floating" if floating else "fixed")
+    return Standing(robot, Fitted(description, floating=floating), link, other)
+
+
+def random_aims(names: Iterable[int | str], count: int, *, still: bool = False) -> Iterator[Aim]:
+    """Draw so many targets of each robot; every other one may leave freedoms to the rule."""
+    for name in names:
+        seed = name if isinstance(name, int) else crc32(name.encode())
+        standing, rng = standing_of(name), np.random.default_rng([seed, count, int(still)])
         alone = len(standing.between) == 1 and standing.other != WORLD
         drawn = 0
         while drawn < count:

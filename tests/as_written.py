@@ -180,7 +180,7 @@ def arm_on_hexapod() -> str:
     return s.text("arm_on_hexapod")
 
 
-#: The texts, each with the link whose pose is given, the one that it is seen from, and whether the base floats.
+#: The texts, each with the link whose pose is given, what it is seen from, and whether the base floats.
 WRITTEN: dict[str, tuple[Callable[[], str], str, str, bool]] = {
     "excavator": (excavator.text, "teeth", "cab", False),
     "planar_under_arm": (planar_under_arm, "tool", "floor", False),
