@@ -124,7 +124,9 @@ class Standing:
     def start(self, rng: np.random.Generator) -> Array | None:
         """Draw a closed posture near home, shape (judge's nq,)."""
         oracle = Oracle(self.robot.description, self.robot.base)
-        q = near(oracle, home_posture(self.robot.description, self.robot.base), rng, AWAY)
+        drawn = self.robot.description.home  # files state none; zeros are no cosine and sine
+        home = home_posture(self.robot.description, self.robot.base) if drawn else self.robot.home
+        q = near(oracle, home, rng, AWAY)
         return None if q is None else self.taken(q)
 
 

@@ -100,7 +100,7 @@ def test_all_modules_move_on_the_way_from_a_guess() -> None:
     """Motors that are given move with the target: first alone, they would take the tool over a fold."""
     aim = next(islice(random_aims([6], 20, still=True), 2, None))
     way = march(aim, 0.03 * np.arange(1, 11), CLEAR)
-    x, _, _ = assembled(aim, 0.3, aim.x)
+    x, _, _ = assembled(aim, float(way.times[-1]), aim.x)
     assert np.abs(aim.standing.fitted.apart(x, way.postures[-1])).max() < REACHED
 
 
