@@ -53,7 +53,7 @@ class Corner:
     @property
     def whole(self) -> bool:
         """Whether the points coincide."""
-        return self.known.shape[-2] == 3
+        return bool(self.known.shape[-2] == 3)
 
     def seen(self, R: Array, p: Array) -> Corner:
         """Return the corner in a frame in which its own has the placement R, p, shapes (T, 3, 3), (T, 3)."""
