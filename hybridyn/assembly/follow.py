@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
-from ..linkage.newton import SETTLED, STALLED, Closed
+from ..linkage.newton import SETTLED, STALLED, Closed, newton_step
 from ..spatial import Array, Index, Mask, in_turn
 from .chain.task import ChainTask
 from .task import Task
@@ -268,7 +268,7 @@ def _steps_as_predicted(task: AnyTask, q: Array, samples: Index) -> Mask:
     start = task.with_known(q[samples], samples + 1)
     motion = tree.sweep(start)
     K = problem.matrix(motion, samples + 1, every=False)
-    dx = problem.solve(K, -problem.residual(start, samples + 1, motion))
+    dx = newton_step(problem, K, problem.residual(start, samples + 1, motion))
     predicted = tree.integrate(start, dx * problem.col_scale)
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)

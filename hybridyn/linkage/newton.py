@@ -26,7 +26,8 @@ from .tree import Motion, Tree
 LONGEST_STEP = 0.5
 #: Lower bound on scaled singular values in divisions, so that quotients stay finite.
 SMALLEST_SINGULAR_VALUE = 1e-100
-#: Residuals below this are rounding: damped steps may converge there at a singular posture.
+#: Residuals below this are rounding: damped steps may converge there at a singular posture, and a step longer
+#: than `NEVER_DAMPED` is rounding over a lost singular value, so that it is not taken.
 RESIDUAL_ROUNDING = 1e-12
 #: Newton has converged after a step below this: quadratic convergence makes the next one its square.
 SMALLEST_STEP = 1e-9
@@ -209,6 +210,22 @@ def relative_change(J: Array, change: Array, rank: int) -> Array:
     return out
 
 
+def newton_step(problem: Problem, K: Any, residual: Array, damping: Array | None = None) -> Array:
+    """Compute the step that makes a problem's rows zero, scaled, shape (T, nv).
+
+    A long step that residuals of rounding ask for is rounding over a lost singular value: none is taken.
+
+    Args:
+        K: The scaled rows at the postures.
+        residual: Their scaled residuals, shape (T, rows).
+        damping: As `Problem.solve` takes it.
+    """
+    dx = problem.solve(K, -residual, damping)
+    closed = np.abs(residual).max(axis=1, initial=0.0) <= RESIDUAL_ROUNDING
+    dx[closed & (np.abs(dx).max(axis=1, initial=0.0) > NEVER_DAMPED)] = 0.0
+    return dx
+
+
 def close(
     problem: Problem,
     q: Array,
@@ -241,7 +258,7 @@ def close(
     course = [np.linalg.norm(residual, axis=1)]
     for spent in range(1, iterations + 1):  # noqa: B007 - the count is reported
         K = problem.matrix(motion, samples[active], every=False)
-        dx = problem.solve(K, -residual[active], damping[active])
+        dx = newton_step(problem, K, residual[active], damping[active])
         open_by = np.abs(residual[active]).max(axis=1, initial=0.0)
         final = least | (damping[active] == 0.0) | (open_by <= RESIDUAL_ROUNDING)
         length = np.abs(dx).max(axis=1, initial=0.0)
