@@ -49,12 +49,15 @@ def contact(links: list[str]) -> GroundContact:
     ("kind", "base"),
     [
         (slow if (kind, base) != ("five_bar", "floating") else pytest.param)(kind, base)
-        for kind in ("five_bar", "delta", "lx4", *(kind for kind in sorted(KINDS) if kind != "five_bar"))
+        for kind in ("five_bar", "delta", "lx4", *sorted({*KINDS} - {"five_bar", "sps_thin"}))
         for base in ("fixed", "moving", "floating")
     ],
 )
 def test_forces_are_those_of_the_general_path(kind: str, base: Base) -> None:
-    """On some links of outputs and of legs; wrenches are about as large as the robot's weight."""
+    """On some links of outputs and of legs; wrenches are about as large as the robot's weight.
+
+    Not on rods without inertia about their lines, which a torque about these turns infinitely fast.
+    """
     made = build_robot(random_mechanism(2, kind=kind, base=base), base=base) if kind in KINDS else None
     robot = made or hybridyn.load(kind, base=base)
     rng = np.random.default_rng(0)

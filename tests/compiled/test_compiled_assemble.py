@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.assembly.module_request import units_of_pose
 from hybridyn.assembly.requests import first_guess, gather_requests
 from hybridyn.compiled.equations.expressions import Folding, pack, unpack
 from hybridyn.compiled.programs.closing import libraries
@@ -18,7 +17,8 @@ from hybridyn.compiled.programs.closing.extended import extended
 from hybridyn.compiled.programs.closing.given import Coordinates, Given
 from hybridyn.compiled.programs.closing.kernels import Unknowns
 from hybridyn.compiled.programs.closing.rows import rows_at
-from hybridyn.linkage.targets import COORDINATES, CoordinateTarget
+from hybridyn.linkage import targets
+from hybridyn.linkage.targets import CoordinateTarget
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_assembly import base_pose, stretched, waves
@@ -26,7 +26,7 @@ from tests.comparing import close_to, refused, same_words
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.oracle import Base
-from tests.posing import of_joints, of_link, position, swaying
+from tests.posing import COORDINATES, of_joints, of_link, position, swaying
 from tests.samples import slow
 
 SAME = 1e-12  # of the largest entry: rounding
@@ -109,8 +109,10 @@ def test_rows_of_coordinates_are_those_of_the_general_path() -> None:
     tree, rng = module.mechanism.tree, np.random.default_rng(0)
     (body, *shift), (_, R, p) = robot.bodies.place[link], robot.bodies.place[module.base]
     number, zero = module.mechanism.cut.tree_body(robot.body_owner[body][1]), np.zeros((1, 6))
-    place, units = (shift[0], shift[1]), units_of_pose(module.mechanism)
-    target = CoordinateTarget(number, (link, module.base), COORDINATES, R, p, place, zero, zero, zero, units)
+    place, units = (shift[0], shift[1]), np.array([module.mechanism.length] * 3 + [1.0] * 3)
+    target = CoordinateTarget(
+        number, (link, module.base), targets.COORDINATES, R, p, place, zero, zero, zero, units
+    )
     given = Given((), (), (), (Coordinates.of(target),))
     loops = Unknowns([module], given, (), (robot.bodies.place,) * 2).loops
     x = ca.SX.sym("x", tree.nq + 6)

@@ -111,7 +111,8 @@ def test_a_killed_program_is_continued(folder: Path) -> None:
     wait_until(lambda: len(list(folder.glob("out/designs-*"))) >= 2, "two shards")
     running.kill()
     running.communicate()
-    save(folder / "out", "half a sh", ".designs-000000039-000000039.parquet.0123abcd.parquet")
+    draft = ".designs-000000039-000000039.parquet.hybridyn-part.0123456789abcdef.parquet"
+    save(folder / "out", "half a sh", draft)
     begun = len(rows_of("out")["design"])
     assert 0 < begun < 40
     state = hybridyn.sweep(path, "out", jobs=1, allow_python=True, resume=True)
