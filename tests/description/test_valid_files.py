@@ -64,7 +64,7 @@ REFUSED = {
         "there is no movable joint between",
     ),
     "sdf": ("is not read",),
-    "mjcf": ("is not read",),
+    "mjcf": ("is not read", "state the same for all joints that carry it"),
     "usd": (),
     "model.toml": ("has no coordinate", "does not", "no freedom", "stays within"),
     "robot.yaml": (),

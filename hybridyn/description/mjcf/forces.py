@@ -164,11 +164,12 @@ def _compensated(robot: RobotFile, compiled: Compiled) -> dict[str, float]:
     Raises:
         ModelError: Of the joints that carry such a body, only some compensate by their actuators.
     """
-    model, out, by_motors = compiled.model, dict[str, float](), list[str]()
+    model, out, by_motors, idle = compiled.model, dict[str, float](), list[str](), list[str]()
     names = {link.name for link in robot.links}
-    for body in np.flatnonzero(model.body_gravcomp * model.body_mass).tolist():
+    for body in np.flatnonzero(model.body_gravcomp).tolist():
         actuated = {bool(model.jnt_actgravcomp[joint]) for joint in _carrying(compiled, body)}
-        if compiled.bodies[body] not in names or not actuated:
+        if compiled.bodies[body] not in names or not actuated or not model.body_mass[body]:
+            idle.append(compiled.bodies[body])
             continue
         if actuated == {True}:
             by_motors.append(compiled.bodies[body])
@@ -184,6 +185,7 @@ def _compensated(robot: RobotFile, compiled: Compiled) -> dict[str, float]:
     robot.notes += noted({
         "actuatorgravcomp of joints {} acts on nothing: no body has gravcomp":
             [compiled.joints[joint] for joint in alone],
+        "gravcomp of bodies {} acts on nothing: no joint carries them, or they have no mass": idle,
         "gravcomp of bodies {} is a part of the efforts of their motors (actuatorgravcomp), which are inputs "
         "of the models": by_motors
     })  # fmt: skip
