@@ -27,7 +27,8 @@ from .walking import CLOSED, Level, ranks, relative_values, walk, widest
 SPREADS = ((0.15, 2), (0.5, 4), (1.5, 8), (3.0, 16))
 
 #: Freedoms from which on walks from home are tried first, which take a tenth of the time of scattered starts.
-LARGE = 48
+#: A platform on six legs has fewer: scattered postures show better which of its freedoms serve as pivots.
+LARGE = 60
 #: Freedoms from which on a search takes longer than reading its result, several times.
 WORTH_KEEPING = 12
 #: Folder of the entries in the cache folder.
