@@ -129,10 +129,13 @@ class ChainTask:
             for part, x in zip(self.parts, self.each(q), strict=True)
         ):  # fmt: skip
             return self
-        frames = self.problem.frames(self.problem.tree.sweep(q), samples)
+        place, at = self.problem, samples
+        if self.start and not any(map(_headed, place.relatives)):  # at a guess, all modules are there
+            place, at = self.start, np.zeros_like(samples)
+        frames = place.frames(place.tree.sweep(q), at)
         relatives = tuple(
-            replace(one, target=one.target.headed(frames.seen(one.link, one.other), samples, on=on))
-            for one in self.problem.relatives
+            replace(one, target=one.target.headed(frames.seen(there.link, there.other), samples, on=on))
+            for one, there in zip(self.problem.relatives, place.relatives, strict=True)
         )
         parts = [part.headed(x, samples, on=on) for part, x in zip(self.parts, self.each(q), strict=True)]
         return self._with(parts, self.problem.carried, relatives)
@@ -199,3 +202,8 @@ class ChainTask:
 def _turns(one: Relative) -> bool:
     """Return whether a target prescribes a lone angle."""
     return isinstance(one.target, CoordinateTarget) and one.target.turns
+
+
+def _headed(one: Relative) -> bool:
+    """Return whether it is told which triple of angles a target means."""
+    return isinstance(one.target, CoordinateTarget) and one.target.heading is not None
