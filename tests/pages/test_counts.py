@@ -77,7 +77,7 @@ def test_the_page_lists_the_sources_of_motors() -> None:
     """The caller, the sources that files state in their order, and a rule each for trees and for loops."""
     page = (ROOT / "docs/describing-loops.md").read_text()
     listed = page.partition("## Motors")[2].partition("```")[0]
-    assert len(re.findall(r"^\d\. ", listed, re.MULTILINE)) == 1 + len(RANKING) + 2
+    assert len(re.findall(r"^\d+\. ", listed, re.MULTILINE)) == 1 + len(RANKING) + 2
 
 
 @pytest.mark.parametrize(("ending", "closes"), [("urdf", 0.0), ("xml", 0.0), ("sdf", 10.0)])
