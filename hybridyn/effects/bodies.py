@@ -15,6 +15,7 @@ from ..linkage.tree import Motion
 from ..spatial import LARGEST, Array, cross, rotate, rotate_back
 from ..structure.robot import HybridRobot
 from .joints import WIDTH, Numbers, positive
+from .lengths import WORDS, check_numbers, stretch, tension
 
 #: Shortest length by which is divided [m]; points closer than this have no direction between them.
 SHORTEST_LINE = 1e-150
@@ -114,30 +115,14 @@ class LineSprings:
                     f"{self.name}: line '{line}' needs two links or more in 'ends', and for each a triple of "
                     "finite numbers in 'points'", element=line,
                 )  # fmt: skip
-        for what in ("points", "stiffness", "damping", "friction", "lower", "upper"):
-            for line, value in getattr(self, what).items():
-                if line not in self.ends:
-                    raise ModelError(
-                        f"{self.name}: '{what}' names the line '{line}', which has no ends"
-                        f"{did_you_mean(line, self.ends)}", element=line,
-                    )  # fmt: skip
-                if what != "points" and not 0 <= value <= LARGEST:
-                    raise ModelError(
-                        f"{self.name}: {what} of '{line}' is {value:g}; it must be finite and not negative",
-                        element=line,
-                    )
-        for line in self.ends:
-            if self.lower.get(line, 0.0) > self.upper.get(line, 0.0):
-                raise ModelError(f"{self.name}: lower of '{line}' is above upper", element=line)
+        tables = {what: getattr(self, what) for what in WORDS}
+        with_points = {"points": dict.fromkeys(self.points, 0.0)}
+        check_numbers(self.name, "line", self.ends, "ends", with_points | tables)
 
     @property
     def links(self) -> tuple[str, ...]:
         """The links with points."""
         return tuple(dict.fromkeys(link for links in self.ends.values() for link in links))
-
-    def bound(self, robot: HybridRobot) -> LineSprings:
-        """Return the law: it needs no numbers of a robot."""
-        return self
 
     def lines_at(self, link: str) -> Iterable[str]:
         """Return the lines with points on a link."""
@@ -146,11 +131,6 @@ class LineSprings:
     def watched(self, link: str) -> tuple[str, ...]:
         """Return the links whose motion the wrench on a link depends on."""
         return tuple(dict.fromkeys(other for line in self.lines_at(link) for other in self.ends[line]))
-
-    def stretch(self, line: str, length: Any) -> Any:
-        """Compute by how much a line is longer than `upper`, or minus how much shorter than `lower`."""
-        lower, upper = self.lower.get(line, 0.0), self.upper.get(line, 0.0)
-        return np.maximum(length - upper, 0.0) - np.maximum(lower - length, 0.0)
 
     def pulls(self, line: str, points: Sequence[Any], rates: Sequence[Any]) -> tuple[list[Any], Any, Any]:
         """Compute the forces on the points of a line, its length, and its rate.
@@ -176,8 +156,11 @@ class LineSprings:
 
     def tension(self, line: str, length: Any, rate: Any) -> Any:
         """Compute the tension of a line [N]."""
-        k, c, f = (x.get(line, 0.0) for x in (self.stiffness, self.damping, self.friction))
-        return k * self.stretch(line, length) + c * rate + f * np.tanh(rate / self.width)
+        return tension(self._numbers(line), self.width, length, rate)
+
+    def _numbers(self, line: str) -> list[float]:
+        """Return the numbers of a line, those of `WORDS`."""
+        return [getattr(self, word).get(line, 0.0) for word in WORDS]
 
     def _moving(self, line: str, motions: Mapping[str, Motion]) -> tuple[list[Any], list[Any]]:
         """Compute positions and velocities of a line's points, each of shape (3, T)."""
@@ -205,7 +188,8 @@ class LineSprings:
         stored = np.zeros(())
         for line in self.ends:
             _, length, _ = self.pulls(line, *self._moving(line, motions))
-            stored = stored + 0.5 * self.stiffness.get(line, 0.0) * self.stretch(line, length) ** 2
+            k, _, _, lower, upper = self._numbers(line)
+            stored = stored + 0.5 * k * stretch(lower, upper, length) ** 2
         return stored
 
     def power(self, motions: Mapping[str, Motion]) -> Array:

@@ -247,7 +247,7 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
 
 def bound_to(unit: Any, robot: HybridRobot) -> Any:
     """Return a law of wrenches with the numbers that it takes from a robot."""
-    return unit.bound(robot) if isinstance(unit, GravityCompensation | LineSprings) else unit
+    return unit.bound(robot) if isinstance(unit, GravityCompensation) else unit
 
 
 def _placed(unit: Any, robot: HybridRobot) -> OnJoints | OnTendons | None:

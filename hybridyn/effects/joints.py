@@ -6,7 +6,7 @@ Units are those of the joint: N, m, m/s for a prismatic joint, N m, rad, rad/s f
 """
 
 from abc import ABC
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -140,12 +140,7 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
     numbers = effect.numbers(robot)
     rows: list[tuple[float, ...]] = []  # column, place in q, whether it turns, parameters
     for name, values in numbers.items():
-        index = robot.joint_index.get(name)
-        if index is None:
-            known = [j for j in robot.joints if j in robot.body_of_joint]
-            raise ModelError(
-                f"{effect.name}: no such movable joint '{name}'{did_you_mean(name, known)}", element=name
-            )
+        index = joint_number(effect.name, robot, name)
         freedoms = robot.v_slices[index]
         if freedoms.stop - freedoms.start > 1 and (kind := robot.kinds[index]) not in effect.several:
             or_several = "".join(f" or be {known}" for known in effect.several)
@@ -155,16 +150,36 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
         place = robot.q_slices[index].start, robot.kinds[index] == "continuous"
         each = effect.by_freedom(values, freedoms.stop - freedoms.start)
         rows += [(at, *place, *own) for at, own in enumerate(each, freedoms.start)]
-    cut = [name for name in numbers if name in robot.cut_joints]
-    if cut:
-        raise ModelError(
-            f"{effect.name}: {listed(cut)} sit in wrists without mass, which were cut: load the robot with "
-            f"held={cut[:3]!r}, or take it from hybridyn.with_effects(robot, effects)", element=cut[0],
-        )  # fmt: skip
+    refuse_cut(effect.name, robot, numbers)
     if not rows:
         return None
     columns, at, turns, *p = np.array(rows, dtype=float).T
     return OnJoints(effect, tuple(numbers), columns.astype(int), at.astype(int), turns.astype(bool), p)
+
+
+def joint_number(effect: str, robot: HybridRobot, name: str) -> int:
+    """Return the number of a joint that an effect names.
+
+    Raises:
+        ModelError: The robot has no such movable joint.
+    """
+    if name not in robot.joint_index:
+        known = [j for j in robot.joints if j in robot.body_of_joint]
+        raise ModelError(f"{effect}: no such movable joint '{name}'{did_you_mean(name, known)}", element=name)
+    return robot.joint_index[name]
+
+
+def refuse_cut(effect: str, robot: HybridRobot, names: Iterable[str]) -> None:
+    """Refuse joints of cut wrists.
+
+    Raises:
+        ModelError: Some of the joints that an effect names are of those.
+    """
+    if cut := [name for name in names if name in robot.cut_joints]:
+        raise ModelError(
+            f"{effect}: {listed(cut)} sit in wrists without mass, which were cut: load the robot with "
+            f"held={cut[:3]!r}, or take it from hybridyn.with_effects(robot, effects)", element=cut[0],
+        )  # fmt: skip
 
 
 def given(effect: str, *tables: Numbers) -> dict[str, tuple[float, ...]]:

@@ -6,11 +6,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..description.names import did_you_mean
 from ..errors import ModelError
-from ..spatial import LARGEST, Array, Index
+from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
-from .joints import WIDTH, Numbers, positive
+from .joints import WIDTH, Numbers, joint_number, positive, refuse_cut
+from .lengths import WORDS, check_numbers, stretch, tension
 
 
 @dataclass(frozen=True)
@@ -43,32 +43,13 @@ class Tendons:
         """
         positive(self.name, "width", self.width)
         known = list(dict.fromkeys(tendon for arms in self.arms.values() for tendon in arms))
-        for what in ("stiffness", "damping", "friction", "lower", "upper"):
-            for tendon, value in getattr(self, what).items():
-                if tendon not in known:
-                    raise ModelError(
-                        f"{self.name}: '{what}' names the tendon '{tendon}', which has no arm"
-                        f"{did_you_mean(tendon, known)}", element=tendon,
-                    )  # fmt: skip
-                least = -LARGEST if what in ("lower", "upper") else 0.0
-                if not least <= value <= LARGEST:
-                    raise ModelError(
-                        f"{self.name}: {what} of '{tendon}' is {value:g}; it must be finite"
-                        + ("" if least else ", and not negative"), element=tendon,
-                    )  # fmt: skip
-        for tendon in known:
-            if self.lower.get(tendon, 0.0) > self.upper.get(tendon, 0.0):
-                raise ModelError(f"{self.name}: lower of '{tendon}' is above upper", element=tendon)
+        tables = {what: getattr(self, what) for what in WORDS}
+        check_numbers(self.name, "tendon", known, "arm", tables, signed=("lower", "upper"))
         return dict.fromkeys(self.arms, ())
 
     def force(self, p: Any, length: Any, rate: Any) -> Any:
-        """Compute the force along a tendon from k, c, f, lower, upper: arrays or expressions."""
-        k, c, f, _, _ = p
-        return -k * self.stretch(p, length) - c * rate - f * np.tanh(rate / self.width)
-
-    def stretch(self, p: Any, length: Any) -> Any:
-        """Compute by how much a tendon is longer than `upper`, or minus how much shorter than `lower`."""
-        return np.maximum(length - p[4], 0.0) - np.maximum(p[3] - length, 0.0)
+        """Compute the force along a tendon from its numbers, see `lengths.tension`."""
+        return -tension(p, self.width, length, rate)
 
 
 class OnTendons(NamedTuple):
@@ -116,9 +97,8 @@ class OnTendons(NamedTuple):
 
     def energy(self, q: Array) -> Array:
         """Compute the stored energy, shape (T,), [J]."""
-        out: Array = (0.5 * self.own[0] * self.effect.stretch(self.own, q[:, self.at] @ self.arms) ** 2).sum(
-            axis=1
-        )
+        k, _, _, lower, upper = self.own
+        out: Array = (0.5 * k * stretch(lower, upper, q[:, self.at] @ self.arms) ** 2).sum(axis=1)
         return out
 
     def power(self, q: Array, v: Array) -> Array:
@@ -141,27 +121,17 @@ def on_tendons(effect: Tendons, robot: HybridRobot) -> OnTendons | None:
     """
     joints = tuple(effect.numbers(robot))
     for name in joints:
-        if name not in robot.joint_index:
-            raise ModelError(
-                f"{effect.name}: no such movable joint '{name}'{did_you_mean(name, robot.joints)}",
-                element=name,
-            )
-        kind = robot.kinds[robot.joint_index[name]]
+        kind = robot.kinds[joint_number(effect.name, robot, name)]
         if kind not in ("revolute", "prismatic"):
             raise ModelError(
                 f"{effect.name}: joint '{name}' is {kind}; it must be revolute or prismatic",
                 element=name,
             )
-    if cut := [name for name in joints if name in robot.cut_joints]:
-        raise ModelError(
-            f"{effect.name}: '{cut[0]}' sits in a wrist without mass, which was cut: load the robot with "
-            f"held={cut[:3]!r}, or take it from hybridyn.with_effects(robot, effects)", element=cut[0],
-        )  # fmt: skip
+    refuse_cut(effect.name, robot, joints)
     if not joints:
         return None
     tendons = list(dict.fromkeys(tendon for arms in effect.arms.values() for tendon in arms))
-    words = ("stiffness", "damping", "friction", "lower", "upper")
-    own = [[getattr(effect, word).get(tendon, 0.0) for tendon in tendons] for word in words]
+    own = [[getattr(effect, word).get(tendon, 0.0) for tendon in tendons] for word in WORDS]
     arms = [[effect.arms[joint].get(tendon, 0.0) for tendon in tendons] for joint in joints]
     numbers = [robot.joint_index[joint] for joint in joints]
     columns, at = (np.array([where[n].start for n in numbers]) for where in (robot.v_slices, robot.q_slices))
