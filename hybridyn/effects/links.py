@@ -149,6 +149,10 @@ class GroundContact:
             for link, points in self.points.items()
         }
 
+    def watched(self, link: str) -> tuple[str, ...]:
+        """Return the links whose motion the wrench on a link depends on."""
+        return (link,)
+
     @property
     def links(self) -> tuple[str, ...]:
         """The links with points."""

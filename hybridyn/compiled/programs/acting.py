@@ -45,14 +45,9 @@ class ActingWrenches:
         write_motions(request, w, bodies, _carrying(request.robot, request.contacts), moved=False)
         place = request.robot.bodies.place
         for at, law in request.contacts:
-            if isinstance(law, GroundContact):
-                self._add(at, "contact", _contact(at, law), bodies[at.body])
-                continue
             watched = {link: place[link] for link in law.watched(at.link)}
-            function = (
-                _compensation(at, law) if isinstance(law, GravityCompensation) else _lines(at, law, watched)
-            )
-            self._add(at, law.name, function, *(bodies[body] for body, _, _ in watched.values()))
+            function = _kernel(at, law, watched)
+            self._add(at, function.name(), function, *(bodies[body] for body, _, _ in watched.values()))
 
     def _add(self, at: Acting, name: str, function: ca.Function, *sources: Source) -> None:
         """Add a wrench on a body, in the body's frame, and what follows from it."""
@@ -95,13 +90,19 @@ def _carrying(robot: HybridRobot, contacts: Sequence[tuple[Acting, OfMotion]]) -
     """Return the numbers of the modules that carry the links that laws watch."""
     out = set[int]()
     for at, law in contacts:
-        links = (at.link,) if isinstance(law, GroundContact) else law.watched(at.link)
-        for link in links:
+        for link in law.watched(at.link):
             k = robot.body_owner[robot.bodies.place[link][0]][0]
             while k >= 0 and k not in out:
                 out.add(k)
                 k = robot.modules[k].parent
     return out
+
+
+def _kernel(at: Acting, law: OfMotion, watched: Mapping[str, tuple[int, Any, Any]]) -> ca.Function:
+    """Return the kernel of a law's wrench on a link, in its body's frame, from the motion of bodies."""
+    if isinstance(law, LineSprings):
+        return _lines(at, law, watched)
+    return _compensation(at, law) if isinstance(law, GravityCompensation) else _contact(at, law)
 
 
 def _compensation(at: Acting, law: GravityCompensation) -> ca.Function:
