@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from .expressions import Expression, along, dot, is_zero, minus, pack, symbols, times, zeros
+from .expressions import Expression, along, is_zero, minus, pack, symbols, times, zeros
 from .guarded_elimination import Pivots, eliminate
 
 
@@ -167,22 +167,3 @@ class Handed:
 def _unknown(x: Any) -> bool:
     """Return whether a scalar is no number."""
     return isinstance(x, ca.SX) and not x.is_constant()
-
-
-def lower_of(A: Expression) -> Expression:
-    """Return the lower triangle of a symmetric matrix, row by row."""
-    return A[np.tril_indices(len(A))]
-
-
-def from_lower(entries: Expression, n: int) -> Expression:
-    """Return a symmetric matrix from its lower triangle."""
-    out = np.empty((n, n), dtype=object)
-    rows, cols = np.tril_indices(n)
-    out[rows, cols] = entries
-    out[cols, rows] = entries
-    return out
-
-
-def product(A: Expression) -> Expression:
-    """Compute A A^T, shape (n, n)."""
-    return dot(A, A.T)

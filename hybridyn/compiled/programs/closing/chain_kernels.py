@@ -25,8 +25,20 @@ import numpy as np
 from ....spatial import Array
 from ...equations.chains import own_columns
 from ...equations.displacement import by_joint, moved_joint, position_rate
-from ...equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, times, unpack, zeros
-from ...equations.factors import Definite, Handed, Triangular, lower_of, product
+from ...equations.expressions import (
+    Expression,
+    Folding,
+    dot,
+    is_zero,
+    pack,
+    symbols,
+    symmetric_product,
+    times,
+    unpack,
+    upper,
+    zeros,
+)
+from ...equations.factors import Definite, Handed, Triangular
 from ...equations.guarded_elimination import TRUSTED_PIVOT, Pivots, largest, squares
 from ...equations.idle import least_norm
 from ..close import drift
@@ -199,7 +211,7 @@ class ChainKernels(ModuleKernels):
         motion = Handed(x=found["x"], Z=found["Z"])
         kept = found["M"].root(found["Psi"][self._path(found["J"])].T)
         guards = [found["guard"], found["bent"], self._too_open(rows)]
-        outputs = [pack(lower_of(found["S"])), pack(found["e"]), far, pack(kept), motion.pack(), *guards]
+        outputs = [pack(upper(found["S"])), pack(found["e"]), far, pack(kept), motion.pack(), *guards]
         return self.kernel("project", [*self.here, column], outputs), motion
 
     def _too_open(self, rows: Rows) -> Any:
@@ -262,8 +274,8 @@ class ChainKernels(ModuleKernels):
             D=found["M"].inverses,
         )  # fmt: skip
         outputs = [
-            pack(lower_of(found["S"])), pack(found["e"].T), pack(lower_of(product(A))),
-            pack(lower_of(product(B))), self._turned(found["factors"], rows.K - before.K),
+            pack(upper(found["S"])), pack(found["e"].T), pack(upper(symmetric_product(A.T, A.T))),
+            pack(upper(symmetric_product(B.T, B.T))), self._turned(found["factors"], rows.K - before.K),
             largest(rows.residual * self.u.scale), motion.pack(), factors.pack(),
             found["guard"], found["bent"], self._guard(zeros(0), rows),
         ]  # fmt: skip

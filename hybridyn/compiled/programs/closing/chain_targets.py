@@ -23,10 +23,11 @@ from ...equations.expressions import (
     plain,
     plus,
     symbols,
+    symmetric,
     unpack,
     zeros,
 )
-from ...equations.factors import Definite, Handed, from_lower
+from ...equations.factors import Definite, Handed
 from ...equations.guarded_elimination import largest
 from ...equations.rigid import quaternion_matrix
 from .chain_kernels import SAME_MOTION
@@ -183,7 +184,7 @@ class ChainTargets:
     def meet(self) -> ca.Function:
         """From S, e and the residual to the multipliers of a step; last is a guard."""
         (s_col, s), (e_col, e), (r_col, r) = self._sums()
-        factors, guard = Definite.of(from_lower(s, self.rows), SAME_MOTION)
+        factors, guard = Definite.of(symmetric(s, self.rows), SAME_MOTION)
         return ca.Function("meet", [s_col, e_col, r_col], [pack(factors.solve(-(r + e)[:, None])), guard])
 
     def _sums(self, k: int = 1) -> list[tuple[ca.SX, Expression]]:
@@ -204,9 +205,9 @@ class ChainTargets:
         (s_col, s), (e_col, e), (r_col, r) = self._sums(2)
         g_col, g_dot = symbols("g_dot", m)
         (s0_col, s_0), (f_col, F) = (symbols(name, len(s)) for name in ("S_0", "F"))
-        factors, guard = Definite.of(from_lower(s, m), SAME_MOTION)
-        before, guard_before = Definite.of(from_lower(s_0, m), SAME_MOTION)
-        turned = ca.sqrt(ca.fmax(before.trace(from_lower(F, m)), 0.0))
+        factors, guard = Definite.of(symmetric(s, m), SAME_MOTION)
+        before, guard_before = Definite.of(symmetric(s_0, m), SAME_MOTION)
+        turned = ca.sqrt(ca.fmax(before.trace(symmetric(F, m)), 0.0))
         right = np.stack([-r - e[:m], g_dot * self._per_unit - e[m:]], axis=1)
         handed = Handed(lower=factors.lower, inverses=factors.inverses)
         outputs = [
