@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ....structure.robot import HybridRobot
 from ...equations.expressions import pack
+from ...equations.factors import Handed
 from ...program import Add, Constants, Each, Shared, Source, Target, Worst
 from ..loop_kernels import Kernel
 from ..writer import ModuleWriter, alike
@@ -22,6 +23,8 @@ from .extended import extended
 from .given import Part
 from .rows import Places
 
+#: Sources of each group's posture, and of what is prescribed there.
+Near = list[list[Source]]
 #: What chains give for comparisons that bounds leave open: none of them is passed.
 NOT_TOLD = 1e30
 
@@ -137,92 +140,114 @@ class ChainWriter:
         c.results(step=c.largest(steps), wrist=c.largest(wrists), open=c.squares(c.read(open_by), residual))
 
     def _settle(self, c: _Calls) -> None:
-        m = self._targets.rows
         placed, near = c.placed("q_0", "p_0", "g")
         before, far = c.placed("q_1", "p_1", "g_0")
         (residual, T), (_, T_0) = c.coupled(placed, "g"), c.coupled(before, "g_0")
+        step = self._last_step(c, residual, (near, T), (far, T_0))
+        speeds, twists, steps = self._rates(c, near, step)
+        self._accelerations(c, placed, near, T, step, speeds, twists)
+        c.results(step=c.largest(steps), open=c.largest(step.opened), turning=c.largest(step.turned))
+
+    def _last_step(
+        self, c: _Calls, residual: Shared, here: tuple[Near, list[Each]], there: tuple[Near, list[Each]]
+    ) -> _Step:
+        """Add the calls of the last step and the rates: each module's, then the targets' small system.
+
+        Args:
+            c: The calls.
+            residual: Place of the targets' residual.
+            here: Postures, and places of the targets' maps there.
+            there: Those of the row before.
+        """
+        m = self._targets.rows
         n = m * (m + 1) // 2
         S, e, S_0, F = c.sum(n), c.sum(2 * m), c.sum(n), c.sum(n)
-        handed = []
-        turned, opened = [], []
-        for group, here, there, own, own_0 in zip(self.groups, near, far, T, T_0, strict=True):
+        handed, turned, opened = list[_Parts](), list[Shared](), list[Shared]()
+        for group, near, own, far, own_0 in zip(self.groups, *here, *there, strict=True):
             kernel, motion, factors = group.kernels.settle()
             room = c.each(group, motion.size), c.each(group, factors.size)
             own_turn, own_open = c.each(group, 1), c.each(group, 1)
             turned.append(c.whole(group, own_turn))
             opened.append(c.whole(group, own_open))
-            handed.append((motion, factors, *room))
-            sources = [*here, own, *there, own_0, c.given("kept", group), c.given("g_dot", group)]
+            handed.append(_Parts(motion, factors, *room))
+            sources = [*near, own, *far, own_0, c.given("kept", group), c.given("g_dot", group)]
             targets: list[Target] = [S, e, S_0, F, own_turn, own_open, *room, *[Worst()] * 3]
             c.call(group, "settle", kernel, sources, targets)
         function, known = self._targets.settle()
-        multipliers, open_by, turn, factors_of = (
-            c.shared(2 * m),
-            c.shared(1),
-            c.shared(1),
-            c.shared(known.size),
-        )
-        rates = c.given_of_chain("g_dot")
-        c.one("meet", function, [c.read(S), c.read(e), residual, rates, c.read(S_0), c.read(F)],
-              [multipliers, open_by, turn, factors_of, Worst()])  # fmt: skip
-        twists, speeds, steps = [], [], []
-        for group, here, (motion, _, own, _) in zip(self.groups, near, handed, strict=True):
-            speed, twist, step = (
-                c.each(group, k) for k in (group.kernels.e.tree.nv, 6 * len(group.kernels.ports.bodies), 1)
-            )
-            twists.append(twist)
+        multipliers, open_by, turn, factors_of = (c.shared(k) for k in (2 * m, 1, 1, known.size))
+        sources = [c.read(S), c.read(e), residual, c.given_of_chain("g_dot"), c.read(S_0), c.read(F)]
+        c.one("meet", function, sources, [multipliers, open_by, turn, factors_of, Worst()])
+        return _Step(handed, multipliers, known, factors_of, [*opened, open_by], [*turned, turn])
+
+    def _rates(self, c: _Calls, near: Near, step: _Step) -> tuple[list[Each], list[Each], list[Shared]]:
+        """Add the calls of each module's motion by the multipliers; return rates, twists and step sizes."""
+        speeds, twists, steps = list[Each](), list[Each](), list[Shared]()
+        for group, here, part in zip(self.groups, near, step.parts, strict=True):
+            sizes = group.kernels.e.tree.nv, 6 * len(group.kernels.ports.bodies), 1
+            speed, twist, size = (c.each(group, k) for k in sizes)
             speeds.append(speed)
-            steps.append(c.whole(group, step))
+            twists.append(twist)
+            steps.append(c.whole(group, size))
             moved = [c.result("q", group), c.result("p", group)]
-            c.call(
-                group,
-                "rate",
-                group.kernels.rate(motion),
-                [*here, own, multipliers],
-                [*moved, speed, twist, step],
-            )
-        of_rates = Shared(multipliers.start + m, m)
-        drift, changes = (
-            c.shared(m),
-            [c.each(group, 6 * len(group.kernels.ports.bodies)) for group in self.groups],
-        )
+            sources = [*here, part.motion_at, step.multipliers]
+            c.call(group, "rate", group.kernels.rate(part.motion), sources, [*moved, speed, twist, size])
+        return speeds, twists, steps
+
+    def _accelerations(
+        self, c: _Calls, placed: Sequence[Shared], near: Near, T: Sequence[Each], step: _Step,
+        speeds: Sequence[Each], twists: Sequence[Each],
+    ) -> None:  # fmt: skip
+        """Add the calls of the accelerations of the rule, by the factors of the last step."""
+        m = self._targets.rows
+        of_rates = Shared(step.multipliers.start + m, m)
+        drift = c.shared(m)
+        changes = [c.each(group, 6 * len(group.kernels.ports.bodies)) for group in self.groups]
         sources = [*placed, c.given_of_chain("g"), *c.by_part(twists), of_rates]
         c.one("change", self._targets.change(), sources, [drift, *c.by_part(changes)])
-        again = c.sum(m)
-        last = []
-        each = zip(self.groups, near, T, speeds, handed, changes, strict=True)
-        for group, here, own, speed, (_, factors, _, room), change in each:
-            kernel, motion = group.kernels.turn(factors)
+        again, last = c.sum(m), []
+        each = zip(self.groups, near, T, speeds, step.parts, changes, strict=True)
+        for group, here, own, speed, part, change in each:
+            kernel, motion = group.kernels.turn(part.factors)
             place = c.each(group, motion.size)
             last.append((motion, place))
-            c.call(
-                group,
-                "turn",
-                kernel,
-                [*here, own, speed, room, of_rates, change, c.given("g_ddot", group)],
-                [again, place],
-            )
+            given = [*here, own, speed, part.factors_at, of_rates, change, c.given("g_ddot", group)]
+            c.call(group, "turn", kernel, given, [again, place])
         multipliers = c.shared(m)
-        c.one(
-            "meet_again",
-            self._targets.meet_again(known),
-            [factors_of, c.read(again), drift, c.given_of_chain("g_ddot")],
-            [multipliers],
-        )
-        for group, here, speed, (by, _, own, _), (motion, place) in zip(
-            self.groups, near, speeds, handed, last, strict=True
+        sources = [step.factors_at, c.read(again), drift, c.given_of_chain("g_ddot")]
+        c.one("meet_again", self._targets.meet_again(step.factors), sources, [multipliers])
+        for group, here, speed, part, (motion, place) in zip(
+            self.groups, near, speeds, step.parts, last, strict=True
         ):
-            kernel = group.kernels.accelerate(motion, by)
-            c.call(
-                group,
-                "accelerate",
-                kernel,
-                [*here, own, place, speed, multipliers],
-                [c.result("v", group), c.result("a", group), Worst()],
-            )
-        c.results(
-            step=c.largest(steps), open=c.largest([*opened, open_by]), turning=c.largest([*turned, turn])
-        )
+            kernel = group.kernels.accelerate(motion, part.motion)
+            results = [c.result("v", group), c.result("a", group), Worst()]
+            c.call(group, "accelerate", kernel, [*here, part.motion_at, place, speed, multipliers], results)
+
+
+class _Parts(NamedTuple):
+    """What the last step of a group hands on: a motion and factors, and where they are."""
+
+    motion: Handed
+    factors: Handed
+    motion_at: Each
+    factors_at: Each
+
+
+class _Step(NamedTuple):
+    """The last step and the rates of a chain.
+
+    Attributes:
+        parts: What each group hands on.
+        multipliers: Place of the targets' multipliers, of the step and then of the rates.
+        factors, factors_at: Factors of the small system, and where they are.
+        opened, turned: Places of what is left open, and of how far rows turned.
+    """
+
+    parts: list[_Parts]
+    multipliers: Shared
+    factors: Handed
+    factors_at: Shared
+    opened: list[Shared]
+    turned: list[Shared]
 
 
 class _Calls:
