@@ -231,11 +231,7 @@ class Curve:
     def at(self, s: Any) -> tuple[Any, Any, Any]:
         """Compute the curve and its first two derivatives at s: a number, an array or an expression."""
         value, slope, bend = 0.0 * s, 0.0 * s, 0.0 * s
-        for coefficient in (
-            *self.coefficients[::-1],
-            0.0,
-            0.0,
-        ):  # Horner's rule; c1 and c0 are 0
+        for coefficient in (*self.coefficients[::-1], 0.0, 0.0):  # Horner's rule; c1 and c0 are 0
             bend = bend * s + 2.0 * slope
             slope = slope * s + value
             value = value * s + coefficient

@@ -63,4 +63,4 @@ def _joints(root: Node) -> Iterator[Node]:
 
 
 def _note(robot: RobotFile, node: Node, text: str) -> None:
-    robot.notes.append("{}:{}".format(*node.place) + f": <{TAG}>: {text}")
+    robot.notes.append(f"{node.at}: <{TAG}>: {text}")

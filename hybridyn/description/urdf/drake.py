@@ -215,10 +215,9 @@ def _stated_axis(node: Node, kind: str, robot: RobotFile) -> Array:
     """Return the unit axis of a joint; note one that Drake ignores."""
     axis = node.child("axis")
     if axis is not None and kind in ("ball", "universal"):
-        place = "{}:{}".format(*axis.place)
         turns = "about x, then y of its frame" if kind == "universal" else "about every axis"
         robot.notes.append(
-            f"{place}: the axis of {kind} joint '{node.text('name')}' is ignored: it turns {turns}, as in "
+            f"{axis.at}: the axis of {kind} joint '{node.text('name')}' is ignored: it turns {turns}, as in "
             "Drake"
         )
     return axis_of(axis)

@@ -90,13 +90,13 @@ def _couple(follower: Follower, robot: RobotFile) -> None:
         return  # it was cut away or made rigid
     if same and (same[0].terms, same[0].offset) == (coupling.terms, coupling.offset):
         return
-    place, reason = "{}:{}".format(*node.place), ""
+    reason = ""
     if same:
         reason = "the joint follows in another way by its <mimic>"
     elif movable.get(name) != 1 or movable.get(leader) != 1 or name == leader:
         reason = f"the robot has no two such joints with one freedom{did_you_mean(leader, movable)}"
     if reason:
-        robot.notes.append(f"{place}: {DROPS} the mimic of joint '{name}' after '{leader}': {reason}")
+        robot.notes.append(f"{node.at}: {DROPS} the mimic of joint '{name}' after '{leader}': {reason}")
     else:
         robot.couplings.append(coupling)
 
@@ -111,8 +111,9 @@ def _read_spring(block: Node, robot: RobotFile) -> None:
         raise stiffness.error(f"negative stiffness {stiffness.number():g} of joint '{name}'")
     joint = next((joint for joint in robot.joints if joint.name == name), None)
     if joint is None or FREEDOMS[joint.kind] != 1:
-        place = "{}:{}".format(*stiffness.place)
-        robot.notes.append(f"{place}: {DROPS} the spring of '{name}', which is no joint with one freedom")
+        robot.notes.append(
+            f"{stiffness.at}: {DROPS} the spring of '{name}', which is no joint with one freedom"
+        )
         return
     others = [spring for spring in robot.springs if spring.name != name]
     rest = 0.0 if reference is None else reference.number()

@@ -45,9 +45,8 @@ def keep_joint(
     known = {closure.link_a, closure.link_b} <= {*poses}  # `validate` refuses others
     if not stated or closure.kind not in KINDS or not known:
         if stated and known:
-            place = "{}:{}".format(*node.place)
             robot.notes.append(
-                f"{place}: {DROPS} {listed(stated)} of closure '{closure.name}': its kind, {closure.kind}, "
+                f"{node.at}: {DROPS} {listed(stated)} of closure '{closure.name}': its kind, {closure.kind}, "
                 "has not one freedom"
             )
         robot.closures.append(closure)

@@ -52,8 +52,7 @@ def add_closures(root: Node, robot: RobotFile) -> None:
         forces = {} if dynamics is None else forces_of(dynamics)
         keep_joint(robot, closure, forces, poses, node)
         if node.child("limit"):
-            place = "{}:{}".format(*node.place)
-            robot.notes.append(f"{place}: the limits of closure '{closure.name}' are not read")
+            robot.notes.append(f"{node.at}: the limits of closure '{closure.name}' are not read")
 
 
 def forces_of(dynamics: Node) -> dict[str, float]:

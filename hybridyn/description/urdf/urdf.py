@@ -254,14 +254,14 @@ def _forces(node: Node | None, name: str, kind: JointKind, robot: RobotFile) -> 
         numbers = f"{out['damping']:g}, {out['friction']:g}"
         raise node.error(f"joint '{name}' has negative damping or friction ({numbers})")
     if kind == "spherical" and out["friction"]:
-        place = "{}:{}".format(*node.place)
-        robot.notes.append(f"{place}: {DROPS} the dry friction of joint '{name}', which has several freedoms")
+        robot.notes.append(
+            f"{node.at}: {DROPS} the dry friction of joint '{name}', which has several freedoms"
+        )
         out["friction"] = 0.0
     if stiffness and FREEDOMS[kind] == 1:
         robot.springs.append(StatedSpring(name, stiffness, stated.get("spring_reference", 0.0)))
     elif stiffness and kind != "fixed":
-        place = "{}:{}".format(*node.place)
-        robot.notes.append(f"{place}: {DROPS} the spring of joint '{name}', which has several freedoms")
+        robot.notes.append(f"{node.at}: {DROPS} the spring of joint '{name}', which has several freedoms")
     return out
 
 
@@ -318,10 +318,9 @@ def _share_rotors(
     maps = {word: of(*ratios) for word, of in ROTOR_MAPS.items() if word in words and len(joints) == 2}
     own = any(rotors[name].get("rotor_inertia") for name in names)
     if own or not maps or len(owners) != 3 or stated[-1][0] is node:
-        place = "{}:{}".format(*node.place)
         told = listed(owner.xml.get("name", owner.tag) for owner, _ in stated)
         robot.notes.append(
-            f"{place}: {DROPS} the rotors of {told}: "
+            f"{node.at}: {DROPS} the rotors of {told}: "
             "they couple joints; state their inertia in the <joint>s of the <transmission>, or in model.toml"
         )
         return

@@ -191,6 +191,11 @@ class Node(NamedTuple):
         return f"{file}:{line}" if file != self.file else f"line {line}" if line else file
 
     @property
+    def at(self) -> str:
+        """Place of the element as notes begin with it: `robot.urdf:12`."""
+        return "{}:{}".format(*self.place)
+
+    @property
     def label(self) -> str:
         """The element as it is named in messages: `<joint name="elbow">`."""
         name = str(self.xml.get("name", ""))[:100]
