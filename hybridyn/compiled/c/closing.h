@@ -46,7 +46,7 @@ typedef struct {
     BranchIn branch;
     BranchOut about;
     State now;
-    V first[MODULES], turning[MODULES], before[MODULES], later, far, count, programs[PROGRAMS_WORK];
+    V first[MODULES], turning[MODULES], before[MODULES], taken[MODULES], later[MODULES], far, count, programs[PROGRAMS_WORK];
     Posture last, here; /* of a walk: the row before, how far it has come */
     V there[NG];
     Given row;
@@ -84,6 +84,7 @@ INLINE V largest_lanes(const V *x) {
     for (int m = 1; m < MODULES; m++) out = FMAX(out, x[m]);
     return out;
 }
+INLINE V size_in(const NewtonOut *out, int m) { return FMAX(out->step[m], out->wrist[m]); }
 INLINE V size_of(const NewtonOut *out) { return FMAX(largest_lanes(out->step), largest_lanes(out->wrist)); }
 
 /* Newton's method from the guess in `at` without damping; gives where it comes to the positions. */
@@ -121,12 +122,12 @@ static M on_branch(Work *w) {
     return good;
 }
 
-/* Where a step keeps its branch by bounds of what "branch" computes: the joints have turned by twice the later steps at
-   most, as rotations about several axes do not add up. */
+/* Where a step keeps its branch by bounds of what "branch" computes: the joints have turned by twice its module's later
+   steps at most, as rotations about several axes do not add up. */
 static M surely_same(Work *w) {
     M good = EVERY;
     for (int m = 0; m < MODULES; m++) {
-        const M near = LE(C(2) * w->later, C(SAME_BRANCH) * w->first[m] + C(SMALL_STEP));
+        const M near = LE(C(2) * w->later[m], C(SAME_BRANCH) * w->first[m] + C(SMALL_STEP));
         good = AND(good, AND(near, LE(w->turning[m], C(MOST_BOUND))));
     }
     return good;
@@ -151,7 +152,7 @@ static M advanced(Work *w, M certain, int lone) {
     memcpy(w->before, w->moved.open, sizeof(w->before));
     V before = size_of(&w->moved);
     if (!lone) good = AND(good, LE(before, C(LONGEST)));
-    w->later = C(0);
+    for (int m = 0; m < MODULES; m++) w->taken[m] = size_in(&w->moved, m), w->later[m] = C(0);
     for (int k = 0; k < ITERATIONS; k++) {
         const M left = NOT(LE(before, C(NEAR)));
         if (!ANY(AND(left, good))) break;
@@ -160,12 +161,15 @@ static M advanced(Work *w, M certain, int lone) {
         const V size = size_of(&w->moved);
         good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
         for (int m = 0; KEPT && m < MODULES; m++) { /* the general path damps steps that open what they should close */
-            good = AND(good, OR(NOT(left), OR(LE(before, C(NEVER_DAMPED)), LT(w->moved.open[m], w->before[m]))));
+            good = AND(good, OR(NOT(left), OR(LE(w->taken[m], C(NEVER_DAMPED)), LT(w->moved.open[m], w->before[m]))));
             w->before[m] = w->moved.open[m];
         }
         take(left, (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
         before = SELECT(left, size, before);
-        w->later += SELECT(left, size, C(0));
+        for (int m = 0; m < MODULES; m++) {
+            w->taken[m] = SELECT(left, size_in(&w->moved, m), w->taken[m]);
+            w->later[m] += SELECT(left, w->taken[m], C(0));
+        }
     }
     good = AND(good, LE(before, C(NEAR)));
     M left = EVERY;
@@ -175,7 +179,7 @@ static M advanced(Work *w, M certain, int lone) {
         take(left, (V *)&w->now, (V *)&w->settled.now, NUMBERS(State));
         take(left, w->turning, w->settled.turning, MODULES);
         const V step = largest_lanes(w->settled.step);
-        w->later += SELECT(left, step, C(0));
+        for (int m = 0; m < MODULES; m++) w->later[m] += SELECT(left, w->settled.step[m], C(0));
         const M open = NOT(AND(LE(step, C(LAST_STEP)), LE(largest_lanes(w->settled.open), C(OPEN))));
         good = AND(good, OR(NOT(left), trusted));
         left = AND(left, open);
