@@ -15,6 +15,7 @@ import numpy as np
 
 from ..errors import TrajectoryError
 from ..figures.motion import chart_of_rows
+from ..scenes.scene_file import read_scene
 from ..scenes.stage import Stage, files_of, identity, play, stage
 from ..scenes.toml_source import naming
 from ..simulation.result import Result
@@ -49,10 +50,11 @@ def run(
     engine: str | None,
     plot: str | None,
     quiet: bool,
+    strict: bool,
 ) -> int:
     """Simulate a scene, write the table, and return the exit status."""
     started = time.perf_counter()
-    ready = stage(scene, allow_python=allow_python)
+    ready = stage(read_scene(scene, strict=strict), allow_python=allow_python)
     target = output or _own_target(ready)
     state = _state_of(ready, target, resume=resume, overwrite=overwrite)
     check_targets(files_of(ready.source), (target, state, plot))

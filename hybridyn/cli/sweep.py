@@ -1,5 +1,7 @@
 """`hybridyn sweep`: evaluate the designs of a study in several processes, and find the best."""
 
+from typing import Any
+
 import click
 
 from ..errors import HybridynError
@@ -27,6 +29,7 @@ def run(
     where: str | None,
     top: int,
     plot: str | None,
+    strict: bool,
 ) -> None:
     """Evaluate a study, and tell or draw the results."""
     asked = best or plot
@@ -35,17 +38,17 @@ def run(
         (where and not asked, "--where belongs to --best or --plot"),
     )
     if study is not None:
-        _evaluate(study, output, jobs, resume, allow_python, engine)
+        _evaluate(
+            study, output, engine, jobs=jobs, resume=resume, allow_python=allow_python, strict=strict
+        )
     if best is not None:
         click.echo("\n".join(_table(find_best(output, best, where, top))))
     if plot is not None:
         save(chart_of_sweep(output, where), plot)
 
 
-def _evaluate(
-    study: str, output: str, jobs: int | None, resume: bool, allow_python: bool, engine: str | None
-) -> None:
-    """Evaluate a study, and print what became of its designs."""
+def _evaluate(study: str, output: str, engine: str | None, **options: Any) -> None:
+    """Evaluate a study, and print what became of its designs; the options are those of `sweep`."""
     states: list[Swept] = []
     try:
         with progress("designs") as draw:
@@ -56,9 +59,8 @@ def _evaluate(
                 draw(state.now, state.now / (state.designs - state.done + state.now))
 
             state = sweep_study(
-                study, output, jobs=jobs, resume=resume, allow_python=allow_python,
-                compiled=engine != "general", progress=show,
-            )  # fmt: skip
+                study, output, compiled=engine != "general", progress=show, **options
+            )
     except BaseException:
         if states:
             click.echo(

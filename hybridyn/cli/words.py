@@ -21,6 +21,7 @@ from .common.files import (
 )
 from .common.options import (
     PACKAGES,
+    STRICT,
     XACRO,
     Command,
     RobotCommand,
@@ -216,6 +217,7 @@ simulate = Command(
         PYTHON,
         ENGINE,
         QUIET,
+        STRICT,
     ],
 )  # fmt: skip
 
@@ -328,6 +330,7 @@ plot = Command(
     params=[
         XACRO,
         PACKAGES,
+        STRICT,
         click.Argument(["table"], callback=_tables),
         option(
             "-o", "--output", metavar="FILE", required=True, callback=chart_file,
@@ -568,6 +571,7 @@ sweep = Command(
         option("-o", "--output", metavar="FOLDER", default="results", show_default=True, help="The results."),
         option("--allow-python", is_flag=True, help="Allow measures that are functions of Python files."),
         ENGINE,
+        STRICT,
         option(
             "--best", metavar="A,-B,...",
             help="Print the designs in which A is smallest and B largest; with several, the Pareto front.",

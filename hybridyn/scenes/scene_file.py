@@ -65,6 +65,11 @@ class RobotTable(Schema):
     motors: list[str] | None = None
     xacro: dict[str, str | bool | int | float] = Field(default_factory=dict)
     package_dirs: list[str] = Field(default_factory=list)
+    strict: bool = False
+
+    def stricter(self, strict: bool) -> RobotTable:
+        """Return the table with `strict` set, too, where asked."""
+        return self.model_copy(update={"strict": self.strict or strict})
 
 
 class RatesTable(Schema):
@@ -293,12 +298,13 @@ class SceneFile(TomlSource):
         return find_robot(self.scene.robot.file, Path(self.file).parent)
 
 
-def read_scene(path: str | Path) -> SceneFile:
-    """Read a scene.
+def read_scene(path: str | Path, *, strict: bool = False) -> SceneFile:
+    """Read a scene. `strict`: whether notes on its robot are errors, although the scene may not say so.
 
     Raises:
         ModelError: The file cannot be read, is not TOML, or has a wrong key or value; the message names file,
             line and key.
     """
     source, scene = read_schema(path, Scene, CONTROLLERS)
+    scene = scene.model_copy(update={"robot": scene.robot.stricter(strict)})
     return SceneFile(source.file, source.text, scene)

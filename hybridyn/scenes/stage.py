@@ -116,7 +116,7 @@ def _load(source: SceneFile) -> HybridRobot:
         source.robot, base=stated.base, motors=stated.motors,
         gravity=None if gravity is None else (gravity[0], gravity[1], gravity[2]),
         xacro_args={name: text_of(value) for name, value in stated.xacro.items()} or None,
-        package_dirs=[source.beside(folder) for folder in stated.package_dirs],
+        package_dirs=[source.beside(folder) for folder in stated.package_dirs], strict=stated.strict,
     )  # fmt: skip
 
 

@@ -218,6 +218,8 @@ class RobotChoice:
             ranks_are_said.reset(before)
 
 
+STRICT = Shared(["--strict"], is_flag=True, help="Refuse a robot of which something was read past.")
+
 #: The options with which commands load a robot: the fields of `RobotChoice`.
 ROBOT_OPTIONS = (
     Shared(
@@ -249,7 +251,7 @@ ROBOT_OPTIONS = (
         show_default=True,
         help="Largest residual of closed loops.",
     ),
-    Shared(["--strict"], is_flag=True, help="Refuse a robot of which something was read past."),
+    STRICT,
 )  # fmt: skip
 
 

@@ -21,19 +21,21 @@ from .variants import Variants
 FIXED_COLUMNS = ("design", "status", "message")
 
 
-def read_study(path: str | Path, *, allow_python: bool = False) -> StudyFile:
+def read_study(path: str | Path, *, allow_python: bool = False, strict: bool = False) -> StudyFile:
     """Read a study, and check what can be checked without loading its robot.
 
     Args:
         path: The TOML file.
         allow_python: Whether measures may be functions of Python files, which run with all rights of this
             process.
+        strict: Whether notes on the robot are errors, although the study may not say so.
 
     Raises:
         ModelError: The file cannot be read, is not TOML, has a wrong key or value, or names a missing file;
             the message names file, line and key.
     """
     read, study = read_schema(path, Study, {})
+    study = study.model_copy(update={"robot": study.robot.stricter(strict)})
     source = StudyFile(read.file, read.text, str(Path(read.file).parent.absolute()), study)
     _check(source, allow_python)
     return source

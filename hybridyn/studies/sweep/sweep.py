@@ -89,6 +89,7 @@ def sweep(
     allow_python: bool = False,
     compiled: bool = True,
     progress: Callable[[Swept], None] | None = None,
+    strict: bool = False,
 ) -> Swept:
     """Evaluate every design of a study: one row per design, in Parquet files (shards) in a folder.
 
@@ -107,6 +108,7 @@ def sweep(
         compiled: Whether compiled models may evaluate designs if the study allows it. A resumed run uses the
             choice of the earlier run.
         progress: Called after each chunk.
+        strict: Whether notes on the robot are errors, as with `strict` in the study's `[robot]`.
 
     Returns:
         A summary of the run.
@@ -117,7 +119,7 @@ def sweep(
         OSError: The disk is full; the shards written so far are complete.
     """
     started = time.perf_counter()
-    source = read_study(Path(study), allow_python=allow_python)
+    source = read_study(Path(study), allow_python=allow_python, strict=strict)
     designs = designs_of(source)
     state = Swept(Path(output), len(designs))
     pace, plan = CHUNK_SECONDS, None

@@ -211,8 +211,9 @@ class Variants:
                 self._known.clear()
             folders = [self.source.beside(folder) for folder in stated.package_dirs]
             self._known[key] = read(
-                self.file, motors=stated.motors, xacro_args=arguments or None, package_dirs=folders
-            )
+                self.file, motors=stated.motors, xacro_args=arguments or None, package_dirs=folders,
+                strict=stated.strict,
+            )  # fmt: skip
         return self._known[key]
 
 
