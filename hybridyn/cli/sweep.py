@@ -38,9 +38,7 @@ def run(
         (where and not asked, "--where belongs to --best or --plot"),
     )
     if study is not None:
-        _evaluate(
-            study, output, engine, jobs=jobs, resume=resume, allow_python=allow_python, strict=strict
-        )
+        _evaluate(study, output, engine, jobs=jobs, resume=resume, allow_python=allow_python, strict=strict)
     if best is not None:
         click.echo("\n".join(_table(find_best(output, best, where, top))))
     if plot is not None:
@@ -58,9 +56,7 @@ def _evaluate(study: str, output: str, engine: str | None, **options: Any) -> No
                 states[:] = [state]
                 draw(state.now, state.now / (state.designs - state.done + state.now))
 
-            state = sweep_study(
-                study, output, compiled=engine != "general", progress=show, **options
-            )
+            state = sweep_study(study, output, compiled=engine != "general", progress=show, **options)
     except BaseException:
         if states:
             click.echo(

@@ -71,7 +71,7 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
     Raises:
         ModelError: There is such a loop; the message names the form, its line, and how to write it.
     """
-    unknown: dict[str, str] = {}
+    unknown: dict[str, Node] = {}
     for node in root.children():
         if node.tag in LEGACY_FORMS:
             raise _refusal(node, LEGACY_FORMS[node.tag])
@@ -79,14 +79,15 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
             raise node.error("URDF includes no file; write <xacro:include> and name this file .xacro")
         if node.tag not in (*READ_TAGS, *HARMLESS_TAGS):
             _refuse_if_suspicious(node)
-            unknown.setdefault(node.tag, node.where)
+            unknown.setdefault(node.tag, node)
     for node in root.descendants(*LOOP_TAGS, *MIMIC_TAGS, "link", "joint"):
         above = [Node(xml, root.file) for xml in node.xml.iterancestors()]
         if len(above) > 1:
             _refuse_inside(node, above[0], above[-2])
     if unknown:
-        where = listed(f"<{tag}> ({place})" for tag, place in unknown.items())
-        notes.append(f"{DROPS} unknown elements {where}; {NOTHING}")
+        where = listed(f"<{tag}> ({node.where})" for tag, node in unknown.items())
+        first = next(iter(unknown.values()))
+        notes.append(f"{first.at}: {DROPS} unknown elements {where}; {NOTHING}")
 
 
 def refuse_unclosed_frames(robot: RobotFile) -> None:

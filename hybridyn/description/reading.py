@@ -17,6 +17,7 @@ from .followers import followers_at_home
 from .loop_signs import lost_loops, refuse_unclosed_frames
 from .motors import choose_motors
 from .names import counted, listed
+from .notes import placed
 from .records import Description, ReadFrom, RobotFile
 from .side_cars.model_toml import find_loop_closures, find_model_file, find_side_car
 from .urdf.robot_folders import content_of
@@ -130,7 +131,7 @@ def complete(
         motors=chosen,
         motors_from=rule,
         home=dict(stated) | held,
-        notes=tuple(robot.notes),
+        notes=placed(robot),
         source=source,
         effects=robot.effects,
         base=robot.base,

@@ -223,7 +223,7 @@ def _take_plugin(document: Document, node: Node) -> None:
     """
     above = node.xml.getparent()
     assert above is not None
-    place = "{}:{}: ".format(*node.place) + f"<plugin> in <{above.tag}>"
+    what = f"<plugin> in <{above.tag}> is not read: it only makes a shape"
     if above.tag == "actuator":
         node.xml.tag = "general"
         for name in {*node.attributes()} - OF_ACTUATORS:
@@ -232,10 +232,10 @@ def _take_plugin(document: Document, node: Node) -> None:
         del node.xml[:]
     elif above.tag == "geom" and _has_mass(_body(above)):
         _take_out(above)
-        document.notes.append(f"{place} is not read: it only makes a shape, without mass")
+        document.notes.append(f"{node.at}: {what}, without mass")
     elif above.tag == "mesh":
         _take_out(node.xml)
-        document.notes.append(f"{place} is not read: it only makes a shape")
+        document.notes.append(f"{node.at}: {what}")
 
 
 def _take_meshes(document: Document, contents: dict[str, bytes]) -> None:

@@ -267,9 +267,7 @@ def _planar(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list
     if (x < 0).any():
         raise node.error(f"joint '{name}' has negative damping ({listed(map(str, x))})")
     if node.child("limit") is not None:
-        robot.notes.append(
-            f"joint '{name}' ({node.where}): limits of a planar joint are ignored, as in Drake"
-        )
+        robot.notes.append(f"{node.at}: limits of the planar joint '{name}' are ignored, as in Drake")
     turn = least_turn(axis)
     place, back = placement_from(turn, np.zeros(3)), placement_from(turn.T, np.zeros(3))
     if x.any():

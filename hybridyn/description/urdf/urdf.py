@@ -101,8 +101,7 @@ def _add_armatures(robot: RobotFile, nodes: list[Node]) -> None:
         armature = stated.get(joint.name, 0.0)
         if armature and (joint.rotor_inertia or FREEDOMS[joint.kind] != 1):
             why = "a rotor is stated elsewhere, too" if joint.rotor_inertia else f"it is {joint.kind}"
-            line = f"line {joint.line}: " if joint.line else ""
-            robot.notes.append(f"{line}{DROPS} the armature {armature:g} of joint '{joint.name}': {why}")
+            robot.notes.append(f"{DROPS} the armature {armature:g} of joint '{joint.name}': {why}")
         elif armature:
             robot.joints[number] = replace(joint, rotor_inertia=armature / joint.gear_ratio**2)
 
@@ -141,7 +140,7 @@ def _read_link(node: Node, notes: list[str]) -> Link:
     if mass < 0:
         raise inertial.error(f"link '{name}' has a negative mass ({mass:g} kg)")
     if tensor is None:
-        notes.append(f"link '{name}' ({node.where}) states a mass but no inertia: taken as a point mass")
+        notes.append(f"{node.at}: link '{name}' states a mass but no inertia: taken as a point mass")
         return Link(name, mass, origin[:3, 3], np.zeros((3, 3)), node.line)
     tensor.refuse_misspelt(INERTIA_ATTRIBUTES, [])
     ixx, ixy, ixz, iyy, iyz, izz = (
@@ -162,7 +161,7 @@ def _add_joint(node: Node, robot: RobotFile) -> None:
     if mimic := node.child("mimic", "drake:mimic"):
         coupling = read_mimic(mimic, name)
         if node.text("type") == "fixed":
-            robot.notes.append(f"joint '{name}' ({node.where}) is fixed; its <mimic> has no effect")
+            robot.notes.append(f"{mimic.at}: joint '{name}' is fixed; its <mimic> has no effect")
         else:
             robot.couplings.append(coupling)
 
@@ -179,8 +178,8 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
     if axis is not None:
         axis.refuse_misspelt(["xyz"], [])
         if unknown := [attribute for attribute in axis.attributes() if attribute != "xyz"]:
-            where = "{}:{}: ".format(*axis.place) + f"{listed(unknown)} of the <axis> of joint '{name}'"
-            robot.notes.append(f"{where} is ignored, as other readers do")
+            what = f"{listed(unknown)} of the <axis> of joint '{name}' is ignored"
+            robot.notes.append(f"{axis.at}: {what}, as other readers do")
     return Joint(
         name=name,
         kind=kind,
@@ -230,15 +229,15 @@ def _limits(node: Node | None, name: str, kind: str, notes: list[str]) -> dict[s
     out = {word: node.number(word, default, infinite=True) for word, default in none.items()}
     for word, value in out.items():
         if word in ("velocity", "effort") and value < 0:
-            notes.append(f"joint '{name}' ({node.where}): negative {word} limit {value:g} ignored")
+            notes.append(f"{node.at}: joint '{name}': negative {word} limit {value:g} ignored")
             out[word] = math.inf
         elif abs(value) >= UNLIMITED:
             out[word] = math.copysign(math.inf, value)
     if kind in ("revolute", "prismatic"):
         return out
     if kind != "fixed" and any(math.isfinite(out[word]) and out[word] for word in ("lower", "upper")):
-        limits = f"limits of position of the {kind} joint '{name}' ({node.where})"
-        notes.append(f"{limits} are ignored, as Pinocchio and Drake do")
+        limits = f"limits of position of the {kind} joint '{name}' are ignored"
+        notes.append(f"{node.at}: {limits}, as Pinocchio and Drake do")
     return out | {"lower": -math.inf, "upper": math.inf}
 
 
@@ -277,7 +276,7 @@ def read_transmissions(root: Node, robot: RobotFile) -> dict[str, dict[str, Any]
     for node in nodes:
         joints, actuators = node.children(*DRIVEN_TAGS), node.children("actuator")
         if not joints:
-            robot.notes.append(f"{node.label} ({node.where}) names no <joint> and drives nothing")
+            robot.notes.append(f"{node.at}: {node.label} names no <joint> and drives nothing")
         for joint in joints:
             name = joint.text("name")
             rotors[name] = rotors.get(name, {}) | read_rotor(joint)

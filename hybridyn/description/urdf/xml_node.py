@@ -193,7 +193,8 @@ class Node(NamedTuple):
     @property
     def at(self) -> str:
         """Place of the element as notes begin with it: `robot.urdf:12`."""
-        return "{}:{}".format(*self.place)
+        file, line = self.place
+        return f"{file}:{line}" if line else file
 
     @property
     def label(self) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ...description import read
 from ...description.names import drops
+from ...description.notes import place_of
 from ...description.reading import open_robot
 from ...errors import AssemblyError, HybridynError, ModelError
 from ...structure.building import build_robot
@@ -103,23 +104,27 @@ def check_notes(subject: Subject) -> Iterator[Finding]:
     description = subject.description
     dropped = drops(description.notes)
     for note in dropped:
+        file, line, text = place_of(note)
         yield Finding(
             "dropped",
             "",
-            note,
+            text,
             "an engine that reads it computes another motion, or other efforts",
             "state it in model.toml or in a form that is read, or nothing if you do without it",
-            description.source,
+            file or description.source,
+            line,
         )
     for note in description.notes:
         if note not in dropped and not any(text in note for text in REPORTED_ELSEWHERE):
+            file, line, text = place_of(note)
             yield Finding(
                 "reader",
                 "",
-                note,
+                text,
                 "something in the file was ignored or interpreted in a particular way",
                 "nothing to do if that is what you intend",
-                description.source,
+                file or description.source,
+                line,
             )
 
 
