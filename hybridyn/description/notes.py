@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from .records import RobotFile
+from .records import Closure, Coupling, Joint, Link, RobotFile
 
 #: How notes with a place begin.
 _PLACE = re.compile(r"(?P<file>\S.*?\.\w+)(:(?P<line>\d+))?: (?P<text>.*)", re.DOTALL)
@@ -17,7 +17,9 @@ def placed(robot: RobotFile) -> tuple[str, ...]:
     A note that begins with a file keeps it. The place of others is that of the first element that they name,
     or else the robot's file.
     """
-    parts = (*robot.links, *robot.joints, *robot.closures, *robot.couplings)
+    parts: tuple[Link | Joint | Closure | Coupling, ...] = (
+        *robot.links, *robot.joints, *robot.closures, *robot.couplings,
+    )  # fmt: skip
     lines = {part.name: part.line for part in reversed(parts) if part.line}
     return tuple(_placed(note, robot.file, lines) for note in robot.notes)
 

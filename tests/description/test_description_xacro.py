@@ -74,7 +74,7 @@ READ: dict[str, tuple[Texts, dict[str, str], list[str], dict[str, object]]] = {
         {}, [], {"notes": {"parts.xacro:4: xacro: redefining global symbol: pi"}},
     ),
     "notes name the file of a macro": (
-        FAR, {}, [], {"notes": {f"link 'near' (line 2) {POINT}", f"/parts.xacro:3) {POINT}", "link 'far' ("}},
+        FAR, {}, [], {"notes": {f"/r.xacro:2: link 'near' {POINT}", f"/parts.xacro:3: link 'far' {POINT}"}},
     ),
 }  # fmt: skip
 

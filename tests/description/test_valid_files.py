@@ -16,6 +16,7 @@ import pytest
 
 import hybridyn
 from hybridyn.description import Description, read
+from hybridyn.description.notes import place_of
 from tests import waiting
 from tests.conversion.judge import needs_reader
 from tests.description.grammar import Element, Place, places, without
@@ -90,9 +91,8 @@ def told(place: Place, description: Description) -> bool:
     part = place.part.tag if isinstance(place.part, Element) else place.part
     last = re.sub("[A-Z]", lambda letter: f" {letter[0].lower()}", part.rpartition(":")[2]).split()[-1]
     words = last, part, place.owner.tag, "left out"
-    return any(
-        place.about in note and any(word.rstrip("s") in note for word in words) for note in description.notes
-    )
+    notes = [place_of(note)[2] for note in description.notes]
+    return any(place.about in note and any(word.rstrip("s") in note for word in words) for note in notes)
 
 
 def saved(folder: Path, form: Format, root: Element) -> Path:
@@ -112,6 +112,7 @@ def check(name: str, seed: int, folder: Path, opened: Callable[[Path], Descripti
         assert any(words in reason for words in REFUSED[name]), (seed, text, reason)
         return False
     finite(found, text)
+    assert all(place_of(note)[0] for note in found.notes), found.notes
     parts = [*places(root, lambda part: any(re.fullmatch(words, part) for words in harmless))]
     for place in draw.sample(parts, min(PARTS, len(parts))):
         with without(place):
