@@ -279,8 +279,8 @@ class CoordinateTarget(NamedTuple):
     def headed(self, motion: Motion, samples: Index, *, on: bool = True) -> CoordinateTarget:
         """Return the target with the headings of a motion, each near the one before.
 
-        Without any heading yet, the first is that of the plainer triple, or of two angles that of the triple
-        which is nearer to the prescribed ones: roll and yaw of the triples are half a turn apart.
+        Without any heading yet, the first is that of the triple with the smaller sum: twice how far its
+        prescribed angles go to their first values, and the sizes of its other angles.
 
         Args:
             motion: Motion at consecutive samples.
@@ -302,18 +302,13 @@ class CoordinateTarget(NamedTuple):
 
     def _first_heading(self, R: Array, sample: Index) -> float:
         """Return the heading of the triple that is meant at a guess of a rotation, shape (1, 3, 3)."""
-        plain, angle = plain_heading(R), self._rows >= 3
-        if angle.sum() > 1:
-            off = [
-                np.abs(
-                    wrapped(
-                        angles_of(R, plain + half)[:, self._rows[angle] - 3] - self.value[sample][:, angle]
-                    )
-                )
-                for half in (0.0, np.pi)
-            ]
-            plain = plain + np.pi * (off[1].sum() + SAME_ANGLE < off[0].sum())
-        return float(plain[0])
+        angle = self._rows >= 3
+        given = self._rows[angle] - 3
+        headings = plain_heading(R)[0] + np.array([0.0, np.pi])
+        angles = np.stack([angles_of(R[0], heading) for heading in headings])
+        way = np.abs(wrapped(angles[:, given] - self.value[sample][:, angle]))
+        cost = 2.0 * way.sum(axis=1) + np.abs(np.delete(angles, given, axis=1)).sum(axis=1)
+        return float(headings[int(cost[1] + SAME_ANGLE < cost[0])])  # the plainer one if both cost alike
 
     def headed_at(self, motion: Motion, values: Array) -> CoordinateTarget:
         """Return the target with the heading at each sample of the triple that has given coordinates.

@@ -170,6 +170,28 @@ def test_two_angles_of_a_library_name_the_posture_of_the_guess(tmp_path: Path) -
         close_to(q, wanted, ROUNDING)
 
 
+@pytest.mark.parametrize("yaw", [0.3, 1.57, 2.0, -2.8])
+@pytest.mark.parametrize("name", ["yaw", "pitch", "roll"])
+def test_a_lone_angle_near_that_of_the_guess_moves_little(tmp_path: Path, name: str, yaw: float) -> None:
+    """Of tools that point down, with a roll of half a turn; the plainer triple is often the other one."""
+    robot, start = arm(tmp_path, "zyx"), np.array([yaw, 0.05, 3.1])
+    at = ("yaw", "pitch", "roll").index(name)
+    held = {f"j{i}": start[i] for i in range(3) if i != at}
+    for step in (0.0, 0.1, -0.2):
+        wanted = start.copy()
+        wanted[at] += step
+        goal = {"l2@base": ({name: wanted[at]},)}
+        close_to(hybridyn.assemble(robot, motors=held, platforms=goal, guess=start)[0], wanted, ROUNDING)
+        found = Assembler(robot).assemble(gather_requests(robot, held, goal), start)
+        close_to(found[0][0], wanted, ROUNDING)
+
+
+def test_a_lone_angle_of_a_shipped_arm_at_home_moves_nothing() -> None:
+    robot = hybridyn.load("stewart_ur5")
+    pitch = pin.rpy.matrixToRpy(placed(robot, robot.home[None], "tool0")[0])[1]
+    close_to(hybridyn.assemble(robot, platforms={"tool0": ({"pitch": pitch},)})[0], robot.home, ROUNDING)
+
+
 def test_a_complete_orientation_is_a_rotation_for_any_numbers(tmp_path: Path) -> None:
     """By angles, quaternion and rotation vector; a pitch of 1.7 was "out of reach"."""
     robot = arm(tmp_path, "zyx")

@@ -14,7 +14,7 @@ from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import ClosedRows, Rows
 from ..sources import kept
-from .given import structure_of, upright_is_meant
+from .given import structure_of
 from .libraries import ClosingLibraries, place_of
 
 #: Rows that the general path computes where one is not certain; twice as many each time it follows at once.
@@ -65,17 +65,17 @@ class Assembler:
         if asked is None:
             return None
         closing, given = asked
-        find = partial(closing.place, self.robot, given=given)
-        at_home = np.array_equal(guess, self.robot.home) and not closing.chains
-        place = kept(self._home, structure_of(requests), partial(find, guess)) if at_home else find(guess)
+        find = partial(place_of, self.robot, closing.parts, guess)
+        if closing.chains or not np.array_equal(guess, self.robot.home):
+            place = closing.place(self.robot, guess, given)
+        else:
+            place = closing.headed(kept(self._home, structure_of(requests), find), given)
         T, done, at_once = requests.samples, 0, AT_ONCE
         for left in (one.left for one in closing.chains if one.left):
             inform(str(left), log="hybridyn.assembly")
         out = np.empty((T, self.robot.nq)), np.empty((T, self.robot.nv)), np.empty((T, self.robot.nv))
         while place is not None and done < T:
             rest, room = [x[done:] for x in given], [x[None, done:] for x in out]
-            if not upright_is_meant(closing.parts, place[2], rest[0][0]):
-                return None
             count = int(
                 closing.rows.close(np.zeros((1, 0)), place, rest, room, guess=not done, strict=True)[0]
             )

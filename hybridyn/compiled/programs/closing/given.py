@@ -17,7 +17,7 @@ from ....assembly.module_request import ModuleRequest, module_request, on_own_ba
 from ....assembly.poses import PoseRequest
 from ....assembly.requests import Requests, gather_requests
 from ....assembly.task import module_task
-from ....linkage.angles import angles_of, plain_heading, wrapped
+from ....linkage.angles import angles_of
 from ....linkage.newton import LoopProblem
 from ....linkage.reduction import Block
 from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, TurnTarget
@@ -67,13 +67,6 @@ class Coordinates:
     def rows(self) -> tuple[int, ...]:
         """Their places in `COORDINATES`."""
         return tuple(COORDINATES.index(name) for name in self.names)
-
-    def may_be_mirrored(self, motion: Motion) -> bool:
-        """Return whether a lone angle may be meant of another triple than the upright one at a posture."""
-        if self.kinds.count(ANGLE) != 1:  # two angles: see `upright_is_meant`; three are a rotation
-            return False
-        R = self.target.axes(motion)
-        return bool((np.cos(plain_heading(R) - angles_of(R)[:, 2]) < 0.0).any())
 
     @property
     def kinds(self) -> tuple[int, ...]:
@@ -135,21 +128,29 @@ class Given:
         return np.concatenate(parts, axis=1)
 
 
-def upright_is_meant(parts: Sequence[Part], here: Array, there: Array) -> bool:
-    """Return whether two angles are surely meant of the upright triple: less than a quarter turn away.
+def upright_is_meant(parts: Sequence[Part], q: Array, known: Array, *, met: bool) -> bool:
+    """Return whether one or two angles are meant of the upright triple, the only one that kernels know.
 
     Args:
         parts: The modules.
-        here: What is prescribed at a posture, shape (numbers,), angles of the upright triple.
-        there: What is prescribed next.
+        q: A closed posture of the spanning tree, shape (nq,).
+        known: What is prescribed next, shape (numbers,).
+        met: Whether the posture has it.
     """
-    at = 0
-    for given in (part.given for part in parts):
-        at += sum(WIDTH[kind] for kind in given.kinds) + WIDTH[POSE] * len(given.bodies)
-        for some in given.coordinates:
-            angles = at + np.flatnonzero(np.array(some.kinds) == ANGLE)
-            at += len(some.kinds)
-            if len(angles) == 2 and np.abs(wrapped(here[angles] - there[angles])).sum() > np.pi / 2:
+    at, first = 0, np.zeros(1, dtype=int)
+    for part in parts:
+        at += sum(WIDTH[kind] for kind in part.given.kinds) + WIDTH[POSE] * len(part.given.bodies)
+        for some in part.given.coordinates:
+            own = known[None, at : at + len(some.names)]
+            at += len(some.names)
+            if some.kinds.count(ANGLE) not in (1, 2):  # three are a rotation
+                continue
+            m = part.module.mechanism
+            motion = m.tree.sweep(m.cut.positions(q[None, part.module.q_index]))
+            target = some.target._replace(value=own)
+            target = target.headed_at(motion, own) if met else target.headed(motion, first)
+            upright = angles_of(target.axes(motion))[:, 2]
+            if target.heading is not None and np.cos(target.heading - upright)[0] < 0.0:
                 return False
     return True
 

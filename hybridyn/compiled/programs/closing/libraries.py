@@ -39,6 +39,7 @@ from .given import (
     numbers,
     places_at,
     structure_of,
+    upright_is_meant,
 )
 from .members import Wanted, members_of, wanted_of
 
@@ -67,7 +68,7 @@ class Closing:
         return g, g_dot, g_ddot
 
     def place(self, robot: HybridRobot, q: Array, given: Rows, *, met: bool = False) -> Rows | None:
-        """Return the closed posture at a guess, see `place_of`; its headings become those of what is given.
+        """Return the closed posture at a guess, see `place_of` and `headed`.
 
         Args:
             robot: The robot.
@@ -75,10 +76,21 @@ class Closing:
             given: As from `numbers`; the first row is near the guess.
             met: Whether the guess meets it.
         """
-        place = place_of(robot, self.parts, q, self.chains, given[0][0], met=met)
-        end = given[0].shape[1] - sum(one.given.size for one in self.chains)
-        if place is None:
+        return self.headed(place_of(robot, self.parts, q, self.chains, given[0][0], met=met), given, met=met)
+
+    def headed(self, place: Rows | None, given: Rows, *, met: bool = False) -> Rows | None:
+        """Return a posture whose headings become those of what is given.
+
+        None where an angle is meant in another triple than the upright one, which kernels of a module know.
+
+        Args:
+            place: As from `place_of`.
+            given: As from `numbers`; the first row is near the posture.
+            met: Whether the posture meets it.
+        """
+        if place is None or not upright_is_meant(self.parts, place[0], given[0][0], met=met):
             return None
+        end = given[0].shape[1] - sum(one.given.size for one in self.chains)
         for one in self.chains:
             end += one.given.size
             headings = slice(end - len(one.given.turning), end)
@@ -225,8 +237,6 @@ def place_of(
 ) -> Rows | None:
     """Return the closed posture at a guess, see `ClosedRows.close`; None if its loops do not close near it.
 
-    None, too, where an angle may be meant in another triple than the upright one, which kernels know.
-
     Args:
         parts: Its modules but a free base.
         guess: Positions of the spanning tree, shape (nq,).
@@ -248,9 +258,6 @@ def place_of(
                     return None
                 x = found.q
                 q[at] = spanning_positions(part.module, x, m.tree.sweep(x), q[at])[0]
-        motion = m.tree.sweep(x)
-        if any(one.may_be_mirrored(motion) for one in part.given.coordinates):
-            return None
         cut.append(x)
     p, g = places_at(parts, cut, 1)
     numbers = g[0]
