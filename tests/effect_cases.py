@@ -57,6 +57,20 @@ def springs(robot: HybridRobot) -> Units:
     ]  # fmt: skip
 
 
+def bushings(robot: HybridRobot) -> Units:
+    """A bushing with three stiffnesses between two links, and one of damping alone to the root."""
+    links = [link.name for link in robot.description.links]
+    far, near, root = links[-1], links[len(links) // 2], robot.description.root
+    places = [[0.1, 0.0, 0.2, 0.0, 0.6, 0.0, 0.8], [0.3, -0.2, 0.4, 0.48, 0.6, 0.0, 0.64]]
+    return [
+        fx.Bushings(
+            {"one": [far, near], "two": [near, root]}, {"one": places},
+            {"one": [3.0, 2.0, 4.0]}, {"two": [0.3, 0.1, 0.2]}, {"one": [30.0, 20.0, 10.0]},
+            {"one": [3.0, 4.0, 2.0], "two": [1.0, 0.0, 2.0]},
+        )
+    ]  # fmt: skip
+
+
 def tendons(robot: HybridRobot) -> Units:
     """Two tendons over the motors that count turns."""
     kinds = dict(zip(robot.joints, robot.kinds, strict=True))
@@ -103,6 +117,7 @@ CASES: dict[str, Callable[[HybridRobot], Units]] = {
         fx.GravityCompensation({link.name: 0.7 for link in robot.description.links[1::2]})
     ],
     "line_springs": springs,
+    "bushings": bushings,
 }
 """Effects that one robot can have without being rebuilt, by name."""
 

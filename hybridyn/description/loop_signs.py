@@ -34,6 +34,7 @@ ACCEPTED_FORMS = (
 READ_TAGS = (
     "link", "joint", "transmission", "loop", "loop_joint", "constraint", "coupling", "drake:joint",
     "drake:ball_constraint", "drake:weld_constraint", "drake:tendon_constraint", "drake:linear_spring_damper",
+    "drake:linear_bushing_rpy",
 )  # fmt: skip
 
 #: Elements below `<robot>` that do not affect the dynamics, unless they contain loops.
@@ -48,7 +49,6 @@ LEGACY_FORMS = {
     "loop_constraint": 'an early form of URDF+; write <loop type="..."> with <predecessor> and <successor>',
     "joint_constraint": "an early form of URDF+; write <coupling> with <predecessor>, <successor>, <ratio>",
     "loopconstraint": "a form of biorbd; write it as <loop>",
-    "drake:linear_bushing_rpy": 'a Drake bushing (soft closure); write it as a rigid <loop type="revolute">',
     "drake:distance_constraint": "a Drake distance; write a rod without mass between two balls",
     "cable": "a cable of old Drake; hybridyn has no cables",
 }

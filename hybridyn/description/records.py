@@ -86,7 +86,7 @@ class StatedSpring:
 
 
 #: Effects whose numbers are by link.
-ON_LINKS = ("ground_contact", "gravity_compensation", "line_springs")
+ON_LINKS = ("ground_contact", "gravity_compensation", "line_springs", "bushings")
 
 
 def named_by(effect: str, numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -94,7 +94,7 @@ def named_by(effect: str, numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
     by_name = {key: [*x] for key, x in numbers.items() if isinstance(x, dict)}
     if effect == "tendons":  # all but the arms is by tendon
         by_name = {"arms": by_name["arms"]}
-    if effect == "line_springs":
+    if effect in ("line_springs", "bushings"):
         by_name = {"ends": [link for links in numbers["ends"].values() for link in links]}
     return [(key, name) for key, names in by_name.items() for name in names]
 

@@ -1,14 +1,15 @@
 """Physical effects of the models: only the effects that a call names are computed.
 
 Read `terms` (gravity, inertia, the legs' inertia, velocity terms), `joints` and `joint_laws` (efforts of
-joints), `links` (wrenches on links), `inputs` (limits, a prescribed base), `choice` (the
-selection of effects for one call), `rebuild` (`hybridyn.with_effects`).
+joints), `links`, `bodies`, `bushings` (wrenches on links), `inputs` (limits, a prescribed base), `choice`
+(the selection of effects for one call), `rebuild` (`hybridyn.with_effects`).
 
 May import: `structure`, `tables` and below.
 """
 
 from ..structure.bodies import Payload
 from .bodies import GravityCompensation, LineSprings
+from .bushings import Bushings
 from .choice import DEFAULT, UNITS, Effects, choose
 from .inputs import BaseMotion, Limits
 from .joint_laws import (
@@ -33,6 +34,7 @@ __all__ = [
     "UNITS",
     "BallSpring",
     "BaseMotion",
+    "Bushings",
     "CoulombFriction",
     "Damper",
     "Effects",

@@ -17,6 +17,7 @@ from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_numbers
 from .bodies import GravityCompensation, LineSprings
+from .bushings import Bushings
 from .inputs import BaseMotion, Limits
 from .joint_laws import (
     BallSpring,
@@ -39,10 +40,10 @@ JOINTS = (
     RotorInertia, ViscousFriction, CoulombFriction, StribeckFriction, Spring, Damper, Stop, PolynomialSpring,
     PolynomialDamper, BallSpring, Tendons,
 )  # fmt: skip
-LINKS = (Wrench, GroundContact, GravityCompensation, LineSprings)
+LINKS = (Wrench, GroundContact, GravityCompensation, LineSprings, Bushings)
 #: Laws of wrenches that depend on the motion of links alone.
-OF_MOTION = (GroundContact, GravityCompensation, LineSprings)
-OfMotion = GroundContact | GravityCompensation | LineSprings
+OF_MOTION = (GroundContact, GravityCompensation, LineSprings, Bushings)
+OfMotion = GroundContact | GravityCompensation | LineSprings | Bushings
 #: Every effect by name.
 UNITS: dict[str, type[Any]] = {
     unit.name: unit

@@ -41,7 +41,7 @@ SYMBOLS = {
 #: Effects of which no number is identified.
 WITHOUT_NUMBERS = (
     "wrench", "ground_contact", "base_motion", "polynomial_spring", "polynomial_damper", "tendons",
-    "gravity_compensation", "line_springs",
+    "gravity_compensation", "line_springs", "bushings",
 )  # fmt: skip
 #: What laws' numbers are called in `HybridRobot.with_parameters`.
 FIELDS = {

@@ -13,7 +13,7 @@ from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.export import export
 from hybridyn.compiled.programs.whole_robot import Interpreted, programs
-from hybridyn.effects import GroundContact
+from hybridyn.effects import Bushings, GravityCompensation, GroundContact, LineSprings
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to, refused
@@ -45,6 +45,18 @@ def contact(links: list[str]) -> GroundContact:
     return GroundContact(points, 300.0, 0.2, 0.6, width=0.05, height=3.0)
 
 
+def laws(links: list[str]) -> list[Any]:
+    """Return every law of wrenches that follow the motion of links, on two links."""
+    points = [[0.1, 0.0, 0.2], [0.3, -0.2, 0.4]]
+    frames = [[0.1, 0.0, 0.2, 0.0, 0.6, 0.0, 0.8], [0.3, -0.2, 0.4, 0.48, 0.6, 0.0, 0.64]]
+    threes: list[Any] = [{"b": x} for x in ([3, 2, 4], [0.3, 0.1, 0.2], [30, 20, 10], [3, 4, 2])]
+    return [
+        contact(links), GravityCompensation(dict.fromkeys(links, 0.7)),
+        LineSprings({"l": links}, {"l": points}, {"l": 30.0}, {"l": 3.0}, {}, {}, {"l": 0.3}),
+        Bushings({"b": links}, {"b": frames}, *threes),
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("kind", "base"),
     [
@@ -62,7 +74,7 @@ def test_forces_are_those_of_the_general_path(kind: str, base: Base) -> None:
     robot = made or hybridyn.load(kind, base=base)
     rng = np.random.default_rng(0)
     links = [*rng.permutation(taking(robot))[:4]]
-    effects = ["default", contact(links[:2])]
+    effects = ["default", *laws(links[:2])]
     models = Interpreted([*programs(robot, effects, models=("idm", "ddm"), wrenches=links).values()])
     q, v, tau = moving_states(robot, STATES)
     given = rng.normal(size=(STATES, len(links), 6))

@@ -259,8 +259,9 @@ BODIES = '<predecessor link="coupler"/><successor link="rocker"/>'
         ),
         ('<drake:distance_constraint name="a"/>', "a Drake distance"),
         (
-            '<drake:linear_bushing_rpy><drake:bushing_frameA name="a"/></drake:linear_bushing_rpy>',
-            "a Drake bushing",
+            '<drake:linear_bushing_rpy><drake:bushing_frameA name="a"/>'
+            '<drake:bushing_frameC name="crank"/></drake:linear_bushing_rpy>',
+            "unknown frame 'a'",
         ),
         ('<constraint name="c" type="revolute"/>', "<parent> is missing"),
         (

@@ -96,7 +96,8 @@ PARTS = [
     ("<include><uri>model://none</uri></include>", "model 'none' is not found"),
     ("<include/>", "<uri> is missing"),
     ("<include><uri>part.sdf</uri></include>", "the root element of 'part.sdf' is <robot>"),
-    ("<drake:linear_bushing_rpy xmlns:drake='http://drake.mit.edu'/>", "not read in SDF"),
+    ("<drake:distance_constraint xmlns:drake='http://drake.mit.edu'/>", "not read in SDF"),
+    ("<drake:linear_bushing_rpy xmlns:drake='http://drake.mit.edu'/>", "<drake:bushing_frameA> is missing"),
     ("<hybridyn:motor xmlns:hybridyn='urn:hybridyn'/>", "unknown in <model"),
 ]  # fmt: skip
 #: Texts of files that are refused.

@@ -12,6 +12,7 @@ import pinocchio as pin
 from ...assembly.free_motions import MASSLESS_MOTION, own_inertia
 from ...dynamics.actuation import load_share
 from ...effects.bodies import GravityCompensation, LineSprings
+from ...effects.bushings import Bushings
 from ...effects.choice import OF_MOTION, Choice, Effects, OfMotion, choose
 from ...effects.links import GroundContact
 from ...errors import ActuationError, ModelError
@@ -29,7 +30,7 @@ from .spins import ROUNDED_SPIN
 from .states import generic_positions
 
 #: Laws whose numbers of links parameters may not change.
-FIXED = (GravityCompensation, LineSprings)
+FIXED = (GravityCompensation, LineSprings, Bushings)
 
 
 @dataclass(frozen=True)

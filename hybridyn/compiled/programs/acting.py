@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ...effects.bodies import GravityCompensation, LineSprings
+from ...effects.bushings import Bushings, Moving
 from ...effects.choice import OfMotion
 from ...effects.links import GroundContact
 from ...structure.robot import HybridRobot
@@ -102,6 +103,8 @@ def _kernel(at: Acting, law: OfMotion, watched: Mapping[str, tuple[int, Any, Any
     """Return the kernel of a law's wrench on a link, in its body's frame, from the motion of bodies."""
     if isinstance(law, LineSprings):
         return _lines(at, law, watched)
+    if isinstance(law, Bushings):
+        return _bushings(at, law, watched)
     return _compensation(at, law) if isinstance(law, GravityCompensation) else _contact(at, law)
 
 
@@ -136,6 +139,29 @@ def _lines(at: Acting, law: LineSprings, watched: Mapping[str, tuple[int, Any, A
                 own = dot(R_own.T, np.array(force, dtype=object))
                 total = total + np.concatenate([own, cross(arm, own)])
     return ca.Function("lines", [column for column, _ in motions.values()], [pack(total)])
+
+
+def _bushings(at: Acting, law: Bushings, watched: Mapping[str, tuple[int, Any, Any]]) -> ca.Function:
+    """Return the kernel of the wrench of bushings on a link, in its body's frame, from the bodies' motion."""
+    motions = {link: symbols(f"motion {i}", WIDTH) for i, link in enumerate(watched)}
+    total, own = zeros(6), motions[at.link][1]
+    for one in law.at(at.link):
+        frames = []
+        for link, (R_frame, p_frame) in zip(law.ends[one], law.placements[one], strict=True):
+            _, R, p = watched[link]
+            motion = motions[link][1]
+            axes, arm = (dot(motion[:9].reshape(3, 3), numbers(x)) for x in (R @ R_frame, p + R @ p_frame))
+            w = motion[15:18]
+            frames.append(Moving(axes, motion[9:12] + arm, motion[12:15] + cross(w, arm), w))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+            load = law.load(one, *frames)
+        sign = 1.0 if law.ends[one][1] == at.link else -1.0
+        force = sign * np.array(load.force, dtype=object)
+        arm = 0.5 * (frames[0].p + frames[1].p) - own[9:12]
+        moment = sign * np.array(load.torque, dtype=object) + cross(arm, force)
+        total = total + np.concatenate([dot(own[:9].reshape(3, 3).T, x) for x in (force, moment)])
+    return ca.Function("bushings", [column for column, _ in motions.values()], [pack(total)])
 
 
 def _contact(at: Acting, law: GroundContact) -> ca.Function:

@@ -14,7 +14,8 @@ from ..names import DROPS, NOTHING, closest, did_you_mean, listed
 from ..placement import placement_from, rotation_from_quaternion, rotation_from_rpy
 from ..plugins import is_harmless, weld_of
 from ..records import Array
-from ..urdf.drake import BALL, SPRING
+from ..urdf.drake import BALL
+from ..urdf.drake_forces import BUSHING, ENDS, SPRING, THREES
 from ..urdf.xml_node import Node, unit
 
 #: Remarks, each with the names that it concerns (see `names.noted`).
@@ -64,7 +65,7 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
 READ: dict[str, tuple[str, ...]] = {
     "sdf": ("model", "world"),
     "world": ("model", "include", "gravity", "physics", "frame", "joint"),
-    "model": ("static", "pose", "frame", "link", "joint", "include", "model", BALL, SPRING),
+    "model": ("static", "pose", "frame", "link", "joint", "include", "model", BALL, SPRING, BUSHING),
     "include": ("uri", "name", "pose", "static", "placement_frame"),
     "frame": ("pose",),
     "link": ("pose", "inertial", "gravity", "kinematic", "velocity_decay"),
@@ -76,6 +77,7 @@ READ |= {
     tag: tuple(f"{tag}_{word}" for word in ("body_A", "body_B", "p_AP", "p_BQ", *more))
     for tag, more in ((BALL, ()), (SPRING, ("free_length", "stiffness", "damping")))
 }
+READ[BUSHING] = (*ENDS, *(f"drake:bushing_{word}" for word in THREES))
 READ = {tag: (*READ.get(tag, ()), *NUMBERS.get(tag, ())) for tag in [*READ, *NUMBERS]}
 READ |= {tag: () for tags in [*READ.values()] for tag in tags if tag not in READ}
 

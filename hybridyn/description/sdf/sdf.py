@@ -18,7 +18,8 @@ from ..names import noted, unique
 from ..placement import inverse, placement_from, rotation_to_axis
 from ..plugins import refuse_holding, weld_of
 from ..records import Array, Closure, Coupling, Joint, JointKind, RobotFile, StatedSpring, spring_effect
-from ..urdf.drake import BALL, SPRING, read_ball_constraint, spring_effects
+from ..urdf.drake import BALL, read_ball_constraint
+from ..urdf.drake_forces import BUSHING, SPRING, read_bushings, spring_effects
 from ..urdf.xml_node import Node
 from .elements import Notes, flag, numbers
 from .gearboxes import couplings_of
@@ -85,7 +86,7 @@ def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = (), ch
 
 
 def _read_drake(robot: RobotFile, models: Models) -> None:
-    """Add the ball constraints and the springs between points that Drake has in models."""
+    """Add the ball constraints, the springs between points and the bushings that Drake has in models."""
     taken = {closure.name for closure in robot.closures}
     for item in models.every("model"):
 
@@ -100,11 +101,20 @@ def _read_drake(robot: RobotFile, models: Models) -> None:
                 raise node.error("joins no two links of the robot")
             return link.full_name
 
+        def frame_of(node: Node, name: str, scope: Item = item) -> tuple[str, Array]:
+            """Return the link that carries a frame of the model, and the frame in it; see `link_of`."""
+            at = models.pose(models.resolve(scope, name, node))
+            link = models.link(scope, name, node)
+            if link is None:
+                raise node.error("joins no two links of the robot")
+            return link.full_name, inverse(models.pose(link)) @ at
+
         for node in item.model.children(BALL):
             closure = read_ball_constraint(node, link_of)
             line = line_of(node, robot.file)
             robot.closures.append(replace(closure, name=unique(closure.name, taken), line=line))
         robot.effects += spring_effects(item.model.children(SPRING), link_of)
+        read_bushings(item.model.children(BUSHING), frame_of, robot)
 
 
 def _read_plugins(robot: RobotFile, models: Models) -> None:

@@ -37,6 +37,8 @@ ByJoint = dict[str, NotNegative]
 Coefficients = Annotated[list[FiniteFloat], Field(min_length=1, max_length=8)]
 Quaternion = Annotated[list[FiniteFloat], Field(min_length=4, max_length=4)]
 Point = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
+Three = Annotated[list[NotNegative], Field(min_length=3, max_length=3)]
+Pose = Annotated[list[FiniteFloat], Field(min_length=7, max_length=7)]
 
 
 #: The type of the error of an unknown key.
@@ -110,6 +112,12 @@ EFFECTS: dict[str, dict[str, Any]] = {
         "ends": dict[str, Annotated[list[str], Field(min_length=2)]], "points": dict[str, list[Point]],
         "stiffness": ByJoint | None, "damping": ByJoint | None, "friction": ByJoint | None,
         "lower": ByJoint | None, "upper": ByJoint | None, "width": Positive | None,
+    },
+    "bushings": {
+        "ends": dict[str, Annotated[list[str], Field(min_length=2, max_length=2)]],
+        "frames": dict[str, Annotated[list[Pose], Field(min_length=2, max_length=2)]] | None,
+        "torque_stiffness": dict[str, Three] | None, "torque_damping": dict[str, Three] | None,
+        "force_stiffness": dict[str, Three] | None, "force_damping": dict[str, Three] | None,
     },
     "ground_contact": {
         "points": dict[str, list[Point]], "stiffness": Positive, "damping": NotNegative | None,

@@ -27,13 +27,11 @@ X, Y, Z = np.eye(3)
 
 BALL, WELD, TENDON = "drake:ball_constraint", "drake:weld_constraint", "drake:tendon_constraint"
 
-SPRING = "drake:linear_spring_damper"
-
 #: Returns the link that a name in an element means.
 Named = Callable[[Node, str], str]
 
 
-def _as_stated(_: Node, name: str) -> str:
+def as_stated(_: Node, name: str) -> str:
     """Return the name: in URDF names are those of links."""
     return name
 
@@ -51,15 +49,15 @@ ROTORS = ("rotor_inertia", "drake:rotor_inertia", "gear_ratio", "drake:gear_rati
 Numbers = Callable[[Node, str, JointKind], dict[str, Any]]
 
 
-def read_ball_constraint(node: Node, named: Named = _as_stated) -> Closure:
+def read_ball_constraint(node: Node, named: Named = as_stated) -> Closure:
     """Read `<drake:ball_constraint>`: point P of body A and point Q of body B coincide.
 
     Args:
         node: The element; it states names and numbers as attributes (URDF) or as text (SDF).
         named: Returns the link of a name.
     """
-    sides = _sides(node, {"p_AP": _point, "p_BQ": _point}, named)
-    return closure_of(_name(node), "spherical", sides, line=node.line)
+    sides = sides_of(node, {"p_AP": point, "p_BQ": point}, named)
+    return closure_of(constraint_name(node), "spherical", sides, line=node.line)
 
 
 def read_weld_constraint(node: Node) -> Closure:
@@ -68,41 +66,11 @@ def read_weld_constraint(node: Node) -> Closure:
     Drake's reader has no such element. Its words are those of `AddWeldConstraint`; a frame that is left out
     is that of the body.
     """
-    sides = _sides(node, {"X_AP": _frame, "X_BQ": _frame}, _as_stated, needed=False)
-    return closure_of(_name(node), "fixed", sides, line=node.line)
+    sides = sides_of(node, {"X_AP": _frame, "X_BQ": _frame}, as_stated, needed=False)
+    return closure_of(constraint_name(node), "fixed", sides, line=node.line)
 
 
-def spring_effects(nodes: list[Node], named: Named = _as_stated) -> tuple[tuple[str, dict[str, Any]], ...]:
-    """Return `<drake:linear_spring_damper>`s as the effect line_springs, or nothing.
-
-    Args:
-        nodes: The elements.
-        named: As in `read_ball_constraint`.
-
-    Raises:
-        ModelError: A number is missing or negative.
-    """
-    words = ("free_length", "stiffness", "damping")
-    out: dict[str, dict[str, Any]] = {key: {} for key in ("ends", "points", *words[1:], "lower", "upper")}
-    for node in nodes:
-        name = unique(_name(node), {*out["ends"]})
-        sides = _sides(node, {"p_AP": _point, "p_BQ": _point}, named, words)
-        out["ends"][name] = [link for link, _ in sides]
-        out["points"][name] = [at[:3, 3].tolist() for _, at in sides]
-        length, out["stiffness"][name], out["damping"][name] = (_positive(node, word) for word in words)
-        out["lower"][name] = out["upper"][name] = length
-    return (("line_springs", out),) if nodes else ()
-
-
-def _positive(node: Node, word: str) -> float:
-    child = node.required_child(f"{node.tag}_{word}")
-    number = child.number("value" if "value" in child.xml.attrib else "")
-    if number < 0:
-        raise child.error(f"{number:g} is negative")
-    return number
-
-
-def _sides(
+def sides_of(
     node: Node,
     places: dict[str, Callable[[Node], Array]],
     named: Named,
@@ -132,13 +100,14 @@ def _sides(
     return sides
 
 
-def _name(node: Node) -> str:
+def constraint_name(node: Node) -> str:
     """Return the name of a constraint: stated, or its word with its number among those of the file."""
     number = 1 + sum(1 for _ in node.xml.itersiblings(node.xml.tag, preceding=True))
     return node.xml.get("name", "").strip() or f"{node.tag.rpartition(':')[2]}{number}"
 
 
-def _point(node: Node) -> Array:
+def point(node: Node) -> Array:
+    """Return the placement of a point, shape (4, 4): three numbers in an attribute or as text."""
     node.only(["value"], [])
     return placement_from(np.eye(3), node.numbers("value" if "value" in node.xml.attrib else "", 3))
 
@@ -169,7 +138,7 @@ def read_tendon(node: Node) -> Coupling:
     for joint in joints:
         joint.only(["name", "a"], [])
     terms = tuple((joint.text("name"), joint.number("a")) for joint in joints)
-    return Coupling(_name(node), terms, lower - stated.get("offset", 0.0), node.line)
+    return Coupling(constraint_name(node), terms, lower - stated.get("offset", 0.0), node.line)
 
 
 def is_drakes(node: Node) -> bool:

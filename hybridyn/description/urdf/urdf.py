@@ -29,7 +29,8 @@ from ..records import (
     spring_effect,
 )
 from .control import state_interfaces
-from .drake import PITCH, SPRING, TENDON, is_drakes, read_drake_joint, read_tendon, spring_effects
+from .drake import PITCH, TENDON, is_drakes, read_drake_joint, read_tendon
+from .drake_forces import BUSHING, SPRING, frames_of, read_bushings, spring_effects
 from .engines import dropped
 from .gazebo import read_gazebo
 from .loops import add_closures, forces_of, pose_of, read_coupling, read_mimic
@@ -83,6 +84,7 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
     read_gazebo(root, robot)
     robot.couplings += [read_tendon(node) for node in root.children(TENDON)]
     robot.effects += spring_effects(root.children(SPRING))
+    read_bushings(root.children(BUSHING), frames_of(root, robot), robot)
     _state_motors(robot, root, independent, len(nodes))
     state_interfaces(root, robot)
     _add_armatures(robot, nodes)
