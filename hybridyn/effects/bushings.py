@@ -17,8 +17,8 @@ from .joint_laws import UNIT_QUATERNION
 
 #: Fields of the law that hold three numbers by bushing.
 WORDS = ("torque_stiffness", "torque_damping", "force_stiffness", "force_damping")
-#: Least cosine of the pitch by which is divided; roll and yaw are about the same axis there.
-LEAST_COSINE = 1e-18
+#: Least cosine of the pitch of a bushing by which is divided: roll and yaw are about one axis there.
+STEEPEST_PITCH = 1e-18
 
 #: Three scalars: numbers, arrays or expressions.
 Three = Sequence[Any] | NDArray[Any]
@@ -221,7 +221,7 @@ def _seen(A: Moving, C: Moving) -> tuple[list[list[Any]], list[Any], list[Any], 
 
 def _roll_pitch_yaw(R: Any) -> tuple[list[Any], list[list[Any]]]:
     """Return roll, pitch and yaw of a rotation, and the rows by which they follow its angular velocity."""
-    cosine = np.maximum(np.sqrt(R[0][0] * R[0][0] + R[1][0] * R[1][0]), LEAST_COSINE)
+    cosine = np.maximum(np.sqrt(R[0][0] * R[0][0] + R[1][0] * R[1][0]), STEEPEST_PITCH)
     q = [np.arctan2(R[2][1], R[2][2]), np.arctan2(-R[2][0], cosine), np.arctan2(R[1][0], R[0][0])]
     c, s = R[0][0] / cosine, R[1][0] / cosine
     tangent = -R[2][0] / cosine
