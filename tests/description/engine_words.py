@@ -104,6 +104,7 @@ IN_URDF: list[Row] = [
     ("Gazebo", "gazebo joint", "<physics><ode><suspension><erp>.3</erp></suspension></ode></physics>"),
     ("Gazebo", "gazebo", "<static>true</static>"),
     ("Gazebo", "gazebo", "<enable_wind>true</enable_wind>"),
+    ("Gazebo", "gazebo", "<pose>0 0 0 0.5 0 0</pose>"),
     ("Gazebo", "gazebo", "<link name='e'><pose>0 0 1 0 0 0</pose><inertial><mass>3</mass></inertial></link>"),
     ("Gazebo", "gazebo", "<link name='e'/>"),
     ("Gazebo", "gazebo", "<model name='m'><link name='e'/></model>"),

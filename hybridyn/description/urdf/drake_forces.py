@@ -90,12 +90,17 @@ def _three(node: Node) -> list[float]:
 
 
 def frames_of(root: Node, robot: RobotFile) -> Framed:
-    """Return what finds the frames of a URDF: those of links, and Drake's `<frame name link xyz rpy>`."""
+    """Return what finds the frames of a URDF: those of links, and Drake's `<frame name link xyz rpy>`.
+
+    Raises:
+        ModelError: Two have one name.
+    """
     frames = {link.name: (link.name, np.eye(4)) for link in robot.links}
-    frames |= {
-        node.text("name"): (node.text("link"), origin_of(node))
-        for node in root.children("frame") if {"name", "link"} <= {*node.attributes()}
-    }  # fmt: skip
+    for node in root.children("frame"):
+        if {"name", "link"} <= {*node.attributes()}:
+            if (name := node.text("name")) in frames:
+                raise node.error("another frame or link has this name; rename one")
+            frames[name] = node.text("link"), origin_of(node)
 
     def find(node: Node, name: str) -> tuple[str, Array]:
         """Return the link and the place of a frame in it.

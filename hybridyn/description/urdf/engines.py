@@ -59,7 +59,7 @@ KNOWN: dict[str, str] = {
     "transmission/leftActuator": "@name @mechanicalReduction",
     "transmission/rightActuator": "@name @mechanicalReduction",
     "transmission/actuator": f"@name {_HARDWARE} mechanical_reduction {_ROTOR}",
-    "gazebo": "@reference joint pose frame self_collide allow_auto_disable "  # of the whole robot
+    "gazebo": "@reference joint frame self_collide allow_auto_disable "  # of the whole robot
               "kp kd mu mu1 mu2 fdir1 maxVel minDepth maxContacts max_contacts laserRetro selfCollide "
               "material visual collision sensor light projector audio_source audio_sink must_be_base_link "
               "stopCfm stopErp stopKp stopKd provideFeedback implicitSpringDamper cfmDamping fudgeFactor "

@@ -68,8 +68,7 @@ def read_gazebo(root: Node, robot: RobotFile) -> None:
             refuse_holding(plugin, links, f"a{ACCEPTED_FORMS[1:]}")
     for follower in (*(one for plugin in plugins for one in followers(plugin)), *followers_of_control(root)):
         _couple(follower, robot)
-    for block in blocks:
-        _read_spring(block, robot)
+    _read_springs(blocks, robot)
 
 
 def _weld(plugin: Node, ends: tuple[Node, Node], poses: Mapping[str, Array], robot: RobotFile) -> None:
@@ -101,23 +100,32 @@ def _couple(follower: Follower, robot: RobotFile) -> None:
         robot.couplings.append(coupling)
 
 
-def _read_spring(block: Node, robot: RobotFile) -> None:
-    """Add the spring that a block states for a joint; one that the joint itself states is replaced."""
-    stiffness, reference = (block.child(tag) for tag in ("springStiffness", "springReference"))
-    name = str(block.xml.get("reference", ""))
-    if stiffness is None or not stiffness.number():
-        return
-    if stiffness.number() < 0:
-        raise stiffness.error(f"negative stiffness {stiffness.number():g} of joint '{name}'")
-    joint = next((joint for joint in robot.joints if joint.name == name), None)
-    if joint is None or FREEDOMS[joint.kind] != 1:
-        robot.notes.append(
-            f"{stiffness.at}: {DROPS} the spring of '{name}', which is no joint with one freedom"
-        )
-        return
-    others = [spring for spring in robot.springs if spring.name != name]
-    rest = 0.0 if reference is None else reference.number()
-    robot.springs[:] = [*others, StatedSpring(name, stiffness.number(), rest)]
+def _read_springs(blocks: list[Node], robot: RobotFile) -> None:
+    """Add the springs that blocks state for joints; of several statements the last counts, as in Gazebo."""
+    rests = {_reference(block): rest for block in blocks if (rest := block.child("springReference"))}
+    for block in blocks:
+        stiffness, name = block.child("springStiffness"), _reference(block)
+        if stiffness is None or not stiffness.number():
+            continue
+        if stiffness.number() < 0:
+            raise stiffness.error(f"negative stiffness {stiffness.number():g} of joint '{name}'")
+        joint = next((joint for joint in robot.joints if joint.name == name), None)
+        if joint is None or FREEDOMS[joint.kind] != 1:
+            robot.notes.append(
+                f"{stiffness.at}: {DROPS} the spring of '{name}', which is no joint with one freedom"
+            )
+            continue
+        spring = StatedSpring(name, stiffness.number(), rests[name].number() if name in rests else 0.0)
+        robot.notes += [
+            f"{stiffness.at}: {DROPS} the stiffness {other.stiffness:g} that an earlier place states for "
+            f"joint '{name}': the last one counts, as in Gazebo"
+            for other in robot.springs if other.name == name and other.stiffness != spring.stiffness
+        ]  # fmt: skip
+        robot.springs[:] = [*(other for other in robot.springs if other.name != name), spring]
+
+
+def _reference(block: Node) -> str:
+    return str(block.xml.get("reference", ""))
 
 
 def _read_joint(node: Node, poses: Mapping[str, Array], robot: RobotFile) -> None:

@@ -6,7 +6,6 @@ Elements that do not affect the dynamics (visuals, collisions, materials, meshes
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any, get_args
@@ -14,11 +13,10 @@ from typing import Any, get_args
 import numpy as np
 
 from ..loop_signs import refuse_unread_loops
-from ..names import DROPS, did_you_mean, listed, unique
+from ..names import DROPS, did_you_mean, listed
 from ..records import (
     FREEDOMS,
     Array,
-    Coupling,
     Joint,
     JointKind,
     Link,
@@ -34,6 +32,7 @@ from .drake_forces import BUSHING, SPRING, frames_of, read_bushings, spring_effe
 from .engines import dropped
 from .gazebo import read_gazebo
 from .loops import add_closures, forces_of, pose_of, read_coupling, read_mimic
+from .transmissions import ROTOR_TAGS, behind, read_rotor, read_transmissions
 from .xml_node import Node, axis_of
 
 #: Types of joints of URDF, and PyBullet's `spherical`, a ball.
@@ -52,12 +51,6 @@ DYNAMICS = (
     "spring_reference",
 )  # fmt: skip
 INERTIA_ATTRIBUTES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-DRIVEN_TAGS = ("joint", "flexJoint", "rollJoint")
-#: Elements that state the rotor of a motor, and the field of `records.Joint`.
-ROTOR_TAGS = {
-    "rotor_inertia": "rotor_inertia", "drake:rotor_inertia": "rotor_inertia", "rotorInertia": "rotor_inertia",
-    "gear_ratio": "gear_ratio", "drake:gear_ratio": "gear_ratio", "mechanicalReduction": "gear_ratio",
-}  # fmt: skip
 
 
 def read_urdf(root: Node, _: object = None) -> RobotFile:
@@ -124,7 +117,10 @@ def _state_motors(robot: RobotFile, root: Node, independent: set[str], joints: i
         joints: The number of `<joint>`.
     """
     if rotors := read_transmissions(root, robot):
-        robot.joints = [replace(joint, **rotors.get(joint.name, {})) for joint in robot.joints]
+        robot.joints = [
+            behind(rotors[joint.name], joint, root, robot.notes) if joint.name in rotors else joint
+            for joint in robot.joints
+        ]
     if len(independent) < joints:
         driven = [j.name for j in robot.joints if j.name in independent and FREEDOMS[j.kind] == 1]
         where = 'URDF+ joints with independent="true"'
@@ -171,7 +167,7 @@ def _add_joint(node: Node, robot: RobotFile) -> None:
 def _numbers(node: Node, name: str, kind: JointKind, robot: RobotFile) -> dict[str, Any]:
     """Return rotor, limits and friction of a joint, and add its spring to the robot."""
     limits = _limits(node.child("limit"), name, kind, robot.notes)
-    return {**read_rotor(node), **limits, **_forces(node.child("dynamics"), name, kind, robot)}
+    return {**read_rotor(node, robot.notes), **limits, **_forces(node.child("dynamics"), name, kind, robot)}
 
 
 def _read_joint(node: Node, robot: RobotFile) -> Joint:
@@ -263,135 +259,4 @@ def _forces(node: Node | None, name: str, kind: JointKind, robot: RobotFile) -> 
         robot.springs.append(StatedSpring(name, stiffness, stated.get("spring_reference", 0.0)))
     elif stiffness and kind != "fixed":
         robot.notes.append(f"{node.at}: {DROPS} the spring of joint '{name}', which has several freedoms")
-    return out
-
-
-def read_transmissions(root: Node, robot: RobotFile) -> dict[str, dict[str, Any]]:
-    """Read every `<transmission>`, and add its joints to the motors, except fixed joints.
-
-    Returns:
-        The rotors by joint name. For a transmission with several joints or actuators, the values inside its
-        `<joint>` elements count, and equal rotors of a differential.
-    """
-    nodes = root.children("transmission")
-    rotors: dict[str, dict[str, Any]] = {}
-    for node in nodes:
-        joints, actuators = node.children(*DRIVEN_TAGS), node.children("actuator")
-        if not joints:
-            robot.notes.append(f"{node.at}: {node.label} names no <joint> and drives nothing")
-        for joint in joints:
-            name = joint.text("name")
-            rotors[name] = rotors.get(name, {}) | read_rotor(joint)
-        if len(joints) == 1 and len(actuators) <= 1:
-            for owner in (*actuators, node):
-                rotors[name] = read_rotor(owner) | rotors[name]
-        else:
-            _share_rotors(node, joints, rotors, robot)
-    fixed = [joint.name for joint in robot.joints if joint.kind == "fixed" and joint.name in rotors]
-    if fixed:
-        robot.notes.append(f"<transmission> names fixed joints, which cannot be driven: {listed(fixed)}")
-    if rotors:
-        driven, where = tuple(name for name in rotors if name not in fixed), "URDF <transmission>"
-        robot.motors.append(MotorStatement("transmission", where, driven, root.file, nodes[0].line))
-    return rotors
-
-
-def _share_rotors(
-    node: Node, joints: list[Node], rotors: dict[str, dict[str, Any]], robot: RobotFile
-) -> None:
-    """Give two joints the inertia of the rotors that turn with both; note rotors that nothing can express.
-
-    Rotor i turns by n_i (c_i1 q_1 + c_i2 q_2), with n_i the reduction of its actuator. With the reductions
-    n_1, n_2 of the joints, c is ((n_1, n_2), (n_1, -n_2)) in a DifferentialTransmission, and ((n_1, 0),
-    (1, n_2)) in a FourBarLinkageTransmission. Where J n_i^2 of both rotors of a differential are equal, the
-    inertia 2 J n_i^2 stands behind the reduction of each joint. Other rotors become joints, which follow.
-
-    Source: transmission_interface of ros_control, the maps of positions.
-    """
-    owners = [*node.children("actuator"), node]
-    stated = [(owner, rotor) for owner in owners if (rotor := read_rotor(owner)).get("rotor_inertia")]
-    if not stated:
-        return
-    kind = node.child("type")
-    words = f"{node.xml.get('type', '')} {kind.content() if kind else ''}"
-    names = [joint.text("name") for joint in _by_role(joints)]
-    ratios = [rotors[name].get("gear_ratio", 1.0) for name in names]
-    maps = {word: of(*ratios) for word, of in ROTOR_MAPS.items() if word in words and len(joints) == 2}
-    own = any(rotors[name].get("rotor_inertia") for name in names)
-    if own or not maps or len(owners) != 3 or stated[-1][0] is node:
-        told = listed(owner.xml.get("name", owner.tag) for owner, _ in stated)
-        robot.notes.append(
-            f"{node.at}: {DROPS} the rotors of {told}: "
-            "they couple joints; state their inertia in the <joint>s of the <transmission>, or in model.toml"
-        )
-        return
-    at_joint = [rotor["rotor_inertia"] * rotor.get("gear_ratio", 1.0) ** 2 for _, rotor in stated]
-    ((word, map_),) = maps.items()
-    if word == "Differential" and len(stated) == 2 and math.isclose(*at_joint):
-        for name in names:
-            rotors[name]["rotor_inertia"] = sum(at_joint)
-        return
-    rows = dict(zip((owner.text("name") for owner in _by_role(owners[:2])), map_, strict=True))
-    for owner, rotor in stated:
-        _add_rotor(owner, rotor, dict(zip(names, rows[owner.text("name")], strict=True)), robot)
-
-
-#: Turns of the two rotors, before their own reductions, per turn of the two joints, by the type.
-ROTOR_MAPS: dict[str, Callable[[float, float], tuple[tuple[float, float], tuple[float, float]]]] = {
-    "Differential": lambda first, second: ((first, second), (first, -second)),
-    "FourBar": lambda first, second: ((first, 0.0), (1.0, second)),
-}
-
-
-def _by_role(nodes: list[Node]) -> list[Node]:
-    """Return two joints or actuators in the order of their roles ("joint1"), or of the file without them."""
-    roles = {id(node.xml): role.content() for node in nodes if (role := node.child("role"))}
-    return sorted(nodes, key=lambda node: roles.get(id(node.xml), "")[-1:])
-
-
-def _add_rotor(owner: Node, rotor: dict[str, Any], rates: dict[str, float], robot: RobotFile) -> None:
-    """Add a rotor as a joint with the name of its actuator, which follows the joints.
-
-    Args:
-        owner: The actuator.
-        rotor: Inertia and reduction.
-        rates: Turns before the reduction per turn of each joint.
-        robot: The robot.
-    """
-    carrier = next((joint.parent for joint in robot.joints if joint.name in rates), None)
-    if carrier is None:  # `choose_motors` notes that there is no such joint
-        return
-    name = unique(owner.text("name"), {joint.name for joint in robot.joints})
-    link = unique(name, {link.name for link in robot.links})
-    robot.links.append(massless(link, owner.line, between=True))
-    robot.joints.append(
-        Joint(
-            name, "continuous", carrier, link, np.eye(4), np.array([0.0, 0.0, 1.0]),
-            rotor_inertia=rotor["rotor_inertia"], line=owner.line,
-        )
-    )  # fmt: skip
-    ratio = rotor.get("gear_ratio", 1.0)
-    terms = tuple((joint, -ratio * rate) for joint, rate in rates.items() if rate)
-    robot.couplings.append(Coupling(name, ((name, 1.0), *terms), 0.0, owner.line))
-
-
-def read_rotor(node: Node) -> dict[str, Any]:
-    """Read a rotor from the direct children of an element, with numbers as `value` attributes or as text.
-
-    Returns:
-        Inertia about its own axis [kg m^2] and turns per turn of the joint, as fields of `records.Joint`,
-        where they are stated.
-
-    Raises:
-        ModelError: A number does not parse, the inertia is negative, or the ratio is zero.
-    """
-    out: dict[str, Any] = {}
-    for child in node.children(*ROTOR_TAGS):
-        word = ROTOR_TAGS[child.tag]
-        value = child.number("value") if "value" in child.xml.attrib else child.number()
-        if word == "rotor_inertia" and value < 0:
-            raise child.error(f"negative rotor inertia {value:g}")
-        if word == "gear_ratio" and value == 0:
-            raise child.error("a gear ratio of 0 moves nothing")
-        out.setdefault(word, value)
     return out
