@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.description.side_cars.toml_file import LARGEST_TOML, MOST_PARTS, line_of, parse_toml
+from hybridyn.description.bounds import BOUNDS
+from hybridyn.description.side_cars.toml_file import MOST_PARTS, line_of, parse_toml
 from hybridyn.errors import (
     AT_SAMPLE,
     LONGEST,
@@ -258,9 +259,15 @@ def test_dots_in_texts_and_comments_are_no_parts(text: str) -> None:
 
 
 def test_texts_that_do_not_end_or_are_large_are_refused_at_once() -> None:
-    large = partial(parse_toml, b"#" * (LARGEST_TOML + 1), "f.toml")
+    most = BOUNDS["side-car"].most
+    large = partial(parse_toml, b"#" * (most + 1), "f.toml")
     refused(large, hybridyn.ModelError, "is larger than 1 MiB")
-    for text in ('"""' + '\\"""' * 50_000, "'''" + "''" * 50_000 + "'", '"' * 100_001, "a" * LARGEST_TOML):
+    for text in (
+        '"""' + '\\"""' * 50_000,
+        "'''" + "''" * 50_000 + "'",
+        '"' * 100_001,
+        "a" * most,
+    ):
         refused(partial(parse_toml, text.encode(), "f.toml"), hybridyn.ModelError, "not readable as TOML")
 
 

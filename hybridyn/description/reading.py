@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 
 from ..errors import ModelError
+from .bounds import content_of
 from .closure_forms import apply_closing_frames, apply_welded_frames
 from .followers import followers_at_home
 from .loop_signs import lost_loops, refuse_unclosed_frames
@@ -20,9 +21,8 @@ from .names import counted, listed
 from .notes import placed
 from .records import Description, ReadFrom, RobotFile
 from .side_cars.model_toml import find_loop_closures, find_model_file, find_side_car
-from .urdf.robot_folders import content_of
 from .urdf.xacro import expand
-from .urdf.xml_node import LARGEST_FILE, Node, parse
+from .urdf.xml_node import Node, parse
 from .validate import validate
 
 #: Readers by the name of the root element: a module here, imported only for its format, and a function.
@@ -228,12 +228,12 @@ def read_bytes(file: str) -> bytes:
     """Return the content of a file.
 
     Raises:
-        ModelError: The file cannot be read, is not a regular file, or is larger than `LARGEST_FILE`.
+        ModelError: The file cannot be read, is not a regular file, or is too large.
     """
     if os.path.isdir(file):
         raise ModelError("is a folder; name the robot file in it", file=file)
     try:
-        return content_of(file, LARGEST_FILE)
+        return content_of(file)
     except OSError as error:
         raise ModelError(f"cannot be read: {error.strerror}", file=file) from None
     except ValueError as error:

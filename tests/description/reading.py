@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hybridyn.description import Description, read
+from hybridyn.description.bounds import BOUNDS
 from hybridyn.errors import ModelError
 from tests.files import save
 from tests.waiting import must_end
@@ -87,3 +88,9 @@ def finite(description: Description, text: object) -> None:
     for closure in description.closures:
         assert np.isfinite([closure.frame_a, closure.frame_b]).all(), text
         assert len(closure.translations) or closure.rotation != "free", text
+
+
+def bound(monkeypatch: pytest.MonkeyPatch, **most: int) -> None:
+    """Set bounds of what is read to other numbers; the words are keys of `BOUNDS`."""
+    for what, number in most.items():
+        monkeypatch.setitem(BOUNDS, what, BOUNDS[what]._replace(most=number))

@@ -9,7 +9,7 @@ import pytest
 from hybridyn.description import read
 from hybridyn.description.urdf import xml_node
 from hybridyn.errors import ModelError
-from tests.description.reading import holds, refused
+from tests.description.reading import bound, holds, refused
 from tests.robot_texts import FOUR_BAR, line_of, read_text, save
 
 BOMB = (
@@ -106,15 +106,15 @@ def test_what_other_readers_accept_is_read_and_noted(
 
 
 def test_refuses_an_absurd_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hybridyn.description.reading.LARGEST_FILE", 1000)
+    bound(monkeypatch, file=1000)
     refused(save(tmp_path, FOUR_BAR), "larger than")
-    monkeypatch.setattr(xml_node, "LARGEST_FILE", 1000)
-    with pytest.raises(ModelError, match="MiB of XML"):
+    bound(monkeypatch, XML=1000)
+    with pytest.raises(ModelError, match=r"bytes of XML, limit 0 MiB"):
         xml_node.parse(FOUR_BAR.encode(), "four_bar.urdf")
 
 
 def test_refuses_absurd_numbers_of_elements(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(xml_node, "MOST_ELEMENTS", 10)
+    bound(monkeypatch, elements=10)
     refused(save(tmp_path, FOUR_BAR), "elements, limit 10")
 
 

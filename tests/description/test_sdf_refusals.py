@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from hybridyn.description.urdf.robot_folders import MOST_INCLUDED
-from tests.description.reading import refused
+from tests.description.reading import bound, refused
 from tests.files import save
 from tests.sdf_texts import WORLD, joint, link, sdf
 
@@ -138,7 +137,7 @@ def test_it_is_refused_by_name(text: str, message: str, tmp_path: Path) -> None:
 
 def test_many_includes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ten files that each include the next ten times would be ten thousand million models."""
-    monkeypatch.setitem(MOST_INCLUDED, "files", 50)
+    bound(monkeypatch, files=50)
     for n in range(9):
         parts = [f"<include><uri>p{n + 1}.sdf</uri><name>i{k}</name></include>" for k in range(10)]
         (tmp_path / f"p{n}.sdf").write_text(sdf(*parts, name=f"p{n}"))

@@ -16,7 +16,7 @@ from hybridyn.description.usd import opening
 from hybridyn.errors import ModelError
 from tests.description import ending
 from tests.description.fuzz_texts import USD, USD_PART
-from tests.description.reading import refused, save_all
+from tests.description.reading import bound, refused, save_all
 from tests.extras import needs
 from tests.files import save
 from tests.samples import slow
@@ -78,7 +78,7 @@ def test_a_file_that_hangs_is_refused(file: Path, monkeypatch: pytest.MonkeyPatc
 @pytest.mark.slow
 def test_a_file_that_needs_much_memory_is_refused(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     opening._started.cache_clear()
-    monkeypatch.setattr(opening, "MEMORY", 2**28)
+    bound(monkeypatch, memory=2**28)
     refused(file, "OpenUSD")
     opening._started.cache_clear()
 
@@ -98,6 +98,6 @@ def test_references_that_double_at_each_level_are_refused(
 ) -> None:
     arc = 'def "{}" (references = </l{}>) {{}}\n'
     levels = (f'def "l{i}" {{\n{arc.format("a", i + 1)}{arc.format("b", i + 1)}}}\n' for i in range(40))
-    monkeypatch.setattr(opening, "SECONDS", 1)
+    bound(monkeypatch, seconds=1)
     file = save(tmp_path, "#usda 1.0\n" + "".join(levels) + 'def Xform "l40" {}\n', "r.usda")
     refused(file, "needs more than 1 s")

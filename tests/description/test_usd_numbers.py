@@ -44,8 +44,8 @@ def parsed(file: Path) -> dict[str, object]:
 
 
 def stage_of(file: Path) -> Stage:
-    folders = RobotFolders(str(file), [], [], file.stat().st_size)
-    return Stage(open_stage(str(file), folders), str(file), 100)
+    folders = RobotFolders(str(file), [], [])
+    return Stage(open_stage(str(file), folders), str(file))
 
 
 def of_quaternion(q: Gf.Quatf) -> np.ndarray:

@@ -8,6 +8,7 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
+from hybridyn.description.bounds import recorded
 from hybridyn.description.placement import (
     inverse,
     placement_from,
@@ -15,11 +16,9 @@ from hybridyn.description.placement import (
     rotation_from_quaternion,
     rotation_from_rpy,
 )
-from hybridyn.description.urdf.robot_folders import recorded
-from hybridyn.description.usd import opening
 from hybridyn.description.usd.schema import AXES
 from tests import files
-from tests.description.reading import holds, refused
+from tests.description.reading import bound, holds, refused
 from tests.extras import needs
 from tests.usd_texts import BODY, DRIVE, FIVE_BAR, KINDS, at, body, joint, prim, usda
 
@@ -327,11 +326,11 @@ def test_files_that_are_too_large_are_refused(tmp_path: Path, monkeypatch: pytes
     part = usda(body("a")).replace('"robot"', '"part"')
     save(tmp_path, part, "part.usda")
     file = save(tmp_path, usda('def "p" (references = @part.usda@) {}'))
-    monkeypatch.setattr(opening, "LARGEST_FILE", len(part) - 1)
+    bound(monkeypatch, file=len(part) - 1)
     refused(file, "part.usda' is larger than")
-    monkeypatch.setattr(opening, "LARGEST_FILE", len(part))
+    bound(monkeypatch, file=len(part))
     assert read(file).root == "a"
-    monkeypatch.setattr(opening, "MOST_PRIMS", 2)
+    bound(monkeypatch, prims=2)
     refused(file, "more than 2 prims")
 
 

@@ -9,7 +9,6 @@ import pytest
 from hybridyn.description.urdf import xacro
 from hybridyn.description.urdf.expansion import Expansion
 from hybridyn.description.urdf.robot_folders import RobotFolders
-from hybridyn.description.urdf.xml_node import LARGEST_FILE
 from hybridyn.errors import ModelError
 from tests import ROOT
 from tests.description.reading import save_all
@@ -88,7 +87,7 @@ SERVED = {"values", "scopes", "blocks", "conditions", "includes", "tables", "war
 def whole(file: Path, given: dict[str, str]) -> str:
     """Expand a file as a whole."""
     share, shipped = xacro.share_dirs(), [str(ROOT / "urdf")]
-    folders = RobotFolders(str(file), [], share, LARGEST_FILE, shipped)
+    folders = RobotFolders(str(file), [], share, shipped)
     made = Expansion(str(file), folders, given, traced=False)
     return made.text + repr(made.notes)
 

@@ -13,14 +13,15 @@ import pytest
 import xacro
 from simpleeval import InvalidExpression
 
-from hybridyn.description.urdf import expansion, expressions
+from hybridyn.description.bounds import Budget, RunawayError
+from hybridyn.description.urdf import expansion
 from hybridyn.description.urdf import xacro as xacro_files
-from hybridyn.description.urdf.expressions import Budget, Evaluator, RefusedError
-from hybridyn.description.urdf.robot_folders import RobotFolders, RunawayError
+from hybridyn.description.urdf.expressions import Evaluator, RefusedError
+from hybridyn.description.urdf.robot_folders import RobotFolders
 from hybridyn.errors import ModelError
 from tests import ROOT
 from tests.comparing import refused
-from tests.description.reading import save_all
+from tests.description.reading import bound, save_all
 from tests.extras import robots_of_others, skip
 from tests.robot_texts import save
 
@@ -125,7 +126,7 @@ def test_nothing_of_python_is_within_reach_nor_grows_without_end(
 
 
 def test_expressions_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(expressions, "MOST_MADE", 200_000)
+    bound(monkeypatch, made=200_000)
     assert evaluate("len([1 for a in python.range(20) for b in python.range(20)])") == 400
     refused(
         lambda: evaluate("[1 for a in python.range(100) for b in python.range(100)]"),
@@ -197,7 +198,7 @@ def robot(tmp_path: Path) -> Path:
 
 
 def folders(file: Path, *named: Path) -> RobotFolders:
-    return RobotFolders(str(file), [str(folder) for folder in named], [], 1000)
+    return RobotFolders(str(file), [str(folder) for folder in named], [])
 
 
 def test_packages_installed_inside_the_robots_folder_are_read(robot: Path) -> None:
@@ -208,8 +209,8 @@ def test_packages_installed_inside_the_robots_folder_are_read(robot: Path) -> No
     secrets = hidden / "secret.xacro", share / "hand" / ".git" / "config"
     for path in (part, *secrets):
         save(path.parent, "<robot/>", path.name)
-    refused(lambda: RobotFolders(str(robot), [], [str(share)], 1000).read(str(part)), ModelError, "is hidden")
-    granted = RobotFolders(str(robot), [], [str(share)], 1000, [str(share)])
+    refused(lambda: RobotFolders(str(robot), [], [str(share)]).read(str(part)), ModelError, "is hidden")
+    granted = RobotFolders(str(robot), [], [str(share)], [str(share)])
     assert granted.read(str(part)) == b"<robot/>"
     for path in secrets:
         refused(lambda path=path: granted.read(str(path)), ModelError, "is hidden")
@@ -246,7 +247,10 @@ WALLS = [
 
 
 @pytest.mark.parametrize(("asked", "what", "message"), WALLS)
-def test_nothing_else_is_read(robot: Path, asked: str, what: str, message: str) -> None:
+def test_nothing_else_is_read(
+    robot: Path, asked: str, what: str, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bound(monkeypatch, file=1000)
     here = robot.parent
     links = {
         "link.yaml": robot.parents[3] / "secret.yaml",
@@ -342,7 +346,7 @@ def test_attacks_from_a_file(tmp_path: Path, said: str, message: str) -> None:
 @pytest.mark.parametrize("name", RUNAWAYS)
 def test_what_runs_away_is_refused(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A smaller bound is met sooner, also by arguments, and before what is traced is expanded once more."""
-    monkeypatch.setattr(expressions, "MOST_MADE", 20_000_000)
+    bound(monkeypatch, made=20_000_000)
     argument = '<xacro:arg name="k" default="1"/>'
     file = save_all(
         tmp_path,

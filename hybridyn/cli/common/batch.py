@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from ...description.urdf.robot_folders import recorded
+from ...description.bounds import recorded
 from ...errors import HybridynError
 from ...structure.robot import HybridRobot
 from ...studies.pools import MOST_DEATHS, open_pool

@@ -15,6 +15,7 @@ from typing import cast
 
 from lxml import etree
 
+from ..bounds import refuse_above
 from ..urdf.robot_folders import Includes
 from ..urdf.xml_node import LARGEST_NUMBER, Node
 
@@ -157,9 +158,6 @@ OF_ACTUATORS = {
     "name", "class", "joint", "jointinparent", "tendon", "site", "refsite", "body", "cranksite", "slidersite",
     "gear", "forcerange", "forcelimited", "armature", "damping",
 }  # fmt: skip
-
-#: Most elements, replicas counted; the time of MuJoCo's compiler grows with the square of their number.
-MOST_COMPILED = 50_000
 
 #: Largest number of a built-in mesh: the count of its subdivisions.
 MOST_SUBDIVISIONS = 100.0
@@ -334,7 +332,4 @@ def _refuse_too_many(document: Document) -> None:
             factor *= math.prod(max(1.0, abs(x)) for x in _counts(node))
         factors[node.xml] = factor
         total += factor * (1 + attached if node.tag == "attach" else 1)
-        if total > MOST_COMPILED:
-            raise node.error(
-                f"with its replicas, the file has more than {MOST_COMPILED:,} elements up to here"
-            )
+        refuse_above("replicas", total, node.error)

@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from ...errors import ModelError
+from ..bounds import refuse_above
 from ..groups import Groups
 from ..names import did_you_mean, listed
 from ..placement import inverse
@@ -25,9 +26,6 @@ from .elements import Notes, check, flag, pose, relative_to, word
 
 #: Oldest and newest version of SDFormat that is read, as (1, minor).
 VERSIONS = (3, 12)
-
-#: Deepest nesting of models and of their files.
-DEEPEST = 50
 
 #: Models of Gazebo that are only scenery; they are not opened.
 SCENERY = ("sun", "ground_plane")
@@ -423,8 +421,7 @@ class Models:
         still: bool = False,
     ) -> Item:
         """Add a model with all that it nests and includes."""
-        if depth > DEEPEST:
-            raise model.error(f"models are nested more than {DEEPEST} deep")
+        refuse_above("depth of models", depth, model.error)
         merged = own.tag == "include" and own.flag("merge", False)
         if merged and scope is None:
             raise own.error(

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import Any
 
 from ...errors import ModelError
+from ..bounds import BOUNDS, refuse_above
 
 #: Path to a value: tables, indices of tables in an array, and the key.
 Keys = tuple[str | int, ...]
 
-#: Largest TOML file read [bytes]; those of robots and scenes have a few kilobytes.
-LARGEST_TOML = 2**20
-
-#: Most parts of a dotted key; Python's reader keeps a table for each prefix of the key.
-MOST_PARTS = 16
-
 #: A part of a dotted key: a bare word, or a text.
 _PART = r"""(?:[\w-]++|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+')"""
+
+#: Most parts of a dotted key.
+MOST_PARTS = BOUNDS["parts of a key"].most
+#: A dotted key.
+_WHOLE = rf"{_PART}(?:[ \t]*\.[ \t]*{_PART})*+"
 
 #: A text of several lines (closed or not), a comment, a key of too many parts, or a part of another key.
 _TOKEN = (
@@ -37,13 +38,14 @@ def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
     """
     import tomllib  # imported late: most files are found checked in the cache folder
 
-    if len(data) > LARGEST_TOML:
-        raise ModelError(f"is larger than {LARGEST_TOML // 2**20} MiB", file=file)
+    refuse_above("side-car", len(data), partial(ModelError, file=file))
     try:
         text = data.decode("utf-8")
         if long := next((token for token in re.finditer(_TOKEN, text) if token["key"]), None):
             line = text.count("\n", 0, long.start()) + 1
-            raise ModelError(f"a key has more than {MOST_PARTS} parts", file=file, line=line)
+            key = re.compile(_WHOLE).match(text, long.start())
+            parts = len(re.findall(_PART, key[0] if key else ""))
+            refuse_above("parts of a key", parts, partial(ModelError, file=file, line=line))
         return text, tomllib.loads(text)
     except UnicodeDecodeError as error:
         raise ModelError(f"is not UTF-8 text (byte {error.start})", file=file) from None

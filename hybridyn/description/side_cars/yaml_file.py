@@ -5,20 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import yaml
 from pydantic import ValidationError
 
 from ...errors import ModelError
+from ..bounds import refuse_above
 from ..names import did_you_mean
 from .tables import first_problem
-
-#: Largest YAML file read [bytes]; side-cars have a few kilobytes.
-LARGEST_YAML = 2**20
-
-#: Most values that a document may expand to; aliases of aliases grow without bound.
-MOST_VALUES = 100_000
 
 #: Ends of the tags of scalars that are read.
 SCALARS = ("null", "bool", "int", "float", "str")
@@ -80,8 +76,7 @@ def read_yaml(text: bytes, file: str) -> YamlFile:
         ModelError: The text is not YAML, is too large, or contains a duplicate key or a tag; the message
             names line and column.
     """
-    if len(text) > LARGEST_YAML:
-        raise ModelError(f"is larger than {LARGEST_YAML // 2**20} MiB", file=file)
+    refuse_above("side-car", len(text), partial(ModelError, file=file))
     document = YamlFile(file)
     try:
         loader = _Loader(text.decode("utf-8"))
@@ -115,8 +110,7 @@ def checked(document: YamlFile, schema: Any) -> Any:
 def _value(document: YamlFile, loader: yaml.SafeLoader, node: yaml.Node, place: Place) -> Any:
     """Return the node at a place as a plain value, and record line and column of all that it holds."""
     document.mark(place, node)
-    if len(document.lines) > MOST_VALUES:
-        raise document.error(place, f"more than {MOST_VALUES} values; are aliases nested?")
+    refuse_above("values", len(document.lines), partial(document.error, place))
     kind = node.tag.removeprefix("tag:yaml.org,2002:")
     if isinstance(node, yaml.SequenceNode) and kind == "seq":
         return [_value(document, loader, child, (*place, index)) for index, child in enumerate(node.value)]

@@ -21,9 +21,10 @@ from xml.dom.expatbuilder import ExpatBuilderNS
 from xml.dom.minidom import Element
 
 from ...errors import ModelError
+from ..bounds import Budget, RunawayError
 from ..shipped import shown
-from .expressions import FORBIDDEN, Budget, Evaluator, bounded_round, size_of
-from .robot_folders import RobotFolders, RunawayError
+from .expressions import FORBIDDEN, Evaluator, bounded_round, size_of
+from .robot_folders import RobotFolders
 from .traced import OPEN, Names, Trace, Traced, UntracedError, plain
 from .xml_node import DOCTYPE, PLACE
 
@@ -61,7 +62,7 @@ class Expansion:
         """
         self.folders, self.notes, self.trace, self._traced = folders, list[str](), Trace(given), traced
         self._given = _Arguments({name: self.trace.argument(name) for name in given} if traced else given)
-        self._budget, self._lexed = Budget(), cache(_lexed)
+        self._budget, self._lexed = folders.budget, cache(_lexed)
         xacro = self._xacro = _own_xacro()
         dollar, symbols, find = xacro.substitution_args, xacro._global_symbols, partial(folders.ask, "find")
         dict.update(
@@ -103,7 +104,7 @@ class Expansion:
             UntracedError: xacro has to expand the file.
             Exception: Any error of an expression.
         """
-        self._budget.made = 0
+        self._budget.restart("made")
         return self.trace.again(given)
 
     def _note(self, *words: Any, **_: Any) -> str:
@@ -112,7 +113,7 @@ class Expansion:
             raise UntracedError
         file, line = _place_in(walk_stack(None)) or ("", 0)
         where = f"{file or shown(Path(self.folders.file))}:{line}: " if line else ""
-        self._budget.spend(NOTE)
+        self._budget.spend("made", NOTE)
         self.notes.append(f"{where}xacro: " + " ".join(" ".join(map(str, words)).split()))
         return ""
 
@@ -125,18 +126,16 @@ class Expansion:
             raise self._xacro.XacroException(exc=error) from None
         if self._traced and OPEN.encode() in content:
             raise UntracedError
-        self._budget.spend(len(content) + NODE * content.count(b"<"))  # tags, comments and texts
+        self._budget.spend("made", len(content) + NODE * content.count(b"<"))  # tags, comments and texts
         file = "" if filename == self.folders.file else shown(Path(filename))
         return _Placing(file, self._budget).parseString(content)
 
     def _opened(self, path: str) -> io.TextIOBase:
         """Open a file of YAML."""
         content = self.folders.ask("read", path)
-        self._budget.spend(
-            YAML * len(content),
-            f"the YAML file {shown(Path(path))} of {len(content) / 1e6:.2f} MB counts {YAML} times its size, "
-            "each time it is read: take out what the robot does not need",
-        )
+        counts = f"of {len(content) / 1e6:.2f} MB counts {YAML} times its size, each time it is read"
+        mend = f"the YAML file {shown(Path(path))} {counts}: take out what the robot does not need"
+        self._budget.spend("made", YAML * len(content), mend=mend)
         return io.TextIOWrapper(io.BytesIO(content), encoding="utf-8")
 
     def _located(self, stated: Any) -> str:
@@ -157,7 +156,7 @@ class Expansion:
         sources = [] if by is None else by if isinstance(by, list) else [by]
         new = [child for source in sources for child in source.childNodes] if content_only else sources
         siblings = node.parentNode.childNodes
-        self._budget.spend(REPLACED + PASSED * len(siblings) + MOVED * len(new))
+        self._budget.spend("made", REPLACED + PASSED * len(siblings) + MOVED * len(new))
         index = siblings.index(node)
         siblings[index : index + 1] = new
         for left, right in itertools.pairwise([node.previousSibling, *new, node.nextSibling]):
@@ -194,13 +193,14 @@ class Expansion:
 
     def _text(self, text: str, symbols: Any) -> Any:
         """Return the value of a text with expressions, which is a text unless it is one expression alone."""
-        self._budget.spend(TEXT + len(text) * (1 + text.count("$") // 100))  # the lexer cuts the text at each
+        cuts = 1 + text.count("$") // 100  # of the lexer, which copies what follows
+        self._budget.spend("made", TEXT + len(text) * cuts)
         if "$" not in text:
             return self.trace.unmarked(text)
         found = list[Any]()
         for kind, token in self._lexed(text):
             found.append(self._token(kind, token, symbols))
-            self._budget.spend(size_of(plain(found[-1])))
+            self._budget.spend("made", size_of(plain(found[-1])))
         return found[0] if len(found) == 1 else self.trace.joined(found)
 
     def _token(self, kind: int, token: str, symbols: Any) -> Any:
@@ -245,11 +245,11 @@ class _Counted(Element):
     def cloneNode(self, deep: bool) -> Any:
         """Return a copy."""
         budget: Budget = cast("Any", self.ownerDocument).budget
-        budget.spend(NODE + ATTRIBUTE * self.attributes.length)
+        budget.spend("made", NODE + ATTRIBUTE * self.attributes.length)
         clone: Any = super().cloneNode(False)
         clone.__class__ = type(self)
         for child in self.childNodes:
-            budget.spend(0 if isinstance(child, Element) else NODE + len(child.data))
+            budget.spend("made", 0 if isinstance(child, Element) else NODE + len(child.data))
             clone.appendChild(child.cloneNode(True))
         return clone
 
@@ -278,7 +278,7 @@ class _Placing(ExpatBuilderNS):
         super().start_element_handler(name, attributes)
         begun: Any = self.curNode
         begun.__class__, begun.place = _Counted, place
-        self._budget.spend(NODE + ATTRIBUTE * len(attributes) // 2)  # with their places
+        self._budget.spend("made", NODE + ATTRIBUTE * len(attributes) // 2)  # with their places
 
 
 @cache

@@ -16,17 +16,8 @@ from typing import Any
 
 from simpleeval import DEFAULT_OPERATORS, EvalWithCompoundTypes
 
-from .robot_folders import RunawayError
+from ..bounds import Budget, refuse_above
 
-#: Most characters or elements of a text or list, bits of an integer (the largest float has 1024), digits of a
-#: rounded number, and characters of an expression.
-LARGEST = 10_000
-#: Largest value with all that it holds: lists of lists share their parts, but are written as a whole [bytes].
-LARGEST_VALUE = 10_000_000
-
-#: Most that one expansion may make [bytes], which takes less than 10 s and 500 MB. A stack of 256 six-legged
-#: modules, 80,000 elements, makes 85 % of it; arms, hands and humanoids below 10 %.
-MOST_MADE = 500_000_000
 #: What a step of an expression, an element of a value that it may read, and a character of a syntax tree
 #: count [bytes]: they take time, or memory.
 STEP, READ, SYNTAX = 100, 4, 250
@@ -55,31 +46,9 @@ class RefusedError(Exception):
     """The xacro file uses something that is not allowed."""
 
 
-class Budget:
-    """Counts what one expansion makes.
-
-    Attributes:
-        made: Size of the copies, texts and values so far, and what the time for them counts [bytes].
-    """
-
-    made = 0
-
-    def spend(
-        self, size: int, mend: str = "find the macro that calls itself or repeats its blocks too often"
-    ) -> None:
-        """Count what is made; raise RunawayError, which says the mend, if it is too much."""
-        self.made += size
-        if self.made > MOST_MADE:
-            raise RunawayError(
-                f"macros, blocks, includes and expressions make more than {MOST_MADE // 10**6:,} MB; {mend}. "
-                "If the robot is that large, expand it by the program xacro, and open what that writes"
-            )
-
-
-def refuse_large(size: float, largest: int = LARGEST) -> None:
-    """Raise RefusedError for a value that is too large."""
-    if size > largest:
-        raise RefusedError(f"too large: more than {largest:,} characters, elements, bits, digits or bytes")
+def refuse_large(size: float, what: str = "length") -> None:
+    """Raise RefusedError for a value that is too large; its bound is in `bounds`."""
+    refuse_above(what, size, RefusedError)
 
 
 def size_of(value: Any) -> int:
@@ -88,7 +57,7 @@ def size_of(value: Any) -> int:
     while left:
         one = left.pop()
         size += 36 * len(one) if isinstance(one, range) else sys.getsizeof(one)
-        refuse_large(size, LARGEST_VALUE)
+        refuse_large(size, "value")
         if isinstance(one, dict):
             left += [part for pair in dict.items(one) for part in pair]
         elif isinstance(one, list | tuple | set | frozenset):
@@ -108,14 +77,14 @@ def remainder(a: Any, b: Any) -> Any:
     if isinstance(a, str):
         if _WIDE_FIELD.search(a):
             raise RefusedError("a field of '%' is too wide")
-        refuse_large(a.count("%") * size_of(b), LARGEST_VALUE)
+        refuse_large(a.count("%") * size_of(b), "value")
     return a % b
 
 
 def repeating(text: str, method: str, *arguments: Any) -> str:
     """Return what `join` or `replace`, which repeat a text, make of it."""
     sizes = (len(one) for one in arguments if not isinstance(one, int))  # an integer counts replacements
-    refuse_large(len(text) * sum(sizes), LARGEST_VALUE)
+    refuse_large(len(text) * sum(sizes), "value")
     return str(getattr(text, method)(*arguments))
 
 
@@ -173,7 +142,7 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
     def _syntax(self, expression: str) -> ast.expr:
         """Return the syntax tree of an expression."""
         refuse_large(len(expression))
-        self.budget.spend(SYNTAX * len(expression))
+        self.budget.spend("made", SYNTAX * len(expression))
         return ast.parse(expression, "<expression>", "eval").body
 
     def _eval(self, node: ast.AST) -> Any:
@@ -181,7 +150,7 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
         if type(node) not in self.nodes:
             raise RefusedError(f"{type(node).__name__} is not allowed in an expression")
         value = self.nodes[type(node)](node)
-        self.budget.spend(STEP + READ * (len(value) if isinstance(value, Sized) else 0))
+        self.budget.spend("made", STEP + READ * (len(value) if isinstance(value, Sized) else 0))
         if isinstance(value, int | str | list | tuple):
             refuse_large(value.bit_length() if isinstance(value, int) else len(value))
         # these are counted already
@@ -195,7 +164,7 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
         """Return a new value, what makes its elements one by one as their list; count its size."""
         if isinstance(value, Iterator):
             value = [self._counted(one) for one in value]
-        self.budget.spend(size_of(value))
+        self.budget.spend("made", size_of(value))
         return value
 
     def _eval_attribute(self, node: ast.Attribute) -> Any:

@@ -6,22 +6,21 @@ import os
 from collections.abc import Iterator, Sequence
 
 from ...errors import ModelError
+from ..bounds import BOUNDS
 from .xml_node import parse
 
 #: The file that marks a package and states its name.
 STATEMENT = "package.xml"
-#: Largest one that is read [bytes].
-LARGEST_STATEMENT = 2**20
 
 
 def stated_name(folder: str) -> str:
     """Return the name that a folder's package.xml states, "" if it has none that can be read."""
     file = os.path.join(folder, STATEMENT)
     try:
-        if not os.path.isfile(file) or os.path.getsize(file) > LARGEST_STATEMENT:
+        if not os.path.isfile(file) or os.path.getsize(file) > BOUNDS["side-car"].most:
             return ""
         with open(file, "rb") as opened:
-            name = parse(opened.read(LARGEST_STATEMENT), file).child("name")
+            name = parse(opened.read(BOUNDS["side-car"].most), file).child("name")
         return name.content() if name else ""
     except (OSError, ModelError):
         return ""

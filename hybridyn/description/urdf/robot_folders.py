@@ -2,7 +2,7 @@
 
 These are the robot's own folder (that of the package around its file, else the file's folder), the packages
 that `$(find ...)` names, and the folders that the user names. A symbolic link counts as the file to which it
-points. Hidden files, and anything but regular files, are never read. What is read can be recorded.
+points. Hidden files, and anything but regular files, are never read.
 """
 
 from __future__ import annotations
@@ -11,75 +11,20 @@ import contextlib
 import hashlib
 import os
 import re
-import stat
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...errors import ModelError, install_advice
+from ..bounds import Budget, content_of
 from ..shipped import shown
 from .packages import STATEMENT, package_folders
-from .xml_node import LARGEST_FILE, MOST_ELEMENTS, Node, parse
-
-#: Digest of each file that was read, by its path, while they are recorded.
-_recorded: ContextVar[dict[str, str] | None] = ContextVar("files_read", default=None)
-
-
-@contextmanager
-def recorded() -> Iterator[dict[str, str]]:
-    """Record the robot files that are read, also by an expansion of xacro that is kept.
-
-    Yields:
-        Digest of each file, by its absolute path.
-    """
-    found: dict[str, str] = {}
-    token = _recorded.set(found)
-    try:
-        yield found
-    finally:
-        _recorded.reset(token)
-
-
-def record(path: str | os.PathLike[str], content: bytes) -> None:
-    """Record a file that was read."""
-    found = _recorded.get()
-    if found is not None:
-        found[os.path.abspath(path)] = hashlib.sha256(content).hexdigest()
-
-
-def content_of(path: str, largest: int) -> bytes:
-    """Read a file, and record it.
-
-    Raises:
-        OSError: The system cannot open or read the file.
-        ModelError: It is not a regular file, or larger than `largest` bytes.
-    """
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    with os.fdopen(handle, "rb") as file:
-        about = os.fstat(handle)
-        if not stat.S_ISREG(about.st_mode):
-            raise ModelError(f"'{path}' is not a regular file")
-        if about.st_size > largest:
-            raise ModelError(f"'{path}' is larger than {largest // 2**20} MiB")
-        content = file.read(largest)
-    record(path, content)
-    return content
-
+from .xml_node import Node, parse
 
 #: Entries that mark the folder of a package: its package file, a folder of robot files, `model.config`.
 MARKS = (STATEMENT, "urdf", "xacro", "robots", "meshes", "model.config")
 
-#: Most files and packages that one expansion may ask for; robots include a few dozen files.
-MOST_ASKED = 10_000
-
 _PACKAGE = re.compile(r"[A-Za-z][\w.-]*")
-
-
-class RunawayError(ModelError):
-    """A robot file, which calls itself or repeats its parts, makes or reads too much."""
 
 
 class RobotFolders:
@@ -89,12 +34,12 @@ class RobotFolders:
         file: The robot file, an absolute path.
         package_dirs: Folders that the user names: packages, or folders of packages.
         share_dirs: Folders of installed packages.
-        largest: Largest file that is read [bytes].
         granted: Further folders that it may read; no packages are searched in them.
 
     Attributes:
         replies: What was asked, and a hash of each reply.
         closed: Whether all that is asked from now on is refused.
+        budget: What the robot takes.
     """
 
     def __init__(
@@ -102,10 +47,9 @@ class RobotFolders:
         file: str,
         package_dirs: Sequence[str],
         share_dirs: Sequence[str],
-        largest: int,
         granted: Sequence[str] = (),
     ) -> None:
-        self.file, self.largest = file, largest
+        self.file, self.budget = file, Budget()
         self.replies, self.closed = list[list[str]](), False
         self.package_dirs = [os.path.abspath(folder) for folder in package_dirs]
         self.share_dirs = list(share_dirs)
@@ -123,8 +67,7 @@ class RobotFolders:
         """
         if self.closed:
             raise ModelError("asks for something after its expansion")
-        if len(self.replies) >= MOST_ASKED:
-            raise RunawayError(f"reads more than {MOST_ASKED:,} files")
+        self.budget.spend("asked", 1)
         reply: Any = None
         try:
             reply = getattr(self, what)(of)
@@ -149,7 +92,7 @@ class RobotFolders:
             OSError: The system cannot open or read the file.
             ModelError: The file is outside the robot's folders, hidden, not a regular file, or too large.
         """
-        return content_of(self._within(path), self.largest)
+        return content_of(self._within(path))
 
     def find(self, package: str) -> str:
         """Return the folder of a package.
@@ -196,16 +139,11 @@ class RobotFolders:
         return [real[len(folder) + 1 :].split(os.sep) for folder in inside]
 
 
-#: Most that one robot may include.
-MOST_INCLUDED = {"files": 1000, "bytes": LARGEST_FILE, "elements": MOST_ELEMENTS}
-
-
 class Includes(RobotFolders):
     """The files that an MJCF or SDF file names, in the robot's folders and within limits."""
 
     def __init__(self, file: str, package_dirs: Sequence[str], granted: Sequence[str] = ()) -> None:
-        super().__init__(file, package_dirs, [], LARGEST_FILE, granted)
-        self._spent: Counter[str] = Counter()
+        super().__init__(file, package_dirs, [], granted)
 
     def named(self, node: Node, name: str, paths: Iterable[str], mend: str = "") -> tuple[bytes, str]:
         """Read the file that an element names, and return its path, too.
@@ -237,10 +175,9 @@ class Includes(RobotFolders):
         """
         content, path = self.named(node, name, paths)
         root = parse(content, shown(Path(path)))
-        self._spent.update(files=1, bytes=len(content), elements=sum(1 for _ in root.xml.iter("*")))
-        for what, most in MOST_INCLUDED.items():
-            if self._spent[what] > most:
-                raise node.error(f"more than {most:,} {what} are included")
+        self.budget.spend("files", 1, node.error)
+        self.budget.spend("XML", len(content), node.error)
+        self.budget.spend("elements", sum(1 for _ in root.xml.iter("*")), node.error)
         return root, path
 
 

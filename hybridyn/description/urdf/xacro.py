@@ -14,10 +14,10 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ..bounds import RunawayError
 from ..cache_folder import hashed, keep, kept, state_of
 from ..shipped import data_folder
-from .robot_folders import RobotFolders, RunawayError
-from .xml_node import LARGEST_FILE
+from .robot_folders import RobotFolders
 
 if TYPE_CHECKING:
     from .expansion import Expansion
@@ -48,7 +48,7 @@ def expand(
     given = {str(name): str(value) for name, value in arguments.items()}
     shipped = data_folder()  # every robot may include modules of the shipped ones
     granted = [str(shipped / "urdf")] if shipped else []
-    fresh = partial(RobotFolders, path, named, share_dirs(), LARGEST_FILE, granted)
+    fresh = partial(RobotFolders, path, named, share_dirs(), granted)
     about = (path, os.getcwd(), *named)
     with _lock:
         written, notes = (

@@ -1,9 +1,9 @@
 """Parse robot files in XML safely, into elements that know their file and line.
 
-A DOCTYPE, which may declare entities, and files above `LARGEST_FILE` are errors. What is not well-formed, but
-what Gazebo, Drake and MuJoCo read alike (`READ_ALIKE`), is read as they do and noted. Numbers are read
-strictly: `1,5`, `nan`, `inf`, `1_000` and empty texts are errors. Placements (4, 4) and axes are read here,
-too.
+A DOCTYPE, which may declare entities, is an error, and so is too much of XML (`bounds`). What is not
+well-formed, but what Gazebo, Drake and MuJoCo read alike (`READ_ALIKE`), is read as they do and noted.
+Numbers are read strictly: `1,5`, `nan`, `inf`, `1_000` and empty texts are errors. Placements (4, 4) and
+axes are read here, too.
 """
 
 from __future__ import annotations
@@ -12,22 +12,17 @@ import math
 import re
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 from lxml import etree
 
 from ...errors import ModelError
+from ..bounds import refuse_above
 from ..names import closest, did_you_mean, listed
 from ..placement import placement_from, rotation_from_quaternion, rotation_from_rpy
 from ..records import Array
-
-#: Largest XML file read [bytes]; a stack of 1,000 six-legged modules takes about a third of it.
-LARGEST_FILE = 128 * 2**20
-
-#: Most elements read; a stack of 1,000 six-legged modules has about half a million.
-MOST_ELEMENTS = 2_000_000
 
 #: Largest number accepted; its square is still finite, so no length or inertia overflows later.
 LARGEST_NUMBER = 1e150
@@ -72,9 +67,8 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
     Raises:
         ModelError: The text is not well-formed XML, is too large, or has a DOCTYPE.
     """
-    if len(text) > LARGEST_FILE:
-        limit = LARGEST_FILE // 2**20
-        raise ModelError(f"{len(text) / 2**20:.0f} MiB of XML, limit {limit} MiB", file=file)
+    in_file = partial(ModelError, file=file)
+    refuse_above("XML", len(text), in_file)
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -115,9 +109,7 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
         )
     if root.getroottree().docinfo.internalDTD is not None:
         raise ModelError(DOCTYPE, file=file, line=1)
-    count = int(cast("float", root.xpath("count(//*)")))
-    if count > MOST_ELEMENTS:
-        raise ModelError(f"{count} elements, limit {MOST_ELEMENTS}", file=file)
+    refuse_above("elements", cast("float", root.xpath("count(//*)")), in_file)
     if placed:
         file = Expanded(file)
         file.places = {}

@@ -23,18 +23,8 @@ from multiprocessing import get_context, parent_process
 from types import ModuleType
 
 from ...errors import ModelError, install_advice
+from ..bounds import BOUNDS, Bound, record, said
 from ..records import RobotFile
-from ..urdf.robot_folders import record
-from ..urdf.xml_node import LARGEST_FILE
-
-#: Memory that the process of OpenUSD may take [bytes].
-MEMORY = 2 * 2**30
-
-#: Time that a file may take [s]; a robot of 10,000 links takes 10 s.
-SECONDS = 120
-
-#: Most prims of a file.
-MOST_PRIMS = 100_000
 
 _LOCK = threading.Lock()
 
@@ -70,8 +60,7 @@ def _answer(file: str, package_dirs: list[str]) -> bytes:
         except (OSError, AssertionError, BrokenProcessPool) as error:
             raise ModelError(f"USD: no process could be started for OpenUSD: {error}", file=file) from None
         try:
-            limits = LARGEST_FILE, MOST_PRIMS, SECONDS
-            return pool.submit(read_in_process, os.getcwd(), file, package_dirs, *limits).result()
+            return pool.submit(read_in_process, os.getcwd(), file, package_dirs, BOUNDS).result()
         except BrokenProcessPool:
             _started.cache_clear()
         except BaseException:  # interrupted: its answer must not be waited for
@@ -80,8 +69,8 @@ def _answer(file: str, package_dirs: list[str]) -> bytes:
                 os.kill(process, signal.SIGKILL)
             raise
     raise ModelError(
-        f"OpenUSD ended while it read the file; the file is damaged, or needs more than {SECONDS} s or "
-        f"{MEMORY // 2**30} GiB of memory",
+        "OpenUSD ended while it read the file; the file is damaged, or needs more than "
+        f"{said('seconds')} or {said('memory')}",
         file=file,
     )
 
@@ -96,7 +85,7 @@ def _started(process: int) -> tuple[ProcessPoolExecutor, int]:
     Returns:
         The executor that asks it, and its number.
     """
-    pool = ProcessPoolExecutor(1, get_context("spawn"), _begin, (MEMORY,))
+    pool = ProcessPoolExecutor(1, get_context("spawn"), _begin, (BOUNDS["memory"].most,))
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")  # or the process would run the caller's script again
     try:
@@ -128,20 +117,17 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def read_in_process(
-    folder: str, file: str, package_dirs: list[str], largest: int, most: int, seconds: int
-) -> bytes:
+def read_in_process(folder: str, file: str, package_dirs: list[str], bounds: dict[str, Bound]) -> bytes:
     """Return a pickled `RobotFile`, or the pickled `ModelError` that refuses the file.
 
     Args:
         folder: Working directory of the process that asks.
         file: Path of the file.
         package_dirs: As for `read_usd`.
-        largest: Largest size of a layer [bytes].
-        most: Most prims.
-        seconds: Time after which this process ends [s].
+        bounds: Those of the process that asks.
     """
-    signal.alarm(seconds)
+    BOUNDS.update(bounds)
+    signal.alarm(BOUNDS["seconds"].most)
     answer: RobotFile | ModelError
     try:
         os.chdir(folder)
@@ -149,7 +135,7 @@ def read_in_process(
 
         gc.collect()  # layers that are still in use would be those of the file before
         gc.freeze()  # what stays, such as OpenUSD, needs no look again
-        answer = read_stage(file, package_dirs, largest, most)
+        answer = read_stage(file, package_dirs)
     except ModelError as error:
         answer = error
     except (ImportError, UnicodeDecodeError) as error:

@@ -16,6 +16,7 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from ...errors import ModelError
+from ..bounds import refuse_above
 from ..placement import placement_from, rotation_from_quaternion
 from ..records import Array
 from ..urdf.xml_node import LARGEST_NUMBER
@@ -228,8 +229,8 @@ class Stage:
         transforms: OpenUSD's transforms of prims in the world.
     """
 
-    def __init__(self, usd: Any, file: str, most: int) -> None:
-        """Read the prims of a stage. `most`: most prims.
+    def __init__(self, usd: Any, file: str) -> None:
+        """Read the prims of a stage.
 
         Raises:
             ModelError: There are too many prims, values come from clips, or a unit is wrong.
@@ -246,8 +247,7 @@ class Stage:
         self.prims: dict[str, Prim] = {}
         every = Usd.PrimRange(usd.GetPseudoRoot(), Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
         for one in itertools.islice(every, 1, None):  # the first is the root of all
-            if len(self.prims) >= most:
-                raise ModelError(f"it has more than {most:,} prims", file=file)
+            refuse_above("prims", len(self.prims) + 1, functools.partial(ModelError, file=file))
             prim = Prim(self, one, self.prims.get(str(one.GetParent().GetPath())))
             if one.HasAuthoredMetadata("clips"):
                 raise prim.error("value clips are not read; remove them")

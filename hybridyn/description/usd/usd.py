@@ -146,21 +146,19 @@ _GRAMMAR = re.compile(r"parse error matching .*?(?= at '|$)")
 _QUOTED = re.compile(r": '(.*?)'?\s*$", re.DOTALL)
 
 
-def read_stage(file: str, package_dirs: list[str], largest: int, most: int) -> RobotFile:
+def read_stage(file: str, package_dirs: list[str]) -> RobotFile:
     """Read a USD file in this process.
 
     Args:
         file: Path of the file.
         package_dirs: Folders, beside the robot's own, in which layers may be.
-        largest: Largest size of a layer [bytes].
-        most: Most prims.
 
     Raises:
         ModelError: OpenUSD refuses the file, or it states something that hybridyn does not have.
     """
     try:
-        folders = RobotFolders(os.path.abspath(file), package_dirs, [], largest)
-        return _read(Stage(open_stage(file, folders), file, most))
+        folders = RobotFolders(os.path.abspath(file), package_dirs, [])
+        return _read(Stage(open_stage(file, folders), file))
     except Tf.ErrorException as error:
         raise _refusal(error, file) from None
 

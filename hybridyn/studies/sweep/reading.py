@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
+from ...description.bounds import recorded
 from ...description.reading import read_bytes
 from ...description.side_cars.toml_file import Keys
-from ...description.urdf.robot_folders import recorded
 from ...errors import HybridynError, ModelError
 from ...scenes.toml_source import read_schema
 from ...spatial import Array
