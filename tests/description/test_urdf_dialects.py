@@ -254,8 +254,8 @@ def test_sdf_joint_whose_zero_is_its_closed_posture(tmp_path: Path) -> None:
     ("change", "message"),
     [
         (
-            lambda text: text.replace("NUMERICAL", "2SPU+1U").split("  loop")[0],
-            "submechanism 'arm' of type '2SPU+1U' has no loop_constraints",
+            lambda text: text.replace("NUMERICAL", "3RUS2").split("  loop")[0],
+            "submechanism 'arm' of type '3RUS2' has no loop_constraints",
         ),
         (lambda text: text.split("  loop")[0], "or <loop> or <mimic> in the URDF"),
         (

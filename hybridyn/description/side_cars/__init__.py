@@ -1,6 +1,7 @@
 """Read the files beside a URDF: `model.toml` (ours) and `robot.yaml` (Gepetto's models).
 
-Read `model_toml` (finds the files of a robot, reads and writes model.toml), `gepetto`, `hyrodyn`.
+Read `model_toml` (finds the files of a robot, reads and writes model.toml), `gepetto`, `hyrodyn`,
+`hyrodyn_types`.
 `toml_file` and `yaml_file` know the line of each key; `tables` are the keys that are known.
 
 May import: `description`'s own files.

@@ -12,8 +12,8 @@
 
 A constraint lives in the frame of the child link of its cut joint, which is one of its two bodies, or else in
 that of its predecessor. On the other body it is where this frame stands when all joints are at zero, as in
-HyRoDyn's NumericalLoopConstraints. Types that name a mechanism (2SPU+1U, rrPr)
-hold no geometry: HyRoDyn has it in its own code.
+HyRoDyn's NumericalLoopConstraints. Some types that name a mechanism (2SPU+1U, rrPr) say how its legs end
+(`hyrodyn_types`); others hold no geometry that follows from the tree.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from ..closure_forms import ROWS, closure_of, form_of_rows
 from ..names import listed, unique
 from ..placement import poses_at_zero, relative
 from ..records import Closure, MotorStatement, RobotFile
+from .hyrodyn_types import LEGS, Legs, closures_of
 from .tables import Open, table
 from .yaml_file import Place, YamlFile, checked
 
@@ -46,6 +47,7 @@ Constraint: Any = table(
 Submechanism: Any = table(
     "Submechanism", Open, type=(str, ""), name=str | None, contextual_name=str | None,
     jointnames_active=list[str] | None, jointnames_spanningtree=list[str] | None,
+    jointnames_independent=list[str] | None,
     loop_constraints=Annotated[list[Constraint], Field(min_length=1)] | None,
 )  # fmt: skip
 File: Any = table(
@@ -68,6 +70,8 @@ def apply_submechanisms(robot: RobotFile, document: YamlFile) -> None:
     for number, entry in enumerate(content.submechanisms):
         place: Place = ("submechanisms", number)
         motors |= dict.fromkeys(_active(robot, document, place, entry))
+        if entry.loop_constraints is None and entry.type in LEGS:
+            robot.closures += _of_type(robot, document, place, entry, poses)
         for i, constraint in enumerate(entry.loop_constraints or ()):
             here = (*place, "loop_constraints", i)
             robot.closures.append(_closure(robot, document, here, constraint, poses))
@@ -95,16 +99,36 @@ def _active(robot: RobotFile, document: YamlFile, place: Place, entry: Any) -> l
     document.refuse_unknown((*place, "jointnames_active"), active, known, "joint")
     moved = {*active, *(joint for coupling in robot.couplings for joint, _ in coupling.terms)}
     passive = [name for name in spanning if name not in moved]
-    if entry.loop_constraints is None and (passive or entry.type == "NUMERICAL"):
+    if entry.type not in LEGS and entry.loop_constraints is None and (passive or entry.type == "NUMERICAL"):
         name = entry.contextual_name or entry.name or entry.type
         raise document.error(
             (*place, "type"),
             f"submechanism '{name}' of type '{entry.type}' has no loop_constraints, so nothing closes its "
             f"loop over the joints {listed(passive or spanning)}. Write type: NUMERICAL with "
             "loop_constraints (predecessor_body, successor_body, constraint_axes), or <loop> or <mimic> in "
-            "the URDF",
+            f"the URDF; types that close themselves: {listed(LEGS)}",
         )
     return active
+
+
+def _of_type(
+    robot: RobotFile, document: YamlFile, place: Place, entry: Any, poses: dict[str, Any]
+) -> list[Closure]:
+    """Return the closures of a mechanism that the name of its type closes.
+
+    Raises:
+        ModelError: Its joints are unknown, or not those of its type.
+    """
+    spanning, independent = entry.jointnames_spanningtree or [], entry.jointnames_independent or []
+    known = [joint.name for joint in robot.joints]
+    document.refuse_unknown((*place, "jointnames_independent"), independent, known, "joint")
+    legs = Legs(entry.type, spanning, independent, entry.jointnames_active or [])
+    try:
+        return closures_of(legs, robot.joints, poses, document.lines[place][0])
+    except ValueError as error:
+        name = entry.contextual_name or entry.name or entry.type
+        text = f"submechanism '{name}': a mechanism of type '{entry.type}' {error}"
+        raise document.error((*place, "type"), text) from None
 
 
 def _closure(
