@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from ..description.loop_signs import Bodies
 from ..description.names import unique
 from ..description.placement import inverse, placement_from, poses_at
 from ..description.records import Array, Closure, Description, Joint, JointKind, Link, RotationKind, massless
-from .request import Losses, home_of, quaternion_of
+from .request import Losses, effects_on, held_links, home_of, quaternion_of
 
 FULL, AXES = (0, 1, 2), np.eye(3)
 
@@ -112,19 +112,31 @@ def in_parts(
 
 
 class Parts:
-    """A robot in the making: its links by name, its joints, and its home posture."""
+    """A robot in the making: its links by name, its joints, its home posture, and the followers of links."""
 
     def __init__(self, d: Description, losses: Losses) -> None:
         self.d, self.losses = d, losses
         self.links, self.home = {link.name: link for link in d.links}, dict(d.home)
         self.joints: list[Joint] = []
+        self._stand_for: dict[str, list[str]] = {}
+        self.followers: dict[str, list[str]] = {}
         self._poses = poses_at(d, d.home)
         self.taken = {*self.links, *(joint.name for joint in d.joints), *(c.name for c in d.closures)}
 
     def described(self, closures: Collection[Closure]) -> Description:
         """Return the robot, with these closures."""
         links, joints = tuple(self.links.values()), tuple(self.joints)
-        return replace(self.d, links=links, joints=joints, closures=tuple(closures), home=self.home)
+        effects = effects_on(self.d, {}, self._stand_for)
+        d = replace(self.d, effects=tuple((name, self._shared(name, x)) for name, x in effects))
+        return replace(d, links=links, joints=joints, closures=tuple(closures), home=self.home)
+
+    def _shared(self, effect: str, numbers: dict[str, Any]) -> dict[str, Any]:
+        """Return the numbers of an effect, of whose followed links the followers are relieved, too."""
+        if effect != "gravity_compensation":
+            return numbers
+        own = numbers["fraction"]
+        pairs = [(name, link) for link, names in self.followers.items() for name in names]
+        return {"fraction": own | {name: own[link] for name, link in pairs if link in own}}
 
     def split(self, joint: Joint) -> None:
         """Add the chain that stands for a planar or floating joint."""
@@ -135,15 +147,21 @@ class Parts:
             at = home[i:] if kind == "spherical" else home[i : i + 1]
             steps[joint.name + ending] = _Step(kind, AXES[i % 3], at)
         self.home.pop(joint.name, None)
-        self.chain(steps, (joint.parent, joint.child), joint.placement, joint.damping)
+        ends = joint.parent, joint.child
+        self._stand_for[joint.name] = self.chain(steps, ends, joint.placement, joint.damping)
 
-    def chain(self, steps: dict[str, _Step], ends: tuple[str, str], at: Array, damping: float = 0.0) -> None:
+    def chain(
+        self, steps: dict[str, _Step], ends: tuple[str, str], at: Array, damping: float = 0.0
+    ) -> list[str]:
         """Add joints by name from a parent to a child link, with massless links between them.
 
         Args:
             at: Frame of the chain in the parent, shape (4, 4).
+
+        Returns:
+            The names of the joints that move, which are new.
         """
-        parent, child = ends
+        (parent, child), out = ends, list[str]()
         for name, step in steps.items():
             below, name = child, unique(name, self.taken)
             if step is not [*steps.values()][-1]:
@@ -151,9 +169,11 @@ class Parts:
                 self.links[below] = massless(below)
             self.joints.append(Joint(name, step.kind, parent, below, at, step.axis, damping=damping))
             self.home[name] = step.home
+            out.append(name)
             parent, at = below, np.eye(4)
         if not steps:
             self.joints.append(Joint(child, "fixed", parent, child, at, AXES[0]))
+        return out
 
     def led(self, closure: Closure, rotation: RotationKind) -> Closure:
         """Add a chain to a closure's first link, and return the closure from its end to the second link.
@@ -236,7 +256,7 @@ def of_mujoco(d: Description, sizes: Sizes, losses: Losses) -> Description:
             closure = _followed(parts, closure, ends, still, sizes)
         closures.append(closure)
     followers, parts.joints = parts.joints, []
-    ending = {end for closure in closures for end in (closure.link_a, closure.link_b)}
+    ending = {end for closure in closures for end in (closure.link_a, closure.link_b)} | held_links(d)
     carrying = Counter(joint.parent for joint in (*d.joints, *followers))
     for joint in d.joints:
         link = joint.child
@@ -268,6 +288,7 @@ def _followed(parts: Parts, closure: Closure, ends: set[str], still: set[str], s
         half = parts.links[welded]
         half = replace(half, mass=half.mass / 2, inertia=half.inertia / 2)
         parts.links[welded], turn = half, other[:3, :3]
+        parts.followers.setdefault(welded, []).append(name)
         com = turn.T @ (half.com - other[:3, 3])
         body = replace(half, name=name, com=com, inertia=turn.T @ half.inertia @ turn)
     else:
@@ -290,7 +311,7 @@ def _weightless_ends(d: Description, still: set[str]) -> set[str]:
 
     MuJoCo refuses bodies without mass: the follower of the closure takes their place.
     """
-    carrying = {joint.parent for joint in d.joints} | still
+    carrying = {joint.parent for joint in d.joints} | still | held_links(d)
     light = {link.name for link in d.links if is_weightless(link)} - carrying
     pairs = [(closure.link_a, closure.link_b) for closure in d.closures]
     counted = Counter(end for pair in pairs for end in pair)

@@ -5,7 +5,7 @@ Numbers, rotations and inertias read back as the same, or to rounding.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import atan2, cos, hypot, sin
 from pathlib import Path
@@ -17,7 +17,17 @@ import numpy as np
 from ..description.closure_forms import PERPENDICULAR, ROWS, words_of_rows
 from ..description.names import listed, unique
 from ..description.placement import angle_of
-from ..description.records import FREEDOMS, ON_LINKS, ZERO, Array, Closure, Coupling, Description, Joint
+from ..description.records import (
+    FREEDOMS,
+    ON_LINKS,
+    ZERO,
+    Array,
+    Closure,
+    Coupling,
+    Description,
+    Joint,
+    named_by,
+)
 from ..description.shape_files import Shape
 from ..spatial import quaternion_from_rotation
 
@@ -212,21 +222,61 @@ def allowed(d: Description, losses: Losses, words: str, change: Callable[[str], 
         couplings=tuple(c.of(joints) for c in d.couplings),
         motors=tuple(joints[name] for name in d.motors),
         home={joints[name]: x for name, x in d.home.items()},
-        effects=tuple(
-            (name, _renamed(numbers, links if name in ON_LINKS else joints)) for name, numbers in d.effects
-        ),
+        effects=effects_on(d, links, {joint: (name,) for joint, name in joints.items()}),
     )
 
 
-def _renamed(numbers: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
-    """Return the numbers of an effect with the new names of joints and links."""
-    out = {
-        key: {names.get(name, name): x for name, x in value.items()} if isinstance(value, Mapping) else value
-        for key, value in numbers.items()
-    }
-    if ends := out.get("ends"):
-        out["ends"] = {line: [names[link] for link in links] for line, links in ends.items()}
-    return out
+def effects_on(
+    d: Description, links: Mapping[str, str], joints: Mapping[str, Sequence[str]]
+) -> tuple[tuple[str, dict[str, Any]], ...]:
+    """Return the effects of a robot on links and joints of other names.
+
+    Args:
+        links: New names of links; those left out keep theirs.
+        joints: The joints that stand for a joint, each of which has its numbers; none if it has no more. An
+            effect on none of its joints is left out.
+    """
+    out = []
+    for effect, numbers in d.effects:
+        here = {link: (name,) for link, name in links.items()} if effect in ON_LINKS else joints
+        known = named_by(effect, numbers)
+        left = [new for _, name in known for new in here.get(name, (name,))]
+        if left or not known:
+            out.append((effect, _with_names(numbers, {key for key, _ in known}, here)))
+    return tuple(out)
+
+
+def without_joints(d: Description, gone: Collection[str], losses: Losses) -> Description:
+    """Return a robot without effects on joints that are written as others; `losses` receives their names."""
+    for effect, numbers in d.effects:
+        for _, name in named_by(effect, numbers):
+            if name in gone and effect not in ON_LINKS:
+                losses.add(f"{effect} of joints that are written as others", name)
+    return replace(d, effects=effects_on(d, {}, dict.fromkeys(gone, ())))
+
+
+def held_links(d: Description) -> set[str]:
+    """Return the links that effects name, which have to be links of the file."""
+    return {name for effect, x in d.effects if effect in ON_LINKS for _, name in named_by(effect, x)}
+
+
+def _with_names(
+    numbers: Mapping[str, Any], keys: Collection[str], names: Mapping[str, Sequence[str]]
+) -> dict[str, Any]:
+    """Return the numbers of an effect with other names; `keys`: those that hold names, as in `named_by`."""
+
+    def renamed(key: str, value: Any) -> Any:
+        """Return the value of a key."""
+        if isinstance(value, str):  # the link of a payload
+            return names.get(value, (value,))[0]
+        if key == "ends":
+            return {
+                line: [new for link in links for new in names.get(link, (link,))]
+                for line, links in value.items()
+            }
+        return {new: x for name, x in value.items() for new in names.get(name, (name,))}
+
+    return {key: renamed(key, value) if key in keys else value for key, value in numbers.items()}
 
 
 def numeral(value: float) -> str:

@@ -44,6 +44,7 @@ from .request import (
     angles_of,
     document,
     followers_of,
+    without_joints,
 )
 
 #: Types of joints that lock every translation, by the locked part of the rotation.
@@ -137,12 +138,13 @@ DRAKE = "http://drake.mit.edu"
 def write_sdf(request: Request, losses: Losses) -> Written:
     """Write a robot as SDF."""
     d = counted_from_home(allowed(request.description, losses, "SDF", _name), losses)
+    d = without_joints(d, [joint.name for joint in d.joints if joint.kind == "floating"], losses)
     parts = in_parts(d, losses, ("planar",), behind)
     for joint in d.joints:
         if joint.kind == "floating":
             losses.add(FREED, joint.name)
         add_of_several(joint, losses, forces=FORCES[1:] if joint.kind == "planar" else FORCES)
-    d = counted_from_home(parts, Losses())
+    d = _with_free_bodies(counted_from_home(parts, Losses()))
     poses, above = poses_at(d, {}), {joint.child: joint for joint in d.joints}
     links = {link.name: link for link in d.links}
     world = links.pop("world", None)
@@ -173,6 +175,21 @@ def write_sdf(request: Request, losses: Losses) -> Written:
         effects=[name for name, _ in d.effects if name != "spring"],
     )  # fmt: skip
     return Written(text, tuple(_notes(d, couplings)), {".model.toml": beside})
+
+
+def _with_free_bodies(d: Description) -> Description:
+    """Return a robot whose floating joints start at the root, from where their bodies are at home."""
+    poses = poses_at(d, d.home)
+    start = inverse(poses[d.root])
+    return replace(
+        d,
+        joints=tuple(
+            replace(joint, parent=d.root, placement=start @ poses[joint.child])
+            if joint.kind == "floating"
+            else joint
+            for joint in d.joints
+        ),
+    )
 
 
 def _name(name: str) -> str:

@@ -36,6 +36,7 @@ from .request import (
     principal,
     quaternion_of,
     rows_of,
+    without_joints,
 )
 
 
@@ -271,7 +272,8 @@ def add_closure(parent: Prim, closure: Closure, bodies: tuple[Prim, Prim], losse
 def write_usd(request: Request, losses: Losses) -> Written:
     """Write a robot as USD."""
     d = _with_inertias(allowed(request.description, losses, "USD", valid_name), losses)
-    d = in_parts(d, losses, (), behind)
+    gone = [joint.name for joint in d.joints if joint.kind in ("planar", "floating")]
+    d = in_parts(without_joints(d, gone, losses), losses, (), behind)
     top = Prim("", "", "")
     robot = top.child("Xform", valid_name(d.name))
     if robot.name != d.name:

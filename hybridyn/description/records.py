@@ -86,7 +86,7 @@ class StatedSpring:
 
 
 #: Effects whose numbers are by link.
-ON_LINKS = ("ground_contact", "gravity_compensation", "line_springs", "bushings")
+ON_LINKS = ("ground_contact", "gravity_compensation", "line_springs", "bushings", "payload")
 
 
 def named_by(effect: str, numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -96,6 +96,8 @@ def named_by(effect: str, numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
         by_name = {"arms": by_name["arms"]}
     if effect in ("line_springs", "bushings"):
         by_name = {"ends": [link for links in numbers["ends"].values() for link in links]}
+    if effect == "payload":
+        by_name = {"link": [numbers["link"]]}
     return [(key, name) for key, names in by_name.items() for name in names]
 
 

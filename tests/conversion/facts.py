@@ -9,6 +9,8 @@ from hybridyn.conversion.request import home_of
 from hybridyn.description import Closure, Description
 from hybridyn.description.placement import inverse, poses_at, turned
 
+#: More than the numbers of any coupling of the tests.
+POSTURES = 16
 #: A pose passes through angles, quaternions and degrees once.
 SAME = 1e-12
 #: USD states numbers in single precision, some of them in degrees.
@@ -50,10 +52,17 @@ def facts(d: Description, of: Description) -> dict[str, Any]:
 
 
 def _couplings(d: Description) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield the name of each coupling, its joints, and what it misses at postures, of which the most is 1."""
     for coupling in d.couplings:
-        terms = {name: factor for name, factor in coupling.terms if factor}
-        scale = next(iter(dict(sorted(terms.items())).values()))
-        yield coupling.name, {name: x / scale for name, x in (*terms.items(), ("", coupling.offset))}
+        bent = coupling.curve.terms if coupling.curve else ()
+        names = sorted({name for name, factor in (*coupling.terms, *bent) if factor})
+        draw, still = np.random.default_rng(3), {name: 0.0 for name, _ in coupling.terms}
+        missed = [
+            coupling.open_by(still | dict(zip(names, x, strict=True)))
+            for x in draw.uniform(-1, 1, size=(POSTURES, len(names)))
+        ]
+        most = max(missed, key=abs)
+        yield coupling.name, {str(n): x / most for n, x in enumerate(missed)} | dict.fromkeys(names, 0.0)
 
 
 def _of_closure(c: Closure) -> list[Any]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from hybridyn.description import Closure, Coupling, Description, Joint, Link
 from hybridyn.description.placement import inverse, placement_from, poses_at, turned
-from hybridyn.description.records import JointKind, Load
+from hybridyn.description.records import Curve, JointKind, Load
 from tests.sketch import CLOSURES
 
 AT = placement_from(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.1, 0.2, 0.3]))
@@ -99,8 +99,32 @@ def renamed(d: Description, old: str, new: str) -> Description:
     )
 
 
+def bent(*terms: tuple[str, float], of: tuple[tuple[str, float], ...], powers: int = 1) -> Description:
+    """Return the robot with a coupling "gear" that a curve bends; `powers`: how many from the second."""
+    curve = Curve(of, tuple(0.4 / n for n in range(1, powers + 1)), 0.2)
+    return robot(couplings=(Coupling("gear", terms, 0.5, curve=curve),))
+
+
 LEVEL = {"level": {"two": 5.0}}
 SPRING = {"stiffness": {"two": 5.0}}
+POWERS = {"coefficients": {"one": [1.0, -2.0, 3.0]}}
+BALL_REST = {"two": [0.6, 0.0, 0.0, 0.8]}
+TENDON: dict[str, Any] = {
+    "arms": {"one": {"rope": 0.5}, "rail": {"rope": 2.0, "belt": -1.0}}, "stiffness": {"rope": 5.0},
+    "damping": {"belt": 2.0}, "friction": {"rope": 0.5}, "lower": {"rope": -0.1}, "upper": {"rope": 0.2},
+}  # fmt: skip
+BALL_FIRST = replace(
+    effect(
+        "ball_spring", joint("one", kind="spherical", home=HOMES["spherical"]), stiffness={"one": 5.0},
+        rest={"one": BALL_REST["two"]},
+    ), links=link("arm", **WEIGHTLESS).links, motors=("two",),
+)  # fmt: skip
+SLIDE_NEXT = tuple(replace(one, kind="prismatic") if one.name == "two" else one for one in BALL_FIRST.joints)
+LINE: dict[str, Any] = {
+    "ends": {"rope": ["base", "tool"], "wire": ["arm", "cart", "tool"]},
+    "points": {"rope": [[0, 0, 0.4], [0.2, 0, 0]], "wire": [[0, 0, 0], [0.1, 0, 0.1], [0.1, 0.2, 0]]},
+    "stiffness": {"rope": 5.0}, "damping": {"wire": 2.0}, "friction": {"rope": 0.5}, "upper": {"rope": 0.2},
+}  # fmt: skip
 #: By name: the element that a line on its loss has to name, and the robot.
 FEATURES: dict[str, tuple[str, Description]] = {
     "nothing": ("", robot()),
@@ -148,6 +172,70 @@ FEATURES: dict[str, tuple[str, Description]] = {
     "ground contact": (
         "tool", effect("ground_contact", points={"tool": [[0.0, 0.0, -0.1]]}, stiffness=1e4, friction=0.5),
     ),
+    **{
+        f"damper, {kind}": ("two", effect("damper", joint(kind=kind), coefficient={"two": 5.0}))
+        for kind in SEVERAL
+    },
+    "coulomb level, spherical": ("two", effect("coulomb_friction", joint(kind="spherical"), **LEVEL)),
+    "polynomial spring": ("one", effect("polynomial_spring", **POWERS)),
+    "polynomial spring with a rest": ("one", effect("polynomial_spring", **POWERS, rest={"one": 0.5})),
+    "polynomial damper": ("one", effect("polynomial_damper", **POWERS)),
+    "polynomial damper, spherical": (
+        "two", effect("polynomial_damper", joint(kind="spherical"), coefficients={"two": [0.0, 2.0]}),
+    ),
+    "ball spring": ("two", effect("ball_spring", joint(kind="spherical"), **SPRING)),
+    "ball spring with a rest": (
+        "two", effect("ball_spring", joint(kind="spherical"), **SPRING, rest=BALL_REST),
+    ),
+    "ball spring away from home": (
+        "two",
+        effect(
+            "ball_spring", joint(kind="spherical", home=HOMES["spherical"]), **SPRING, rest=BALL_REST,
+        ),
+    ),
+    "tendons": ("rope", effect("tendons", **TENDON)),
+    "tendons with a width": ("rope", effect("tendons", **TENDON, width=0.1)),
+    "tendons named as joints": (
+        "a::b",
+        effect(
+            "tendons", renamed(robot(), "two", "a::b"), arms={"rail": {"a::b": 2.0}, "one": {"two": 1.0}},
+            stiffness={"a::b": 1.0, "two": 2.0},
+        ),
+    ),
+    "gravity compensation": ("tool", effect("gravity_compensation", fraction={"tool": 0.5, "arm": 1.0})),
+    "line springs": ("rope", effect("line_springs", **LINE)),
+    "line springs with a width": ("rope", effect("line_springs", **LINE, width=0.1)),
+    "line spring, massless link": (
+        "arm", effect("line_springs", link("arm", **WEIGHTLESS), **LINE),
+    ),
+    "lines named as links": (
+        "a::b",
+        effect(
+            "line_springs", renamed(robot(), "tool", "a::b"), ends={"a::b": ["base", "a::b"]},
+            points={"a::b": [[0, 0, 0.4], [0.2, 0, 0]]}, stiffness={"a::b": 5.0},
+        ),
+    ),
+    "gravity compensation in a loop": (
+        "loop",
+        closed("prismatic", d=effect("gravity_compensation", fraction={"tool": 0.5, "cart": 1.0})),
+    ),
+    "ball before a hinge": ("arm", replace(BALL_FIRST, effects=())),
+    "ball spring in other axes": ("", replace(BALL_FIRST, joints=SLIDE_NEXT)),
+    "payload": ("tool", effect("payload", link="tool", mass=1.0, com=[0.1, 0.0, 0.0])),
+    "payload on a renamed link": (
+        "a::b", effect("payload", renamed(robot(), "tool", "a::b"), link="a::b", mass=1.0),
+    ),
+    'line spring on the link "world"': (
+        "world",
+        effect(
+            "line_springs", renamed(robot(), "tool", "world"), ends={"rope": ["base", "world"]},
+            points={"rope": [[0, 0, 0.4], [0.2, 0, 0]]}, stiffness={"rope": 5.0},
+        ),
+    ),
+    "bent coupling": ("gear", bent(("two", 2.0), ("one", 1.0), of=(("one", 1.5),), powers=3)),
+    "bent coupling of two": ("gear", bent(("two", 2.0), of=(("one", 1.0), ("rail", 2.0)))),
+    "bent coupling of its own": ("gear", bent(("two", 2.0), ("one", 1.0), of=(("two", 1.0),))),
+    "bent coupling, order six": ("gear", bent(("two", 2.0), of=(("one", 1.0),), powers=5)),
     **{f"closure {kind}": ("loop", closed(kind)) for kind in CLOSURES},
     "closure without a row": ("loop", closed("none")),
     "closure from the base": ("loop", closed("revolute", "base", "tool")),

@@ -14,6 +14,7 @@ import pytest
 import hybridyn
 from hybridyn.conversion.request import Losses
 from hybridyn.conversion.sdf import counted_from_home
+from hybridyn.description.side_cars.tables import EFFECTS
 from tests.conversion.facts import SAME, SINGLE, changed
 from tests.conversion.features import FEATURES
 from tests.conversion.judge import read_back
@@ -38,6 +39,8 @@ LINES = {
     "turns": "springs of continuous joints: MuJoCo counts whole turns",
     "damper": "dampers are read back as viscous friction, to which they are added",
     "level": "levels of coulomb_friction are read back as dry friction, too",
+    "others": "damper of joints that are written as others",
+    "turned": "ball joints whose coordinates MuJoCo counts about other axes",
     "slides": "closures are joints with massless links, and a closure behind them",
     "rows": "closures left out, since they have no row",
     "axes": "axes in which hybridyn reports the wrenches of closures",
@@ -103,7 +106,7 @@ gear without rotor              kept        gear              kept          kept
 viscous friction, spherical     kept        kept              forces        kept
 viscous friction, planar        kept        planar            planar        planar+forces
 viscous friction, floating      kept        balls             free+forces   free+forces
-dry friction, spherical         kept        forces            forces        kept
+dry friction, spherical         kept        kept              forces        kept
 dry friction, planar            kept        planar+forces     planar+forces planar+forces
 dry friction, floating          kept        balls+forces      free+forces   free+forces
 rotor, spherical                kept        kept              forces        kept
@@ -134,6 +137,35 @@ coulomb over friction           kept        level             kept          kept
 stribeck friction               kept        kept              kept          kept
 stop                            kept        kept              kept          kept
 ground contact                  kept        kept              kept          kept
+damper, spherical               kept        damper            kept          kept
+damper, planar                  kept        planar+damper     planar        others+planar
+damper, floating                kept        balls+damper      others+free   others+free
+coulomb level, spherical        kept        level             kept          kept
+polynomial spring               kept        kept              kept          kept
+polynomial spring with a rest   kept        kept              kept          kept
+polynomial damper               kept        kept              kept          kept
+polynomial damper, spherical    kept        kept              kept          kept
+ball spring                     kept        kept              kept          kept
+ball spring with a rest         kept        kept              kept          kept
+ball spring away from home      kept        kept              kept          kept
+ball before a hinge             kept        mass              kept          kept
+ball spring in other axes       kept        turned+body       kept          kept
+tendons                         kept        kept              kept          kept
+tendons with a width            kept        kept              kept          kept
+tendons named as joints         kept        kept              name          other
+gravity compensation            kept        kept              kept          kept
+gravity compensation in a loop  kept        follow            home          kept
+line springs                    kept        kept              kept          kept
+line springs with a width       kept        kept              kept          kept
+line spring, massless link      kept        mass              kept          kept
+lines named as links            kept        kept              name          other
+line spring on the link "world" kept        world             name          kept
+payload                         kept        kept              kept          kept
+payload on a renamed link       kept        kept              name          other
+bent coupling                   kept        kept              kept          kept
+bent coupling of two            kept        kept              kept          kept
+bent coupling of its own        kept        kept              kept          kept
+bent coupling, order six        kept        kept              kept          kept
 closure fixed                   kept        kept              home          kept
 closure revolute                kept        pins              home          kept
 closure prismatic               kept        follow            home          kept
@@ -227,6 +259,11 @@ def test_what_does_not_come_back_is_listed(name: str, ending: str, tmp_path: Pat
     for word, line in listed.items():
         assert line.startswith(LINES[word])
         assert element in line.removeprefix(LINES[word])
+
+
+def test_the_table_has_every_effect_that_a_file_states() -> None:
+    stated = {name for _, robot in FEATURES.values() for name, _ in robot.effects}
+    assert stated == {*EFFECTS}
 
 
 def test_a_base_that_moves_as_prescribed_is_listed(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hybridyn import HybridRobot, ddm
+from hybridyn import HybridRobot, ddm, idm
 from hybridyn.conversion.convert import write
 from hybridyn.conversion.request import Losses, Request
 from hybridyn.description import Closure, Description, Joint, Link, read
@@ -305,3 +305,20 @@ def test_springs_and_dampers_act_as_stated(name: str) -> None:
     written.place(q, v)
     assert np.abs(expected).max() > 0
     close_to(written.data.qfrc_passive[written.columns], expected, SAME)
+
+
+@pytest.mark.parametrize("name", ["tendons", "line springs", "gravity compensation"])
+def test_tendons_lines_and_weights_act_as_ours(name: str) -> None:
+    """Those without dry friction, which MuJoCo has as a constraint."""
+    _, d = FEATURES[name]
+    ((effect, numbers),) = d.effects
+    numbers = {key: value for key, value in numbers.items() if key != "friction"}
+    joints = tuple(joint.name for joint in d.joints)
+    written = Model(replace(d, motors=joints, effects=((effect, numbers),)))
+    robot = written.robot
+    (q,), v = open_postures(robot, 1), np.random.default_rng(4).normal(size=robot.nv)
+    ours = -idm(robot, q, v, np.zeros(robot.nv), effects=[effect])
+    written.place(q, v)
+    assert np.abs(ours).max() > 0
+    columns = [written.columns[robot.joints.index(motor)] for motor in robot.motors]
+    close_to(written.data.qfrc_passive[columns], ours, SAME)

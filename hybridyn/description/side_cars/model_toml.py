@@ -122,9 +122,7 @@ def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tupl
             elif names is kinds and kinds[name] == "fixed":
                 yield (table, name), "the joint is fixed"
     movable = [name for name, kind in kinds.items() if kind != "fixed"]
-    link, links = model["effects"].get("payload", {}).get("link"), [link.name for link in robot.links]
-    if link is not None and link not in links:
-        yield ("effects", "payload", "link"), f"no such link '{link}'{did_you_mean(link, links)}"
+    links = [link.name for link in robot.links]
     for effect, table in model["effects"].items():
         on_links = effect in ON_LINKS
         what, names = ("link", links) if on_links else ("movable joint", movable)
