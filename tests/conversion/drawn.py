@@ -65,6 +65,10 @@ def _on_links(d: Description, draw: np.random.Generator) -> Tables:
             "points": {name: draw.normal(size=(len(ends), 3)).tolist() for name, ends in lines.items()},
             "stiffness": _some(draw, [*lines]), "upper": _some(draw, [*lines]),
         },
+        "bushings": {
+            "ends": {name: ends[:2] for name, ends in lines.items()},
+            "torque_stiffness": _some(draw, [*lines], 3), "force_stiffness": _some(draw, [*lines], 3),
+        },
         "ground_contact": {"points": _some(draw, links, 2, 3), "stiffness": 300.0, "height": 1.0},
         "payload": {"link": links[-1], "mass": 0.7, "com": [0.1, 0.2, 0.3]},
     }  # fmt: skip

@@ -120,6 +120,11 @@ BALL_FIRST = replace(
     ), links=link("arm", **WEIGHTLESS).links, motors=("two",),
 )  # fmt: skip
 SLIDE_NEXT = tuple(replace(one, kind="prismatic") if one.name == "two" else one for one in BALL_FIRST.joints)
+BUSHING: dict[str, Any] = {
+    "ends": {"mount": ["arm", "tool"]},
+    "frames": {"mount": [[0.1, 0, 0.2, 0, 0.6, 0, 0.8], [0, 0, 0, 0, 0, 0, 1]]},
+    "torque_stiffness": {"mount": [1.0, 2.0, 3.0]}, "force_damping": {"mount": [3.0, 2.0, 1.0]},
+}  # fmt: skip
 LINE: dict[str, Any] = {
     "ends": {"rope": ["base", "tool"], "wire": ["arm", "cart", "tool"]},
     "points": {"rope": [[0, 0, 0.4], [0.2, 0, 0]], "wire": [[0, 0, 0], [0.1, 0, 0.1], [0.1, 0.2, 0]]},
@@ -221,6 +226,8 @@ FEATURES: dict[str, tuple[str, Description]] = {
     ),
     "ball before a hinge": ("arm", replace(BALL_FIRST, effects=())),
     "ball spring in other axes": ("", replace(BALL_FIRST, joints=SLIDE_NEXT)),
+    "bushings": ("mount", effect("bushings", **BUSHING)),
+    "bushing, massless link": ("arm", effect("bushings", link("arm", **WEIGHTLESS), **BUSHING)),
     "payload": ("tool", effect("payload", link="tool", mass=1.0, com=[0.1, 0.0, 0.0])),
     "payload on a renamed link": (
         "a::b", effect("payload", renamed(robot(), "tool", "a::b"), link="a::b", mass=1.0),

@@ -160,6 +160,8 @@ line springs with a width       kept        kept              kept          kept
 line spring, massless link      kept        mass              kept          kept
 lines named as links            kept        kept              name          other
 line spring on the link "world" kept        world             name          kept
+bushings                        kept        kept              kept          kept
+bushing, massless link          kept        mass              kept          kept
 payload                         kept        kept              kept          kept
 payload on a renamed link       kept        kept              name          other
 bent coupling                   kept        kept              kept          kept
