@@ -166,16 +166,20 @@ def _unreachable(task: AnyTask, result: Closed, sample: int, lacking: float = 0.
     """
     at = int(np.argmin(result.residual))
     best = float(result.residual[at])
-    if best > task.tolerance:
-        why = f"best residual {best:.2g} of the module's length (limit {task.tolerance:.0e})"
-    else:  # within the tolerance, but not rounding: a least distance, at a posture where rows lose rank
+    rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
+    row = int(np.argmax(np.abs(rows)))
+    worst, measure = task.row_names[row], task.row_measures[row]
+    what = "the loops do not close" if measure is None else "not reached"
+    if best <= task.tolerance:  # but not rounding: a least distance, at a posture where rows lose rank
         why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
+    elif measure is None:
+        why = f"best residual {best:.2g} of the module's length (limit {task.tolerance:.0e})"
+    else:
+        off, most = (x * measure[0] for x in (best, task.tolerance))
+        why = f"the nearest posture found misses it by {off:.2g} {measure[1]} (limit {most:.0e})"
     if lacking:
         who = "a loop" if isinstance(task, Task) else "the way to the target"
         why += f" ({who} lacks {lacking:.2g} m in any posture)"
-    what = "the loops do not close" if task.problem.has_loops else "no posture has what is given"
-    rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
-    worst = task.row_names[int(np.argmax(np.abs(rows)))]
     return AssemblyError(
         f"{task.label}, {worst}: {what}{AT_SAMPLE}: {why} after {result.iterations} iterations"
         f"{task.surplus(result.q[at : at + 1])}. The target is out of reach, or contradicts another one; "

@@ -17,7 +17,7 @@ from ..description.names import listed
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from ..linkage.reduction import Block, decide_rank
-from ..linkage.targets import CoordinateTarget, named_rows
+from ..linkage.targets import CoordinateTarget, named_rows, row_measures
 from ..spatial import Array, Index, Mask, in_turn, indices
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
@@ -42,9 +42,17 @@ CONTRADICTION = 1e-2
 CONTRADICTING_RANK = 1e-9
 
 
-def too_many(wanted: int, left: Mapping[str, int]) -> str:
-    """Return how many numbers poses prescribe, and how many freedoms they find, by module."""
+def too_many(wanted: int, left: Mapping[str, int], independent: int | None = None) -> str:
+    """Return how many numbers poses prescribe, and how many freedoms they find, by module.
+
+    Args:
+        wanted: The numbers.
+        left: The freedoms of each module.
+        independent: How many of the numbers are independent, if fewer.
+    """
     each = ", ".join(f"{count} of '{module}'" for module, count in left.items())
+    if independent is not None and independent < min(wanted, sum(left.values())):
+        return f"; poses prescribe {wanted} numbers, of which {independent} are independent"
     return f"; poses prescribe {wanted} numbers, and find {sum(left.values())} freedoms ({each})"
 
 
@@ -90,6 +98,12 @@ class Task(NamedTuple):
     def label(self) -> str:
         """The module, for messages."""
         return f"module '{self.module}'"
+
+    @property
+    def row_measures(self) -> list[tuple[float, str] | None]:
+        """What one is of each row of a target, see `row_measures`; None for rows of loops."""
+        loops: list[tuple[float, str] | None] = [None] * self.problem.closures.rows
+        return loops + [one for target in self.problem.targets for one in row_measures(target)]
 
     @property
     def redundant(self) -> bool:

@@ -343,3 +343,12 @@ def named_rows(target: Target, link: str) -> tuple[str, ...]:
         return (f"the distance of '{link}'",)
     place = (f"the position of '{link}'",) * (len(target.units) - 3)
     return (*place, *(f"the orientation of '{link}'",) * 3)
+
+
+def row_measures(target: Target) -> list[tuple[float, str]]:
+    """Return what one is of each scaled row of a target, in metres or radians, for messages."""
+    lengths = {PoseTarget: 3, DistanceTarget: 1}.get(type(target), 0)
+    metres = [i < lengths for i in range(len(target.units))]
+    if isinstance(target, CoordinateTarget):
+        metres = [name in COORDINATES[:3] for name in target.names]
+    return [(float(unit), "m" if m else "rad") for unit, m in zip(target.units, metres, strict=True)]

@@ -310,6 +310,26 @@ def test_what_is_out_of_reach_is_refused(tmp_path: Path) -> None:
     refused(partial(hybridyn.assemble, robot, platforms=across), AssemblyError, "contradicts another one")
 
 
+@pytest.mark.parametrize(
+    ("axes", "pose", "words"),
+    [
+        ("yyy", {"x": 3.0}, r"x of 'l2': not reached at sample 0: .* misses it by 2 m \(limit 5e-05\)"),
+        ("yyy", {"distance": 2.5}, r"the distance of 'l2': not reached .* misses it by 1.5 m"),
+        ("zy", dict.fromkeys(("roll", "pitch", "yaw"), 0.5), r"the orientation of 'l1': .* by 0\S+ rad \("),
+        slow(
+            "zyxzyzx",
+            {**dict.fromkeys(("x", "y", "roll", "pitch", "yaw"), 0.1), "z": 0.2, "distance": 1.0},
+            "; poses prescribe 7 numbers, of which 6 are independent",
+        ),
+    ],
+)
+def test_by_how_much_a_target_is_missed_is_told_in_its_unit(
+    axes: str, pose: dict[str, float], words: str, tmp_path: Path
+) -> None:
+    robot = arm(tmp_path, axes)
+    refused(partial(hybridyn.assemble, robot, platforms={f"l{len(axes) - 1}": (pose,)}), AssemblyError, words)
+
+
 def test_what_cannot_be_met_is_refused(tmp_path: Path) -> None:
     robot, rods = hybridyn.load(excavator(tmp_path)), dict.fromkeys(MOTORS, 0.0)
     both = partial(hybridyn.assemble, robot, motors=rods, platforms={"teeth": ({"x": 5.0},)})

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...description.names import listed
 from ...linkage.newton import Closed, close
-from ...linkage.targets import CoordinateTarget, PoseTarget
+from ...linkage.targets import CoordinateTarget, PoseTarget, row_measures
 from ...linkage.tree import Motion
 from ...spatial import Array, Index, Mask, in_turn
 from ..task import Task, closed_samples, too_many
@@ -43,7 +43,8 @@ class ChainTask:
         """Return what to say of poses that prescribe more than is left, as `Task.surplus`."""
         wanted = sum(len(one.target.units) for one in self.problem.relatives)
         left = {part.module: self.problem.left(part.problem) for part in self.parts}
-        return too_many(wanted, left) if wanted > (self.problem.rank or 0) else ""
+        rank = self.problem.rank or 0
+        return too_many(wanted, left, rank) if wanted > rank else ""
 
     @property
     def known(self) -> Array:
@@ -70,6 +71,12 @@ class ChainTask:
         """Name of each row, for messages."""
         own = [name for part in self.parts for name in part.row_names]
         return own + [name for one in self.problem.relatives for name in one.names]
+
+    @property
+    def row_measures(self) -> list[tuple[float, str] | None]:
+        """What one is of each row of a target, as `Task.row_measures`."""
+        own = [one for part in self.parts for one in part.row_measures]
+        return own + [one for each in self.problem.relatives for one in row_measures(each.target)]
 
     def each(self, q: Array) -> list[Array]:
         """Return the positions of each part, shape (T, its nq)."""
