@@ -23,7 +23,7 @@ from tests.description.grammar import Element, Place, places, without
 from tests.description.reading import finite
 from tests.description.valid_files import FORMATS, Format
 from tests.files import save
-from tests.samples import fuzz, slow
+from tests.samples import slow
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
@@ -143,11 +143,3 @@ def test_files_that_are_read_are_built(name: str, seed: int, tmp_path: Path) -> 
         assert robot is not None or reason
         if robot is not None and not robot.description.closures:
             assert robot.mobility >= 0
-
-
-@pytest.mark.parametrize("name", [fuzz(name) for name in FORMATS])
-@pytest.mark.parametrize("seed", range(1000, 1020))
-def test_many_files(name: str, seed: int, tmp_path: Path) -> None:
-    needs_reader(tmp_path / f"r{FORMATS[name].ending}")
-    for number in range(1000):
-        check(name, seed * 1000 + number, tmp_path, read)

@@ -292,6 +292,10 @@ def mjcf(draw: random.Random) -> Element:
     for one in [*root.below()]:  # the grammar tells the kinds of joints apart by their names
         if one.tag in ("hinge", "slide", "ball"):
             one.attributes["type"], one.tag = one.tag, "joint"
+    for name, body in bodies.items():
+        if name and not any("gravcomp" in one.attributes for one in body.below()):
+            for one in body.below():  # it is an attribute of joints that carry such bodies
+                one.attributes.pop("actuatorgravcomp", "")
     return root
 
 
