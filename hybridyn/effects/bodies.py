@@ -54,8 +54,18 @@ class GravityCompensation:
                 )
             if not abs(part) <= LARGEST:
                 raise ModelError(f"{self.name}: '{link}' has {part:g}; it must be finite", element=link)
-            forces[link] = -part * known[link].mass * np.asarray(robot.gravity), np.asarray(known[link].com)
+            force = np.array(self.against(link, known[link].mass, robot.gravity))
+            forces[link] = force, np.asarray(known[link].com)
         return replace(self, forces=forces)
+
+    def against(self, link: str, mass: Any, gravity: Array) -> list[Any]:
+        """Compute the force against a link's weight [N], world axes, three numbers.
+
+        Args:
+            mass: Mass of the link [kg], a number or an expression.
+            gravity: Acceleration of gravity [m/s^2], shape (3,).
+        """
+        return [-self.fraction[link] * float(g) * mass for g in gravity]
 
     def watched(self, link: str) -> tuple[str, ...]:
         """Return the links whose motion the wrench on a link depends on."""

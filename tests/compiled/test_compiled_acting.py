@@ -12,9 +12,11 @@ from hybridyn.compiled.equations.acting import acting_on
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.export import export
+from hybridyn.compiled.programs.designs import changed
 from hybridyn.compiled.programs.whole_robot import Interpreted, programs
 from hybridyn.effects import Bushings, GravityCompensation, GroundContact, LineSprings
 from hybridyn.structure.building import build_robot
+from hybridyn.structure.parameters.entries import Parameters
 from hybridyn.structure.robot import HybridRobot
 from tests.comparing import close_to, refused
 from tests.compiled.test_compiled_export import run_test
@@ -130,3 +132,25 @@ def test_steps_with_contact_are_those_of_the_general_path() -> None:
     assert compiled.recomputed == 0
     for name in ("q", "v"):
         close_to(getattr(runs[1], name)[-1], getattr(runs[0], name)[-1], 1e-7)
+
+
+def test_forces_follow_parameters() -> None:
+    """Masses that weights follow, and placements that move points of the laws in their bodies."""
+    robot = hybridyn.load("five_bar")
+    links = ["m1_tool", "m1_left_upper"]
+    effects = ["default", *laws(links)]
+    names = ["mass:m1_left_upper", "centre:m1_left_upper", "position:m1_tool_mount"]
+    parameters = Parameters(robot.description, names)
+    made = programs(robot, effects, models=("idm", "ddm"), wrenches=links, parameters=parameters.slots)
+    models = Interpreted([*made.values()])
+    slots = parameters.slot_values((1.1 * parameters.nominal + 0.02)[None])[0]
+    other = changed(robot, parameters, slots)
+    q, v, tau = moving_states(other, STATES)
+    given = np.random.default_rng(0).normal(size=(STATES, 2, 6))
+    acting: Any = {"effects": effects, "wrenches": {link: given[:, i] for i, link in enumerate(links)}}
+    a, rows = hybridyn.ddm(other, q, v, tau, **acting), given.reshape(STATES, -1)
+    numbers = np.tile(slots, (STATES, 1))
+    for model, last, wanted in (("ddm", tau, a), ("idm", a, tau)):
+        (found,), guard = models.batch(model, q, v, last, numbers, rows)
+        assert guard.max() <= GUARD_LIMIT
+        close_to(found, wanted, SAME)

@@ -146,11 +146,13 @@ class Expressed:
     Attributes:
         specs: The numbers of each module of the robot; entries that depend on slots are `Traced`.
         place: `Bodies.place`, likewise.
+        weights: Mass and centre of mass of each link, likewise.
         decisions: Comparisons of slots that decided the modules' structure.
     """
 
     specs: tuple[ModuleSpec, ...]
     place: dict[str, tuple[int, Array, Array]]
+    weights: dict[str, tuple[Any, Array]]
     decisions: tuple[Decision, ...]
 
 
@@ -163,7 +165,8 @@ def expressed(robot: HybridRobot, slots: Sequence[Slot], symbols: Sequence[Any])
     record: list[Decision] = []
     values = values_of(robot.description, slots)
     traced = [Traced(value, symbol, record) for value, symbol in zip(values, symbols, strict=True)]
-    bodies, graphs = find_modules(with_values(robot.description, slots, traced), robot.held)
+    description = with_values(robot.description, slots, traced)
+    bodies, graphs = find_modules(description, robot.held)
     specs = []
     modules = list(robot.modules)
     if robot.base == "floating":
@@ -174,7 +177,8 @@ def expressed(robot: HybridRobot, slots: Sequence[Slot], symbols: Sequence[Any])
         own = module.mechanism.spec
         spec = module_spec(bodies, graph, own.home)
         specs.append(spec if own.wrists else module_spec(bodies, graph, own.home, cut=False))
-    return Expressed(tuple(specs), bodies.place, tuple(record))
+    weights = {link.name: (link.mass, link.com) for link in description.links}
+    return Expressed(tuple(specs), bodies.place, weights, tuple(record))
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,6 +261,11 @@ class ChosenNumbers:
     def places(self) -> dict[str, tuple[int, Expression, Expression]]:
         """Frames of the links in their bodies as functions of them (`Bodies.place`)."""
         return {link: numbers_of(at, []) for link, at in self.traced.place.items()}
+
+    @cached_property
+    def weights(self) -> dict[str, tuple[Any, Expression]]:
+        """Mass and centre of mass of each link as functions of them."""
+        return {link: numbers_of(weight, []) for link, weight in self.traced.weights.items()}
 
     @cached_property
     def of_modules(self) -> tuple[ModuleArguments | None, ...]:

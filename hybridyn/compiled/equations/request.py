@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from ...assembly.free_motions import MASSLESS_MOTION, own_inertia
 from ...dynamics.actuation import load_share
-from ...effects.bodies import GravityCompensation, LineSprings
-from ...effects.bushings import Bushings
 from ...effects.choice import OF_MOTION, Choice, Effects, OfMotion, choose
 from ...effects.links import GroundContact
 from ...errors import ActuationError, ModelError
@@ -28,9 +27,6 @@ from .parts import Parts, parts_of
 from .rigid import ten_expressions, ten_numbers
 from .spins import ROUNDED_SPIN
 from .states import generic_positions
-
-#: Laws whose numbers of links parameters may not change.
-FIXED = (GravityCompensation, LineSprings, Bushings)
 
 
 @dataclass(frozen=True)
@@ -71,14 +67,23 @@ class Request:
         """Return where a wrench on a link enters.
 
         Raises:
-            ModelError: It is no part of an output, or arguments move it in its body.
+            ModelError: It is no part of an output.
         """
         found = acting_on(self.robot, link)
+        _, R, p = self.places[link]
+        return found._replace(R=R, p=p)
+
+    @property
+    def places(self) -> Mapping[str, tuple[int, Expression, Expression]]:
+        """Frames of the links in their bodies, `Bodies.place`, as functions of arguments."""
+        chosen = self.arguments
+        return chosen.places if isinstance(chosen, ChosenNumbers) else self.robot.bodies.place
+
+    def weight(self, link: str) -> tuple[Any, Expression]:
+        """Return mass and centre of mass of a link, as functions of arguments."""
         if isinstance(self.arguments, ChosenNumbers):
-            _, R, p = self.arguments.places[link]
-            if any(np.asarray(x).dtype == object for x in (R, p)):
-                raise ModelError(f"wrenches on '{link}': a parameter moves it in its body", element=link)
-        return found
+            return self.arguments.weights[link]
+        return next((x.mass, x.com) for x in self.robot.description.links if x.name == link)
 
     @property
     def wrench_inputs(self) -> list[tuple[str, int]]:
@@ -243,15 +248,11 @@ def request(
     """
     on = choose(robot, effects)
     for unit in (*on.links, *((on.base,) if on.base else ())):
-        if contacts and isinstance(unit, OF_MOTION) and not (parameters and isinstance(unit, FIXED)):
+        if contacts and isinstance(unit, OF_MOTION):
             continue
         why = "it depends on time"
         if isinstance(unit, OF_MOTION):
-            why = (
-                "its numbers are none of the parameters"
-                if contacts
-                else "these models have no forces that follow the motion of links"
-            )
+            why = "these models have no forces that follow the motion of links"
         raise ModelError(
             f"the effect '{unit.name}' cannot be compiled: {why}. Use the general path for it",
             element=unit.name,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,7 +14,8 @@ from ...effects.choice import OfMotion
 from ...effects.links import GroundContact
 from ...structure.robot import HybridRobot
 from ..equations.acting import Acting, along_path
-from ..equations.expressions import cross, dot, numbers, pack, symbols, zeros
+from ..equations.arguments import ChosenNumbers
+from ..equations.expressions import Expression, cross, dot, numbers, pack, symbols, zeros
 from ..equations.request import Request
 from ..equations.rigid import to_parent
 from ..program import Shared, Source
@@ -38,23 +38,39 @@ class ActingWrenches:
         self._request, self._w = request, w
         self.required: list[tuple[int, int, Shared]] = []
         self.along: dict[tuple[int, int], list[Shared]] = {}
+        self._count = 0
         for i, at in enumerate(request.given_wrenches):
-            self._add(at, "wrench", _in_body(at), w.from_given("wrenches", 6 * i + np.arange(6)))
+            column, given = symbols("wrench", 6)
+            in_body = pack(to_parent(numbers(at.R), numbers(at.p), given))
+            self._add(at, "wrench", [column], in_body, w.from_given("wrenches", 6 * i + np.arange(6)))
         if not request.contacts:
             return
         bodies = [w.shared(WIDTH) for _ in request.robot.bodies.bodies]
         write_motions(request, w, bodies, _carrying(request.robot, request.contacts), moved=False)
-        place = request.robot.bodies.place
         for at, law in request.contacts:
-            watched = {link: place[link] for link in law.watched(at.link)}
-            function = _kernel(at, law, watched)
-            self._add(at, function.name(), function, *(bodies[body] for body, _, _ in watched.values()))
+            watched = {link: request.places[link] for link in law.watched(at.link)}
+            columns, value = _of_law(request, at, law, watched)
+            self._add(at, law.name, columns, value, *(bodies[body] for body, _, _ in watched.values()))
 
-    def _add(self, at: Acting, name: str, function: ca.Function, *sources: Source) -> None:
-        """Add a wrench on a body, in the body's frame, and what follows from it."""
-        w, robot = self._w, self._request.robot
-        wrench, key = w.shared(6), (name, at.link, len(self.required), len(self.along))
-        w.call(w.kernel(key, function, "effects"), 1, [*sources], [wrench])
+    def _add(self, at: Acting, name: str, columns: list[ca.SX], value: ca.SX, *sources: Source) -> None:
+        """Add a wrench on a body, in the body's frame, and what follows from it.
+
+        Args:
+            at: Where it acts.
+            name: Name of its law.
+            columns: Symbols of what it depends on, beside the arguments of the robot.
+            value: The wrench.
+            sources: Sources of the columns.
+        """
+        w, robot, chosen = self._w, self._request.robot, self._request.arguments
+        wrench, key, read = w.shared(6), (name, at.link, self._count), [*sources]
+        self._count += 1
+        if isinstance(chosen, ChosenNumbers):
+            columns, read = (
+                [*columns, chosen.column],
+                [*read, w.from_given("parameters", np.arange(chosen.size))],
+            )
+        w.call(w.kernel(key, ca.Function(name, columns, [value]), "effects"), 1, read, [wrench])
         if at.output is not None:
             self.required.append((at.module, at.output, self._less(wrench)))
             return
@@ -81,12 +97,6 @@ class ActingWrenches:
         return place
 
 
-def _in_body(at: Acting) -> ca.Function:
-    """Return the kernel of a wrench in the frame of its link's body, from that in the link's."""
-    column, wrench = symbols("wrench", 6)
-    return ca.Function("wrench", [column], [pack(to_parent(numbers(at.R), numbers(at.p), wrench))])
-
-
 def _carrying(robot: HybridRobot, contacts: Sequence[tuple[Acting, OfMotion]]) -> set[int]:
     """Return the numbers of the modules that carry the links that laws watch."""
     out = set[int]()
@@ -99,27 +109,41 @@ def _carrying(robot: HybridRobot, contacts: Sequence[tuple[Acting, OfMotion]]) -
     return out
 
 
-def _kernel(at: Acting, law: OfMotion, watched: Mapping[str, tuple[int, Any, Any]]) -> ca.Function:
-    """Return the kernel of a law's wrench on a link, in its body's frame, from the motion of bodies."""
-    if isinstance(law, LineSprings):
-        return _lines(at, law, watched)
-    if isinstance(law, Bushings):
-        return _bushings(at, law, watched)
-    return _compensation(at, law) if isinstance(law, GravityCompensation) else _contact(at, law)
+#: Symbols of what a wrench depends on, and the wrench.
+Written = tuple[list[ca.SX], ca.SX]
+#: Frames of links in their bodies, as `Bodies.place`.
+Watched = Mapping[str, tuple[int, Expression, Expression]]
 
 
-def _compensation(at: Acting, law: GravityCompensation) -> ca.Function:
-    """Return the kernel of the force against a link's weight, in its body's frame."""
+def _of_law(request: Request, at: Acting, law: OfMotion, watched: Watched) -> Written:
+    """Write a law's wrench on a link, in its body's frame, from the motion of bodies."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+        if isinstance(law, LineSprings):
+            return _lines(at, law, watched)
+        if isinstance(law, Bushings):
+            return _bushings(at, law, watched)
+        if isinstance(law, GravityCompensation):
+            return _compensation(request, at, law)
+        return _contact(at, law)
+
+
+def _in_body(R: Expression, p: Expression, point: Expression) -> Expression:
+    """Return a point of a link's frame in that of its body."""
+    return numbers(p) + dot(numbers(R), numbers(np.asarray(point)))
+
+
+def _compensation(request: Request, at: Acting, law: GravityCompensation) -> Written:
+    """Write the force against a link's weight."""
     column, motion = symbols("motion", WIDTH)
-    force, com = law.forces[at.link]
-    own = dot(motion[:9].reshape(3, 3).T, numbers(force))
-    return ca.Function(
-        "compensation", [column], [pack(np.concatenate([own, cross(numbers(at.p + at.R @ com), own)]))]
-    )
+    mass, com = request.weight(at.link)
+    force = np.array(law.against(at.link, mass, request.robot.gravity), dtype=object)
+    own = dot(motion[:9].reshape(3, 3).T, force)
+    return [column], pack(np.concatenate([own, cross(_in_body(at.R, at.p, com), own)]))
 
 
-def _lines(at: Acting, law: LineSprings, watched: Mapping[str, tuple[int, Any, Any]]) -> ca.Function:
-    """Return the kernel of the pull of lines on a link, in its body's frame, from the bodies' motion."""
+def _lines(at: Acting, law: LineSprings, watched: Watched) -> Written:
+    """Write the pull of lines on a link."""
     motions = {link: symbols(f"motion {i}", WIDTH) for i, link in enumerate(watched)}
     total, R_own = zeros(6), motions[at.link][1][:9].reshape(3, 3)
     for line in law.lines_at(at.link):
@@ -127,22 +151,20 @@ def _lines(at: Acting, law: LineSprings, watched: Mapping[str, tuple[int, Any, A
         for link, point in zip(law.ends[line], law.points[line], strict=True):
             _, R, p = watched[link]
             motion = motions[link][1]
-            arms.append(numbers(p + R @ np.asarray(point, dtype=float)))
+            arms.append(_in_body(R, p, np.asarray(point, dtype=float)))
             arm = dot(motion[:9].reshape(3, 3), arms[-1])
             points.append(motion[9:12] + arm)
             rates.append(motion[12:15] + cross(motion[15:18], arm))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
-            forces, _, _ = law.pulls(line, points, rates)
+        forces, _, _ = law.pulls(line, points, rates)
         for link, arm, force in zip(law.ends[line], arms, forces, strict=True):
             if link == at.link:
                 own = dot(R_own.T, np.array(force, dtype=object))
                 total = total + np.concatenate([own, cross(arm, own)])
-    return ca.Function("lines", [column for column, _ in motions.values()], [pack(total)])
+    return [column for column, _ in motions.values()], pack(total)
 
 
-def _bushings(at: Acting, law: Bushings, watched: Mapping[str, tuple[int, Any, Any]]) -> ca.Function:
-    """Return the kernel of the wrench of bushings on a link, in its body's frame, from the bodies' motion."""
+def _bushings(at: Acting, law: Bushings, watched: Watched) -> Written:
+    """Write the wrench of bushings on a link."""
     motions = {link: symbols(f"motion {i}", WIDTH) for i, link in enumerate(watched)}
     total, own = zeros(6), motions[at.link][1]
     for one in law.at(at.link):
@@ -150,31 +172,28 @@ def _bushings(at: Acting, law: Bushings, watched: Mapping[str, tuple[int, Any, A
         for link, (R_frame, p_frame) in zip(law.ends[one], law.placements[one], strict=True):
             _, R, p = watched[link]
             motion = motions[link][1]
-            axes, arm = (dot(motion[:9].reshape(3, 3), numbers(x)) for x in (R @ R_frame, p + R @ p_frame))
+            in_body = dot(numbers(R), numbers(R_frame)), _in_body(R, p, p_frame)
+            axes, arm = (dot(motion[:9].reshape(3, 3), x) for x in in_body)
             w = motion[15:18]
             frames.append(Moving(axes, motion[9:12] + arm, motion[12:15] + cross(w, arm), w))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
-            load = law.load(one, *frames)
+        load = law.load(one, *frames)
         sign = 1.0 if law.ends[one][1] == at.link else -1.0
         force = sign * np.array(load.force, dtype=object)
         arm = 0.5 * (frames[0].p + frames[1].p) - own[9:12]
         moment = sign * np.array(load.torque, dtype=object) + cross(arm, force)
         total = total + np.concatenate([dot(own[:9].reshape(3, 3).T, x) for x in (force, moment)])
-    return ca.Function("bushings", [column for column, _ in motions.values()], [pack(total)])
+    return [column for column, _ in motions.values()], pack(total)
 
 
-def _contact(at: Acting, law: GroundContact) -> ca.Function:
-    """Return the kernel of the ground's wrench on a link, in its body's frame, from the body's motion."""
+def _contact(at: Acting, law: GroundContact) -> Written:
+    """Write the ground's wrench on a link."""
     column, motion = symbols("motion", WIDTH)
     R, p, v, w = motion[:9].reshape(3, 3), motion[9:12], motion[12:15], motion[15:18]
     total = zeros(6)
     for point in law.points[at.link]:
-        own = numbers(at.p + at.R @ np.asarray(point, dtype=float))
+        own = _in_body(at.R, at.p, np.asarray(point, dtype=float))
         arm = dot(R, own)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
-            force = law.on_point(p[2] + arm[2], *(v + cross(w, arm)))[1:]
+        force = law.on_point(p[2] + arm[2], *(v + cross(w, arm)))[1:]
         in_body = dot(R.T, np.array(force, dtype=object))
         total = total + np.concatenate([in_body, cross(own, in_body)])
-    return ca.Function("contact", [column], [pack(total)])
+    return [column], pack(total)
