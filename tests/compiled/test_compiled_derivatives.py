@@ -23,6 +23,7 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_assembly import waves
 from tests.comparing import close_to, refused, same_bits
+from tests.compiled.test_compiled_acting import laws, taking
 from tests.mechanisms import KINDS, random_mechanism
 from tests.oracle import Base
 from tests.samples import slow
@@ -63,6 +64,22 @@ def along_a_motion(robot: hybridyn.HybridRobot) -> tuple[np.ndarray, np.ndarray]
 def test_along_a_closed_motion(robot: hybridyn.HybridRobot, interpreted: None) -> None:
     found, jerk = along_a_motion(robot)
     np.testing.assert_allclose(found, jerk, atol=DIFFERENCES * np.abs(jerk).max())
+
+
+def test_forces_that_follow_links_have_derivatives_of_efforts(
+    robot: hybridyn.HybridRobot, interpreted: None
+) -> None:
+    """Those of accelerations and over motors are refused."""
+    effects = ["default", *laws(taking(robot)[:2])]
+    q, v, a = hybridyn.assemble(robot, motors=waves(robot, 0.4 + STEP * np.arange(-2, 3), 0.03))
+    tau = hybridyn.idm(robot, q, v, a, effects=effects)
+    J = hybridyn.idm_jacobian(robot, q[2], v[2], a[2], effects=effects)
+    found = J["q"] @ v[2] + J["v"] @ a[2] + J["a"] @ rate(a)
+    np.testing.assert_allclose(found, rate(tau), atol=DIFFERENCES * np.abs(tau).max())
+    words = "go module by module.*the derivatives of 'idm' over joints have it"
+    for model, coordinates in (("ddm", "joints"), ("idm", "motors"), ("ddm", "motors")):
+        asked = partial(Derivatives, robot, model, effects, coordinates=coordinates)
+        refused(asked, hybridyn.ModelError, words)
 
 
 @pytest.mark.parametrize("model", ["idm", "ddm"])

@@ -241,7 +241,7 @@ def request(
 
     Args:
         wrenches: Links on which the caller gives wrenches.
-        contacts: Whether the models may have ground contact.
+        contacts: Whether the models may have forces that follow the motion of links.
 
     Raises:
         ModelError: An effect is not available in compiled models, or no wrench can act on a link.
@@ -252,7 +252,10 @@ def request(
             continue
         why = "it depends on time"
         if isinstance(unit, OF_MOTION):
-            why = "these models have no forces that follow the motion of links"
+            why = (
+                "derivatives of 'ddm' and over motors go module by module, and this force follows links of "
+                "several modules; the models and the derivatives of 'idm' over joints have it"
+            )
         raise ModelError(
             f"the effect '{unit.name}' cannot be compiled: {why}. Use the general path for it",
             element=unit.name,

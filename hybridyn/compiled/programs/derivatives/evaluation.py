@@ -254,7 +254,9 @@ class Derivatives:
     @cached_property
     def program(self) -> Program:
         """The model and its derivatives as a program."""
-        return BUILDERS[self._model, self._motors](request(self.robot, self._effects))
+        every = self._model == "idm" and not self._motors  # others go group by group (`models`)
+        asked = request(self.robot, self._effects, contacts=every)
+        return BUILDERS[self._model, self._motors](asked)
 
     @cached_property
     def _interpreted(self) -> Interpreted:
