@@ -177,6 +177,22 @@ READ: dict[str, tuple[str, dict[str, object]]] = {
         hinge(kind="Spherical", schemas=("PhysicsDriveAPI:rotX",)),
         {"motors": (), "left_out": ("/robot/j",), "notes": {"</robot/j> is driven, but has several"}},
     ),
+    "dry friction of a ball is about each axis": (
+        hinge("double mjc:frictionloss = 1", kind="Spherical", schemas=JOINT),
+        {"joints": [{"kind": "spherical", "friction": 1}]},
+    ),
+    "numbers of a second engine are noted": (
+        hinge("float physxJoint:armature = 1", "double mjc:armature = 2", "double mjc:damping = 0"),
+        {"joints": [{"rotor_inertia": 1}], "notes": {"engine states other ones: 'mjc:armature of /robot/j'"}},
+    ),
+    "equal numbers of two engines are not": (
+        hinge("float physxJoint:armature = 0.1", "double mjc:armature = 0.1"),
+        {"joints": [{"rotor_inertia": 0.1}], "notes": ()},
+    ),
+    "a number of an engine that is not known is noted": (
+        hinge("float physxJoint:newNumber = 1", "float physxJointAxis:angular:other = 1"),
+        {"notes": {"'physxJoint:newNumber'", "'physxJointAxis:angular:other'"}},
+    ),
     "damping of MuJoCo knows no degrees": (
         hinge("double mjc:damping = 3", meters=0.1), {"joints": [{"damping": about(0.03)}]},
     ),
@@ -200,10 +216,6 @@ def test_what_is_read(name: str, tmp_path: Path) -> None:
             "</robot/x>: 'newton:jointsAddMobility' = True is not read where several joints join two bodies",
         ),
         (mimic(2), "</robot/j_b>: PhysxMimicJointAPI couples it otherwise than NewtonMimicAPI"),
-        (
-            hinge("double mjc:frictionloss = 1", kind="Spherical", schemas=JOINT),
-            "dry friction of a joint with several",
-        ),
         (
             hinge(
                 "float physxJointAxis:rotY:armature = 1",

@@ -227,13 +227,41 @@ def instance(prim: Prim, axis: str) -> str:
 def numbers_of(prim: Prim, axis: str) -> dict[str, float]:
     """Return limits of speed and effort, armature and friction of an axis, as in `records.Joint`.
 
-    Those of a ball joint are armature and viscous friction, the same about each axis.
+    Those of a ball joint are armature and friction, the same about each axis.
 
     Raises:
-        ModelError: A number is negative, or a ball joint has dry friction.
+        ModelError: A number is negative, or about one axis of a ball joint.
     """
-    stage, ball = prim.stage, axis == "ball"
-    turns = ball or axis.startswith("rot")
+    ball = axis == "ball"
+    of_one = [
+        name for word, attribute, _ in NUMBERS if ball and word in WEIGHTS and "{}" in attribute
+        for name in map(attribute.format, AXES[3:]) if prim.number(name, 0.0)
+    ]  # fmt: skip
+    if of_one:
+        raise prim.error(f"'{of_one[0]}' is about one axis of a ball joint, which is not read; set it to 0")
+    out: dict[str, float] = {}
+    for word, _, value in _stated_of(prim, axis):
+        out.setdefault(word, value)
+    return {word: out[word] for word in WEIGHTS if word in out} if ball else out
+
+
+def unread_numbers(prim: Prim, axis: str) -> list[str]:
+    """Return the attributes of an axis that do not count, since that of another engine is another number."""
+    counts, stated = numbers_of(prim, axis), _stated_of(prim, axis)
+    return [
+        name for word, name, value in stated
+        if word in counts and not np.isclose(value, counts[word], rtol=SINGLE_PRECISION, atol=0.0)
+    ]  # fmt: skip
+
+
+def _stated_of(prim: Prim, axis: str) -> list[tuple[str, str, float]]:
+    """Return all numbers of an axis that are stated, in the order in which they count: word, attribute, SI.
+
+    Raises:
+        ModelError: A number is negative.
+    """
+    stage, out = prim.stage, []
+    turns = axis == "ball" or axis.startswith("rot")
     unit = unit_of(prim, axis)
     effort = stage.kilograms * (stage.meters**2 if turns else stage.meters)
     units = {
@@ -241,25 +269,17 @@ def numbers_of(prim: Prim, axis: str) -> dict[str, float]:
         "effort at speed": effort / unit,
         "effort at one radian or metre a second": effort / (1.0 if turns else stage.meters),
     }  # fmt: skip
-    named, out = "" if ball else instance(prim, axis), dict[str, float]()
+    named = "" if axis == "ball" else instance(prim, axis)
     for word, attribute, what in NUMBERS:
         name = attribute.format(named)
         left_out = word == "effort" and named not in prim.instances("PhysicsDriveAPI")
-        if word in out or prim.value(name) is None or left_out:
+        if prim.value(name) is None or left_out:
             continue
         value = prim.number(name, 0.0, finite=word not in ("velocity", "effort"))
         if value < 0:
             raise prim.error(f"'{name}' is negative")
-        out[word] = value * units[what]
-    of_one = [
-        name for word, attribute, _ in NUMBERS if ball and word in WEIGHTS and "{}" in attribute
-        for name in map(attribute.format, AXES[3:]) if prim.number(name, 0.0)
-    ]  # fmt: skip
-    if of_one:
-        raise prim.error(f"'{of_one[0]}' is about one axis of a ball joint, which is not read; set it to 0")
-    if ball and out.get("friction"):
-        raise prim.error("dry friction of a joint with several freedoms is not read; set it to 0")
-    return {word: out[word] for word in ("rotor_inertia", "damping") if word in out} if ball else out
+        out.append((word, name, value * units[what]))
+    return out
 
 
 def unit_of(prim: Prim, axis: str) -> float:

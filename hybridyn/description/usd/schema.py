@@ -147,9 +147,8 @@ READ = (
     "physics:mass", "physics:density", "physics:centerOfMass", "physics:diagonalInertia",
     "physics:principalAxes", "physics:rigidBodyEnabled", "physics:kinematicEnabled",
     "physics:simulationOwner", "physics:startsAsleep", "physics:approximation", "physics:coneAngle",
-    "physics:velocity", "physics:angularVelocity", "physxJoint:", "physxJointAxis:", "physxMimicJoint:",
-    "newton:mimic", "newton:jointsAddMobility", "newton:damping", "newton:armature", "newton:friction",
-    "mjc:armature", "mjc:damping", "mjc:frictionloss", "mjc:coef",
+    "physics:velocity", "physics:angularVelocity", "physxJoint:enable", "physxMimicJoint:",
+    "newton:mimic", "newton:jointsAddMobility", "mjc:coef", *(attribute for _, attribute, _ in NUMBERS),
     "newton:selfCollision", "physxArticulation:", "physxCollision", "physxConvex",
     "physxTriangle", "physxSDF", "physxLimit:", "physxRigidBody:sleep", "physxRigidBody:solver",
     "physxRigidBody:max", "physxRigidBody:stabilization", "physxRigidBody:enable", "physxRigidBody:cfm",
@@ -238,8 +237,8 @@ def _unread(prim: Prim) -> Iterator[str]:
     if not (prim.has(BODY) or prim.kind in JOINTS):
         return
     known = {*NEUTRAL, *IGNORED}
-    names = [name for name in prim.attributes if name.startswith(SPACES) and not name.startswith(READ)]
-    yield from (name for name in names if name not in known)
+    general = {name: _AXIS.sub(r"\1:{}:", name) for name in prim.attributes if name.startswith(SPACES)}
+    yield from (name for name, one in general.items() if not one.startswith(READ) and one not in known)
     applied = {*prim.schemas, *(["PhysicsMassAPI"] if prim.has("NewtonMassAPI") else [])}
     for name in prim.attributes:
         for start, schema in NEEDS.items():

@@ -35,6 +35,7 @@ from .joints import (
     numbers_of,
     read_joints,
     roots_of,
+    unread_numbers,
 )
 from .schema import AXES, BODY, screen
 from .stage import Prim, Stage
@@ -263,6 +264,12 @@ class _Builder:
         robot, stage = self.robot, self.stage
         tree = span(roots_of(stage, self.joints), self.joints)
         self._note(tree)
+        robot.notes += noted({
+            "numbers are not read where another engine states other ones: {}": [
+                f"{name} of {joint.prim.path}" for joint in self.joints for axis in joint.chain
+                for name in unread_numbers(joint.prim, axis)
+            ],
+        })  # fmt: skip
         poses = {path: prim.pose for path, prim in stage.moving.items()}
         welds = [
             joint for joint in self.joints
