@@ -243,7 +243,7 @@ def test_a_weight_that_motors_compensate_is_noted(tmp_path: Path) -> None:
 WRAPPED = '<spatial stiffness="3"><site site="sa"/><geom geom="g"/><site site="sb"/></spatial>'
 REFUSED = {
     "wraps around geoms or pulleys": WRAPPED,
-    "armature along a tendon": '<fixed armature="3"><joint joint="j" coef="1"/></fixed>',
+    "armature along a spatial tendon": '<spatial armature="3"><site site="sa"/><site site="sb"/></spatial>',
     "depends on a tendon's length": '<fixed stiffness="3 1"><joint joint="j" coef="1"/></fixed>',
     "depends on a tendon's speed": '<fixed damping="3 1"><joint joint="j" coef="1"/></fixed>',
 }

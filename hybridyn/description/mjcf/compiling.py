@@ -46,7 +46,6 @@ NUMBERS = {
 REFUSED = {
     "tendon_stiffnesspoly": "stiffness that depends on a tendon's length is not read; keep its first number",
     "tendon_dampingpoly": "damping that depends on a tendon's speed is not read; keep its first number",
-    "tendon_armature": "armature along a tendon is not read; remove it, or put it on joints",
     "jnt_springyield": "springyield is not read; remove it",
     "actuator_dampingpoly": "damping that depends on the speed is not read; keep its first number",
 }

@@ -6,12 +6,13 @@ Dry friction, linear damping and armature of joints are numbers of these (`mjcf`
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..names import noted
-from ..records import JointKind, RobotFile, StatedSpring, spring_effect
+from ..names import noted, unique
+from ..records import Coupling, Joint, JointKind, RobotFile, StatedSpring, massless, spring_effect
 from .compiling import Compiled
 
 #: MuJoCo's numbers of the forces along a tendon.
@@ -71,9 +72,10 @@ def add_forces(robot: RobotFile, compiled: Compiled, parts: Sequence[Part]) -> N
     """Add the forces of joints, tendons and weights to the robot's effects.
 
     Raises:
-        ModelError: A tendon wraps around geoms or pulleys, or joints carry a compensated weight partly by
-            their actuators.
+        ModelError: A tendon wraps around geoms or pulleys, or is spatial and has armature; or joints carry a
+            compensated weight partly by their actuators.
     """
+    _add_inertia(robot, compiled)
     springs, effects = _springs(compiled, parts)
     robot.effects += (spring_effect(springs),) if springs else ()
     effects["polynomial_damper"] = {"coefficients": _dampers(compiled, parts)}
@@ -156,6 +158,44 @@ def _check_sites(compiled: Compiled, number: int) -> None:
             "it wraps around geoms or pulleys; hybridyn reads forces along straight lines through sites: "
             "remove the geoms and pulleys, or its stiffness, damping and frictionloss",
         )  # fmt: skip
+
+
+def _add_inertia(robot: RobotFile, compiled: Compiled) -> None:
+    """Add the inertia along fixed tendons: to the joint of one over a single joint, else as a joint.
+
+    Such a joint has the name of the tendon, whose length it follows, and moves the inertia alone.
+
+    Raises:
+        ModelError: A tendon with inertia is spatial.
+    """
+    stated, taken = np.ravel(compiled.rows("tendon_armature")), {joint.name for joint in robot.joints}
+    for number in np.flatnonzero(stated).tolist():
+        name, terms = compiled.name("tendon", number) or f"tendon{number}", fixed_terms(compiled, number)
+        if terms is None:
+            message = "armature along a spatial tendon is not read; remove it, or put it on joints"
+            raise compiled.error("tendon", number, message)
+        at = {joint.name: n for n, joint in enumerate(robot.joints) if joint.name in terms}
+        if len(terms) == 1:
+            ((joint, arm),) = terms.items()
+            own = robot.joints[at[joint]]
+            more = own.rotor_inertia + float(stated[number]) * arm**2
+            robot.joints[at[joint]] = replace(own, rotor_inertia=more)
+            continue
+        name = unique(name, taken)
+        link, line = unique(name, {link.name for link in robot.links}), compiled.line("tendon", number)
+        carrier = robot.joints[min(at.values())].parent
+        robot.links.append(massless(link, line, between=True))
+        robot.joints.append(Joint(
+            name, "prismatic", carrier, link, np.eye(4), np.array([0.0, 0.0, 1.0]),
+            rotor_inertia=float(stated[number]), line=line,
+        ))  # fmt: skip
+        robot.undriven.add(name)
+        tied = tuple((joint, -arm) for joint, arm in terms.items() if arm)
+        robot.couplings.append(Coupling(name, ((name, 1.0), *tied), 0.0, line))
+        robot.home[name] = (sum(arm * robot.home[joint][0] for joint, arm in terms.items()),)
+        robot.notes.append(
+            f"the armature of tendon '{name}' is that of a joint of this name, which follows its length"
+        )
 
 
 def _compensated(robot: RobotFile, compiled: Compiled) -> dict[str, float]:
