@@ -294,6 +294,16 @@ READ: dict[str, tuple[Texts, dict[str, object]]] = {
             "lower": {"linear_spring_damper1": 1.0}, "upper": {"linear_spring_damper1": 1.0},
         }),)},
     ),
+    "a link called world": (
+        sdf("<pose>0 0 1 0 0 0</pose>", '<link name="world"/>', link("a"),
+            joint("j", "revolute", "world", "a")),
+        {"links": ["world2", "world", "a"], "base": "fixed", "notes": {"links 'world' without <inertial>"},
+         "joints": {"world_hold": {"parent": "world2", "child": "world",
+                                   "placement": pin.SE3(np.eye(3), np.array([0.0, 0, 1])).homogeneous}}},
+    ),
+    "a link called world with mass": (
+        sdf(link("world"), link("a"), joint("j", "revolute", "world", "a")), {"base": "floating"},
+    ),
     "links without weight": (
         sdf(link("base"), link("a", "<gravity>false</gravity>"), WORLD, HINGE),
         {"effects": (("gravity_compensation", {"fraction": {"a": 1.0}}),),

@@ -14,6 +14,11 @@ HINGE = joint("j", "revolute", "base", "a")
 ROTOR = '<drake:rotor_inertia xmlns:drake="http://drake.mit.edu">0.5</drake:rotor_inertia>'
 ABOUT_X = "<axis2><xyz>1 0 0</xyz></axis2>"
 REFERENCE = "<gearbox_reference_body>base</gearbox_reference_body>"
+AUTO = (
+    '<link name="c"><inertial auto="true">{}</inertial><collision name="s"><geometry>{}</geometry>'
+    "</collision></link>"
+)
+SPHERE = "<sphere><radius>1</radius></sphere>"
 #: What is refused in a model, and what is told.
 PARTS = [
     (joint("j", "piston", "base", "a"), "type 'piston' is not read; write a revolute and a"),
@@ -74,7 +79,17 @@ PARTS = [
     (HINGE + HINGE, "is stated twice (first in line"),
     (link("c", "<kinematic>1</kinematic>"), "a program moves a kinematic link"),
     (link("c", "<velocity_decay><linear>.1</linear></velocity_decay>"), "put damping on joints"),
-    ('<link name="c"><inertial auto="true"/></link>', 'auto="true": inertia of shapes'),
+    ('<link name="c"><inertial auto="true"/></link>', "from <collision>s, and the link has none"),
+    (AUTO.format("", "<mesh><uri>a.stl</uri></mesh>"), "computes no inertia of <mesh>; write <mass>"),
+    (AUTO.format("", "<plane/>"), 'auto="true" computes no inertia of <plane>'),
+    (AUTO.format("", ""), "0 shapes; a collision has one"),
+    (AUTO.format("", "<sphere/>"), "<radius> is missing"),
+    (AUTO.format("", "<box><size>1 0 1</size></box>"), "0 is no size; it must be above 0"),
+    (AUTO.format("<density>-2</density>", SPHERE), "-2 is not above 0"),
+    (AUTO.format("<mass>0</mass>", SPHERE), "0 is not above 0"),
+    (AUTO.format("<pose>1 0 0 0 0 0</pose>", SPHERE), '<pose> beside auto="true", which computes it'),
+    (AUTO.format("<inertia/>", SPHERE), '<inertia> beside auto="true", which computes it'),
+    ('<frame name="world"/>', "the name 'world' is SDFormat's own; rename it"),
     ('<link name="c"><inertial><mass>-1</mass></inertial></link>', "negative mass"),
     (link("c", '<pose frame="a">0 0 0 0 0 0</pose>'), "frame ended with SDFormat 1.6; write relative_to"),
     (link("c", '<pose relative_to="aa">0 0 0 0 0 0</pose>'), "unknown frame 'aa'"),

@@ -76,6 +76,10 @@ ROTORS: dict[str, tuple[str, str, float, str | None]] = {
     "the same in the joint and in its transmission": (
         ROTOR, SIMPLE.format(1, "", ROTOR + REDUCTION), 2e-4 * 50**2, None,
     ),
+    "none, and a reduction that is no number": (
+        "", SIMPLE.format(1, "", "<mechanicalReduction>reduction</mechanicalReduction>"), 0.0,
+        "<mechanicalReduction> 'reduction' is no number; no rotor needs it",
+    ),
     "none, and two reductions": (
         "", SIMPLE.format(1, text("mechanicalReduction", 2), REDUCTION), 0.0, None,
     ),
@@ -105,6 +109,9 @@ def test_a_rotor_of_drake_weighs_as_in_drake(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(ours, theirs, rtol=1e-14)
 
 
-def test_a_wrong_rotor_is_refused(tmp_path: Path) -> None:
-    wrong = SIMPLE.format(1, "", text("mechanicalReduction", 0) + ROTOR)
-    refused(save(tmp_path, ARM.format("", wrong)), "a gear ratio of 0 moves nothing")
+@pytest.mark.parametrize(
+    ("number", "words"), [("0", "a gear ratio of 0 moves nothing"), ("x", "text 'x' is not")]
+)
+def test_a_wrong_reduction_of_a_rotor_is_refused(number: str, words: str, tmp_path: Path) -> None:
+    wrong = SIMPLE.format(1, "", f"<mechanicalReduction>{number}</mechanicalReduction>{ROTOR}")
+    refused(save(tmp_path, ARM.format("", wrong)), words)

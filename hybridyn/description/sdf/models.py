@@ -365,6 +365,8 @@ class Models:
         """
         if name == MODEL or (name == "world" and scope is None):
             return scope
+        if name == "world" and "link" in self.find(scope, name):
+            return self.find(scope, name)["link"]
         if scope is None and name.partition("::")[0] in self._library.scenery:
             return None
         if name == "world":
@@ -387,7 +389,11 @@ class Models:
 
     def link(self, scope: Item | None, name: str, node: Node) -> Item | None:
         """Return the link that carries a frame, None for the world; the arguments are those of `resolve`."""
-        return None if name == "world" else self._links[self.resolve(scope, name, node)]
+        return None if self._is_world(scope, name) else self._links[self.resolve(scope, name, node)]
+
+    def _is_world(self, scope: Item | None, name: str) -> bool:
+        """Return whether a name of a link is that of the world: no link of the model has it."""
+        return name == "world" and "link" not in self.find(scope, name)
 
     def _add(
         self,
@@ -402,7 +408,8 @@ class Models:
         name = name_of(node, model or node)
         name = f"_merged__{name}__model__" if merged else name
         item = Item(kind, name, scope, node, model or node, still, merged)
-        if item.name == "world" or (item.name.startswith("__") and item.name.endswith("__")):
+        own = item.name.startswith("__") and item.name.endswith("__")
+        if own or (item.name == "world" and kind != "link"):
             raise node.error(f"the name '{item.name}' is SDFormat's own; rename it")
         items = self._items.setdefault(item.path, {})
         if kind in items:
@@ -469,7 +476,9 @@ class Models:
             name = str(item.node.xml.get("attached_to", "")).strip()
             return self.resolve(item.scope, name, item.node) if name else item.scope
         child = item.node.required_child("child")
-        return None if child.content() == "world" else self.resolve(item.scope, child.content(), child)
+        if self._is_world(item.scope, child.content()):
+            return None
+        return self.resolve(item.scope, child.content(), child)
 
     def _carrier(self, item: Item) -> Item | None:
         """Return what carries a frame: of a model its first link."""

@@ -73,7 +73,7 @@ def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = (), ch
     robot = RobotFile(models.name, root.file, format="SDF")
     robot.gravity = _gravity(models.world)
     joints, gearboxes = read_joints(models, robot.file, library.notes)
-    robot.links += [read_link(item, robot.file, library.notes) for item in models.every("link")]
+    robot.links += [read_link(item, models, robot.file, library.notes) for item in models.every("link")]
     _Builder(robot, models).build(joints, gearboxes, library.notes)
     light = [item.full_name for item in models.every("link") if not flag(item.node, "gravity", True)]
     if light:

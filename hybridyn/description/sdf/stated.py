@@ -15,10 +15,11 @@ import numpy as np
 from ..closure_forms import LARGEST_COSINE
 from ..joint_graph import WORLD, StatedJoint
 from ..names import did_you_mean, listed
-from ..records import Array, Link
+from ..records import Array, Link, massless
 from ..urdf.xml_node import Node
 from .elements import Notes, direction, flag, numbers, pose, relative_to, word
 from .models import Item, Models
+from .shapes import inertia_of_shapes
 
 #: Largest limit that is one: SDFormat's defaults before version 1.9 are -1e16 and 1e16.
 UNLIMITED = 1e16
@@ -41,6 +42,10 @@ NEEDED = 4
 #: What is noted of links and joints.
 ASSUMED = "{}: no mass or inertia is stated, so SDFormat's default counts (1 kg, 1 kg m^2 about each axis)"
 ENDLESS_LIMITS = "limits of position of continuous joints {} are ignored, as Gazebo and Drake do"
+WORLD_LINK = (
+    "links {} without <inertial> stand still where the model is, as in PyBullet; sdformat refuses links of "
+    "this name"
+)
 WEIGHTLESS = (
     "gravity does not act on links {}: effects='model' takes their weight off (gravity_compensation); the "
     "default effects do not"
@@ -50,11 +55,12 @@ FORCELESS = "drops the forces of the axes of gearboxes {}; a gearbox only ties t
 IDLE = "joints {}: an axis that the joint does not have, and its dynamics, are ignored, as Gazebo does"
 
 
-def read_link(item: Item, file: str, notes: Notes) -> Link:
+def read_link(item: Item, models: Models, file: str, notes: Notes) -> Link:
     """Return a link; note SDFormat's default inertia.
 
     Args:
         item: The element.
+        models: Where everything stands.
         file: The robot's own file.
         notes: Takes what is noted.
 
@@ -71,7 +77,13 @@ def read_link(item: Item, file: str, notes: Notes) -> Link:
     tensor = at = None
     if inertial is not None:
         _refuse_unread(inertial)
+        if inertial.flag("auto", False):
+            mass, com, inertia = inertia_of_shapes(item, inertial, models)
+            return Link(item.full_name, mass, com, (inertia + inertia.T) / 2, line_of(node, file))
         tensor, at = inertial.child("inertia"), inertial.child("pose")
+    if stands_still(item):
+        notes.setdefault(WORLD_LINK, []).append(item.full_name)
+        return massless(item.full_name, line_of(node, file))
     if inertial is None or tensor is None or not word(inertial, "mass"):
         notes.setdefault(ASSUMED, []).append(item.full_name)
     ixx, ixy, ixz, iyy, iyz, izz = numbers(tensor, "inertia").values()
@@ -82,12 +94,13 @@ def read_link(item: Item, file: str, notes: Notes) -> Link:
     return Link(item.full_name, mass, placement[:3, 3], (inertia + inertia.T) / 2, line_of(node, file))
 
 
+def stands_still(item: Item) -> bool:
+    """Return whether a link is part of the world: PyBullet takes one called "world" without inertia so."""
+    return item.name == "world" and item.node.child("inertial") is None
+
+
 def _refuse_unread(inertial: Node) -> None:
-    """Refuse inertia that a program computes, and that of displaced fluid."""
-    if inertial.flag("auto", False):
-        raise inertial.error(
-            'auto="true": inertia of shapes is not computed; write <mass>, <pose> and <inertia>'
-        )
+    """Refuse the inertia of displaced fluid, and a pose in another frame."""
     if frame := relative_to(inertial.child("pose")):
         raise inertial.error(f"its pose is relative to '{frame}'; SDFormat has it in the link's frame")
     added = inertial.child("fluid_added_mass")
@@ -184,6 +197,7 @@ def read_joints(models: Models, file: str, notes: Notes) -> tuple[list[Stated], 
     """
     every = [_read_joint(item, models, file, notes) for item in models.every("joint")]
     joints = [joint for joint in every if joint.kind != "gearbox"]
+    joints += [_held(item, models, file) for item in models.every("link") if stands_still(item)]
     gearboxes = [joint for joint in every if joint.kind == "gearbox"]
     idle = [box.name for box in gearboxes if any(axis.needed or axis.limited for axis in box.axes)]
     notes.setdefault(FORCELESS, []).extend(idle)
@@ -196,6 +210,26 @@ def read_joints(models: Models, file: str, notes: Notes) -> tuple[list[Stated], 
         out[joint] = replace(joint, rank=rank, needed=needed)
         children.add(joint.ends[1])
     return [out[joint] for joint in joints], gearboxes
+
+
+def _held(item: Item, models: Models, file: str) -> Stated:
+    """Return the joint that holds a link where it stands in the world."""
+    name, ends, line = item.full_name, (WORLD, item.full_name), line_of(item.node, file)
+    rotor = {"rotor_inertia": 0.0, "gear_ratio": 1.0}
+    return Stated(
+        f"{name}_hold",
+        ends,
+        (),
+        line,
+        False,
+        False,
+        item,
+        "fixed",
+        (None, item),
+        models.pose(item),
+        [],
+        rotor,
+    )
 
 
 def _read_joint(item: Item, models: Models, file: str, notes: Notes) -> Stated:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import ModelError
 from ..names import DROPS, listed, unique
 from ..records import Coupling, Joint, MotorStatement, RobotFile, massless
 from .xml_node import Node
@@ -173,6 +174,23 @@ def _add_rotor(owner: Node, rotor: Rotor, rates: dict[str, float], robot: RobotF
     robot.couplings.append(Coupling(name, ((name, 1.0), *terms), 0.0, owner.line))
 
 
+def _number(child: Node, notes: list[str]) -> float | None:
+    """Return the number of an element of a rotor, or None for a reduction that is no number and none needs.
+
+    Raises:
+        ModelError: The text is no number, and the file states inertia of rotors.
+    """
+    try:
+        return child.number("value") if "value" in child.xml.attrib else child.number()
+    except ModelError:
+        root = Node(child.xml.getroottree().getroot(), child.file)
+        inertias = [tag for tag, word in ROTOR_TAGS.items() if word == "rotor_inertia"]
+        if ROTOR_TAGS[child.tag] == "rotor_inertia" or [*root.descendants(*inertias)]:
+            raise
+    notes.append(f"{child.at}: <{child.tag}> '{child.content()[:40]}' is no number; no rotor needs it")
+    return None
+
+
 def read_rotor(node: Node, notes: list[str]) -> Rotor:
     """Read a rotor from the direct children of an element, with numbers as `value` attributes or as text.
 
@@ -191,7 +209,9 @@ def read_rotor(node: Node, notes: list[str]) -> Rotor:
     order = [*ROTOR_TAGS]
     for child in sorted(node.children(*ROTOR_TAGS), key=lambda child: order.index(child.tag)):
         word = ROTOR_TAGS[child.tag]
-        value = child.number("value") if "value" in child.xml.attrib else child.number()
+        value = _number(child, notes)
+        if value is None:
+            continue
         if word == "rotor_inertia" and value < 0:
             raise child.error(f"negative rotor inertia {value:g}")
         if word == "gear_ratio" and value == 0:
