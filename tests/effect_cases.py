@@ -53,6 +53,7 @@ def springs(robot: HybridRobot) -> Units:
         fx.LineSprings(
             {"one": [far, root, near], "two": [near, root]}, {"one": point, "two": point[:2]},
             {"one": 30.0, "two": 20.0}, {"one": 3.0}, {"two": 2.0}, {}, {"one": 0.3, "two": 0.1}, 0.4,
+            {"one": [1.0, 0.5]},
         )
     ]  # fmt: skip
 

@@ -161,11 +161,10 @@ def _add_lengths(root: ET.Element, effect: str, numbers: Mapping[str, Any], tree
     of_links = {element.get("name", WORLD): element for element in tree.bodies.values()}
     for name in lines or dict.fromkeys(name for own in arms.values() for name in own):
         tendon = add_tendon(root, name, [(joint, own[name]) for joint, own in arms.items() if name in own])
-        ends = zip(lines.get(name, ()), numbers.get("points", {}).get(name, ()), strict=True)
-        for number, (link, point) in enumerate(ends, 1):
-            site = f"{tendon.get('name')}:{number}"
-            add(of_links[link], "site", name=site, pos=point)
-            add(tendon, "site", site=site)
+        if lines:
+            shares = numbers.get("shares", {}).get(name) or [1.0] * (len(lines[name]) - 1)
+            bodies = [of_links[link] for link in lines[name]]
+            _add_path(tendon, bodies, numbers["points"][name], shares)
         k, damping, friction, *bounds = (numbers.get(word, {}).get(name, 0.0) for word in WORDS)
         if bounds == [UNSTATED, UNSTATED]:
             bounds = [NEXT_TO_UNSTATED, NEXT_TO_UNSTATED]
@@ -174,6 +173,23 @@ def _add_lengths(root: ET.Element, effect: str, numbers: Mapping[str, Any], tree
             frictionloss=friction or None,
         )  # fmt: skip
     return bool(numbers.get("width", WIDTH) == WIDTH)
+
+
+def _add_path(
+    tendon: ET.Element, bodies: list[ET.Element], points: list[list[float]], shares: list[float]
+) -> None:
+    """Add the sites of a spatial tendon, and a pulley before each branch whose length counts by a share."""
+    sites = [f"{tendon.get('name')}:{number}" for number in range(1, len(points) + 1)]
+    for body, site, point in zip(bodies, sites, points, strict=True):
+        add(body, "site", name=site, pos=point)
+    last = 1.0
+    for n, share in enumerate(shares):
+        starts = n == 0 or share != last
+        if share and share != last:
+            add(tendon, "pulley", divisor=1.0 / share)
+        for site in sites[n if starts else n + 1 : n + 2] if share else ():
+            add(tendon, "site", site=site)
+        last = share
 
 
 def add_tendon(root: ET.Element, name: str, terms: Iterable[tuple[str, float]]) -> ET.Element:

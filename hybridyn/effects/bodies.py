@@ -97,11 +97,13 @@ class LineSprings:
     """Springs, dampers and dry friction along straight lines through points of links.
 
     The tension of a line of length l is k (l - upper) above `upper` and k (l - lower) below `lower`, plus
-    c l_dot and f tanh(l_dot / width). It pulls each point towards its neighbours.
+    c l_dot and f tanh(l_dot / width). It pulls each point towards its neighbours; l is the sum of share x
+    distance between neighbours, and the pull along a stretch is share x tension.
 
     `ends`: the links of a line's points, two or more; `points`: each in the frame of its link [m];
     `stiffness`: k, `damping`: c, `friction`: f, `lower` and `upper`: lengths between which the spring is
-    slack [m], 0 by default; all by line; `width` [m/s].
+    slack [m], 0 by default; `shares`: of each stretch, 1 by default: 1 / divisor behind a pulley, 0 for a
+    gap; all by line; `width` [m/s].
     Source: MuJoCo's spatial tendons through sites, with smoothed friction.
     """
 
@@ -113,6 +115,7 @@ class LineSprings:
     lower: Numbers = field(default_factory=dict)
     upper: Numbers = field(default_factory=dict)
     width: float = WIDTH
+    shares: Mapping[str, Sequence[float]] = field(default_factory=dict)
     name: ClassVar[str] = "line_springs"
     needs_motion: ClassVar[bool] = True
 
@@ -125,9 +128,20 @@ class LineSprings:
                     f"{self.name}: line '{line}' needs two links or more in 'ends', and for each a triple of "
                     "finite numbers in 'points'", element=line,
                 )  # fmt: skip
+            shares = np.asarray(self._shares(line), dtype=float)
+            right = shares.shape == (len(links) - 1,) and np.isfinite(shares).all() and shares.min() >= 0
+            if not (right and shares.any()):
+                raise ModelError(
+                    f"{self.name}: 'shares' of line '{line}' needs {len(links) - 1} finite numbers, one for "
+                    "each stretch between neighbours, none below 0 and one above", element=line,
+                )  # fmt: skip
         tables = {what: getattr(self, what) for what in WORDS}
-        with_points = {"points": dict.fromkeys(self.points, 0.0)}
-        check_numbers(self.name, "line", self.ends, "ends", with_points | tables)
+        named = {what: dict.fromkeys(getattr(self, what), 0.0) for what in ("points", "shares")}
+        check_numbers(self.name, "line", self.ends, "ends", named | tables)
+
+    def _shares(self, line: str) -> Sequence[float]:
+        """Return the share of each stretch of a line."""
+        return self.shares.get(line, (1.0,) * (len(self.ends[line]) - 1))
 
     @property
     def links(self) -> tuple[str, ...]:
@@ -150,11 +164,12 @@ class LineSprings:
             rates: Their velocities [m/s].
         """
         ways, length, rate = [], 0.0, 0.0
-        for (a, b), (va, vb) in zip(pairwise(points), pairwise(rates), strict=True):
+        stretches = zip(pairwise(points), pairwise(rates), self._shares(line), strict=True)
+        for (a, b), (va, vb), share in stretches:
             r = [y - x for x, y in zip(a, b, strict=True)]
             size = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2] + SHORTEST_LINE**2)
-            ways.append([x / size for x in r])
-            length = length + size
+            ways.append([share * x / size for x in r])
+            length = length + share * size
             rate = rate + sum(u * (y - x) for u, x, y in zip(ways[-1], va, vb, strict=True))
         tension = self.tension(line, length, rate)
         none = [[0.0, 0.0, 0.0]]

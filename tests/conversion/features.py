@@ -120,6 +120,11 @@ BALL_FIRST = replace(
     ), links=link("arm", **WEIGHTLESS).links, motors=("two",),
 )  # fmt: skip
 SLIDE_NEXT = tuple(replace(one, kind="prismatic") if one.name == "two" else one for one in BALL_FIRST.joints)
+OVER_PULLEYS: dict[str, Any] = {
+    "ends": {"rope": ["base", "arm", "cart", "tool"]}, "stiffness": {"rope": 5.0},
+    "shares": {"rope": [0.5, 0.0, 1.0]},
+    "points": {"rope": [[0, 0, 0.4], [0.2, 0, 0], [0.1, 0.1, 0], [0.3, 0, 0.1]]},
+}  # fmt: skip
 BUSHING: dict[str, Any] = {
     "ends": {"mount": ["arm", "tool"]},
     "frames": {"mount": [[0.1, 0, 0.2, 0, 0.6, 0, 0.8], [0, 0, 0, 0, 0, 0, 1]]},
@@ -209,6 +214,7 @@ FEATURES: dict[str, tuple[str, Description]] = {
     ),
     "gravity compensation": ("tool", effect("gravity_compensation", fraction={"tool": 0.5, "arm": 1.0})),
     "line springs": ("rope", effect("line_springs", **LINE)),
+    "line springs over pulleys": ("rope", effect("line_springs", **OVER_PULLEYS)),
     "line springs with a width": ("rope", effect("line_springs", **LINE, width=0.1)),
     "line spring, massless link": (
         "arm", effect("line_springs", link("arm", **WEIGHTLESS), **LINE),

@@ -156,6 +156,7 @@ tendons named as joints         kept        kept              name          othe
 gravity compensation            kept        kept              kept          kept
 gravity compensation in a loop  kept        follow            home          kept
 line springs                    kept        kept              kept          kept
+line springs over pulleys       kept        kept              kept          kept
 line springs with a width       kept        kept              kept          kept
 line spring, massless link      kept        mass              kept          kept
 lines named as links            kept        kept              name          other

@@ -86,6 +86,14 @@ FORMS["joints"] = {
     "FREE": 'stiffness="5" frictionloss=".1"',
     "TENDONS": FORMS["fixed tendon"]["TENDONS"],
 }
+PULLEYS = '<spatial name="p" stiffness="30" damping="2" frictionloss=".3" springlength=".2">{}</spatial>'
+for form, path in {
+    "a pulley": "sa wall /2 sb ss",
+    "two pulleys": "sa sb ss /3 ss wall /.5 sb wall",
+    "a pulley first": "/4 sa sb",
+}.items():
+    parts = (f'<pulley divisor="{x[1:]}"/>' if x[0] == "/" else f'<site site="{x}"/>' for x in path.split())
+    FORMS[form] = {"TENDONS": PULLEYS.format("".join(parts))}
 FORMS["all"] = FORMS["joints"] | FORMS["gravcomp"]
 FORMS["all"]["TENDONS"] += FORMS["a rope"]["TENDONS"] + FORMS["a rope over the wall"]["TENDONS"]
 
@@ -242,7 +250,7 @@ def test_a_weight_that_motors_compensate_is_noted(tmp_path: Path) -> None:
 
 WRAPPED = '<spatial stiffness="3"><site site="sa"/><geom geom="g"/><site site="sb"/></spatial>'
 REFUSED = {
-    "wraps around geoms or pulleys": WRAPPED,
+    "wraps around geoms": WRAPPED,
     "armature along a spatial tendon": '<spatial armature="3"><site site="sa"/><site site="sb"/></spatial>',
     "depends on a tendon's length": '<fixed stiffness="3 1"><joint joint="j" coef="1"/></fixed>',
     "depends on a tendon's speed": '<fixed damping="3 1"><joint joint="j" coef="1"/></fixed>',

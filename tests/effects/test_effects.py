@@ -577,6 +577,15 @@ def test_mistakes_are_named(name: str) -> None:
         (lambda: fx.Payload("link", 1.0, inertia=np.diag([1.0, 1.0, 3.0])), "no body has"),
         (lambda: fx.Payload("link", 1.0, com=(0.0, 1.0)), "com has 3 numbers"),
         (lambda: fx.GroundContact({"link": [[0.0, 0, 0]]}, -1.0), "stiffness must be"),
+        *(
+            (
+                lambda shares=shares: fx.LineSprings(
+                    {"l": "ab"}, {"l": [[0.0, 0, 0]] * 2}, shares={"l": shares}
+                ),
+                "'shares' of line 'l' needs 1 finite numbers",
+            )
+            for shares in ([1.0, 2.0], [-1.0], [0.0], [np.inf])
+        ),
         (
             lambda: fx.BaseMotion([0.0, 1.0], np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1))),
             "quintic spline needs 6",

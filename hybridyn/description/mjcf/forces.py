@@ -72,8 +72,8 @@ def add_forces(robot: RobotFile, compiled: Compiled, parts: Sequence[Part]) -> N
     """Add the forces of joints, tendons and weights to the robot's effects.
 
     Raises:
-        ModelError: A tendon wraps around geoms or pulleys, or is spatial and has armature; or joints carry a
-            compensated weight partly by their actuators.
+        ModelError: A tendon wraps around geoms, or is spatial and has armature; or joints carry a compensated
+            weight partly by their actuators.
     """
     _add_inertia(robot, compiled)
     springs, effects = _springs(compiled, parts)
@@ -126,13 +126,13 @@ def _tendons(compiled: Compiled) -> tuple[dict[str, dict[str, Any]], dict[str, d
     """Return the forces along fixed tendons, and along those through sites, as numbers of effects."""
     words = ("stiffness", "damping", "friction", "lower", "upper")
     fixed: dict[str, dict[str, Any]] = {word: {} for word in ("arms", *words)}
-    lines: dict[str, dict[str, Any]] = {word: {} for word in ("ends", "points", *words)}
+    lines: dict[str, dict[str, Any]] = {word: {} for word in ("ends", "points", "shares", *words)}
     model = compiled.model
     for number in pulling(compiled):
         name, terms = compiled.name("tendon", number) or f"tendon{number}", fixed_terms(compiled, number)
         if terms is None:
-            _check_sites(compiled, number)
-            sites = [int(model.wrap_objid[wrap]) for wrap in _wraps(compiled, number)]
+            sites, shares = _path(compiled, number)
+            lines["shares"] |= {name: shares} if any(share != 1 for share in shares) else {}
             lines["ends"][name] = [compiled.bodies[model.site_bodyid[site]] for site in sites]
             lines["points"][name] = [model.site_pos[site].tolist() for site in sites]
         for joint, arm in (terms or {}).items():
@@ -145,19 +145,31 @@ def _tendons(compiled: Compiled) -> tuple[dict[str, dict[str, Any]], dict[str, d
     return fixed, lines
 
 
-def _check_sites(compiled: Compiled, number: int) -> None:
-    """Refuse a tendon with a force that passes geoms or pulleys.
+def _path(compiled: Compiled, number: int) -> tuple[list[int], list[float]]:
+    """Return the sites of a spatial tendon, and the share of its length of each stretch between them.
+
+    Behind a pulley begins another branch, whose length is divided.
 
     Raises:
-        ModelError: It does.
+        ModelError: It passes geoms.
     """
-    types = {int(compiled.model.wrap_type[wrap]) for wrap in _wraps(compiled, number)}
-    if types != {compiled.code("mjWRAP_SITE")}:
-        raise compiled.error(
-            "tendon", number,
-            "it wraps around geoms or pulleys; hybridyn reads forces along straight lines through sites: "
-            "remove the geoms and pulleys, or its stiffness, damping and frictionloss",
-        )  # fmt: skip
+    model, sites, shares, share = compiled.model, list[int](), list[float](), 1.0
+    joined = False
+    for wrap in _wraps(compiled, number):
+        kind = int(model.wrap_type[wrap])
+        if kind == compiled.code("mjWRAP_PULLEY"):
+            share, joined = 1.0 / float(model.wrap_prm[wrap]), False
+        elif kind == compiled.code("mjWRAP_SITE"):
+            shares += [share if joined else 0.0] if sites else []
+            sites.append(int(model.wrap_objid[wrap]))
+            joined = True
+        else:
+            raise compiled.error(
+                "tendon", number,
+                "it wraps around geoms; hybridyn reads forces along straight lines through sites: remove the "
+                "geoms, or its stiffness, damping and frictionloss",
+            )  # fmt: skip
+    return sites, shares
 
 
 def _add_inertia(robot: RobotFile, compiled: Compiled) -> None:

@@ -112,6 +112,7 @@ EFFECTS: dict[str, dict[str, Any]] = {
         "ends": dict[str, Annotated[list[str], Field(min_length=2)]], "points": dict[str, list[Point]],
         "stiffness": ByJoint | None, "damping": ByJoint | None, "friction": ByJoint | None,
         "lower": ByJoint | None, "upper": ByJoint | None, "width": Positive | None,
+        "shares": dict[str, Annotated[list[NotNegative], Field(min_length=1)]] | None,
     },
     "bushings": {
         "ends": dict[str, Annotated[list[str], Field(min_length=2, max_length=2)]],
