@@ -14,8 +14,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import accumulate, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -28,6 +29,20 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 #: Largest number accepted in states and loads: the sixth power is finite, so no product of them overflows.
 LARGEST = 1e50
+
+
+def _of_numbers_or_symbols(function: np.ufunc) -> Callable[..., Any]:
+    """Return a function that takes arrays of numbers, and arrays of objects entry by entry."""
+    by_entry = np.frompyfunc(function, function.nin, 1)
+
+    def apply(*x: Array) -> Any:
+        """Apply the function."""
+        return (by_entry if x[0].dtype == object else function)(*x)
+
+    return apply
+
+
+cos, sin, sqrt, arctan2 = map(_of_numbers_or_symbols, (np.cos, np.sin, np.sqrt, np.arctan2))
 
 
 def slices(lengths: Iterable[int]) -> list[slice]:

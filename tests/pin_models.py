@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from hybridyn.joints.kinds import JointKind
 from hybridyn.linkage.joints import TreeJoint
 from hybridyn.structure.pinocchio_model import pinocchio_joint
 
@@ -33,7 +34,7 @@ def pose(rng: Rng) -> pin.SE3:
 
 
 def _continuous(rng: Rng) -> pin.JointModel:
-    return pinocchio_joint(TreeJoint("", "continuous", 0, np.eye(3), np.zeros(3), unit(rng)))
+    return pinocchio_joint(TreeJoint("", JointKind.CONTINUOUS, 0, np.eye(3), np.zeros(3), unit(rng)))
 
 
 def _composite(rng: Rng) -> pin.JointModel:

@@ -15,6 +15,7 @@ PACKAGE = ROOT / "hybridyn"
 #: The floors from the ground. A room imports from its own folder and from the floors below.
 FLOORS = (
     {"errors", "spatial", "colours", "threads"},
+    {"joints"},
     {"description"},
     {"linkage", "tables"},
     {"structure"},

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
+from ..joints.kinds import JointKind
 from ..linkage.targets import Target
 from ..linkage.tree import Motion
 from ..spatial import Array, quaternion_from_rotation
@@ -65,17 +66,18 @@ class ModuleRequest:
         m = self.mechanism
         kind = m.tree.joints[joint].kind
         far = FAR * m.length if m.closures.rows else np.inf
-        limit = {"revolute": BLUR if endless else WOUND_UP, "continuous": BLUR}.get(kind, far)
+        turned = BLUR if endless or kind.endless else WOUND_UP
+        limit = far if kind.slides else turned
         bad = np.flatnonzero(np.abs(position) > limit)  # catches mistakes in units
         if len(bad):
-            unit = "m" if kind == "prismatic" else "rad"
+            unit = "m" if kind.slides else "rad"
             raise AssemblyError(
                 f"joint '{name}' is out of reach{AT_SAMPLE}: {position[bad[0]]:.4g} {unit} (limit "
                 f"{limit:.4g} {unit}); positions are in m and rad",
                 sample=int(bad[0]),
             )
         at, to = m.tree.q_slices[joint], m.tree.v_slices[joint]
-        if kind == "continuous":
+        if kind.endless:
             self.known[:, at.start], self.known[:, at.start + 1] = np.cos(position), np.sin(position)
             self.angles[joint] = position
         else:
@@ -93,7 +95,7 @@ class ModuleRequest:
         body, R, p = place
         moved = motion.then(Motion.at_rest(len(motion.p), R.T, -R.T @ p))
         joint = self.mechanism.tree.joints[body - 1]
-        if joint.kind == "floating" and joint.parent == 0:
+        if joint.kind is JointKind.FLOATING and joint.parent == 0:
             placement = Motion.at_rest(len(moved.p), joint.R, joint.p)
             self.give_floating(body - 1, moved.seen_from(placement))
             return

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from ..errors import TrajectoryError
+from ..joints.kinds import LENGTHS, QUATERNION, SPIN
 from ..linkage.angles import angular_drift, angular_map, rotation_from_angles
 from ..linkage.targets import COORDINATES
 from ..linkage.tree import Motion
@@ -22,9 +23,6 @@ from ..tables.signals import (
     DIRECTIONS,
     DISTANCE,
     FURTHER,
-    LENGTHS,
-    QUATERNION,
-    SPIN,
     VECTOR,
 )
 

@@ -9,12 +9,13 @@ import numpy as np
 
 from ..description.names import did_you_mean
 from ..errors import TrajectoryError
+from ..joints.kinds import LENGTHS
 from ..linkage.targets import COORDINATES
 from ..linkage.tree import Motion
 from ..spatial import LARGEST, Array, rotation_from_quaternion
 from ..structure.given import pose_numbers, triple
 from ..structure.samples import as_numbers
-from ..tables.signals import LENGTHS, WORLD
+from ..tables.signals import WORLD
 from .orientation import PLACES, check_unit, direction_of, distance_of, rate_names, turn_of
 
 #: Largest positions, rates and accelerations, and what messages say of it. A far position is out of reach.

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from ..description.names import did_you_mean
 from ..errors import TrajectoryError
-from ..linkage.joints import NV
 from ..spatial import Array
 from ..structure.building import rebuilt
 from ..structure.module import Module
@@ -28,9 +27,9 @@ def check_joints(robot: HybridRobot, names: Sequence[str]) -> None:
         if list(names).count(name) > 1:
             raise TrajectoryError(f"joints: '{name}' is named twice")
         kind = robot.kinds[robot.joint_index[name]]
-        if NV[kind] > 1:
+        if kind.nv > 1:
             raise TrajectoryError(
-                f"joints: '{name}' is {kind} and has {NV[kind]} freedoms; independent coordinates are joints "
+                f"joints: '{name}' is {kind} and has {kind.nv} freedoms; independent coordinates are joints "
                 "with one freedom each"
             )
 
@@ -100,4 +99,4 @@ def _held_joints(module: Module) -> Sequence[str]:
     if module.closures:
         return module.motors
     joints = zip(module.joints, module.mechanism.spanning.joints, strict=True)
-    return [name for name, joint in joints if NV[joint.kind] == 1]
+    return [name for name, joint in joints if joint.kind.single]

@@ -189,7 +189,7 @@ def _single(robot: HybridRobot, name: str) -> None:
     """Raise unless a name is that of a joint with a single position."""
     check_known(name, robot.joint_index, "joint")
     kind = robot.kinds[robot.joint_index[name]]
-    if kind not in ("revolute", "continuous", "prismatic"):
+    if not kind.single:
         raise TrajectoryError(
             f"joint '{name}' is {kind}: it has no single position; give a pose", column=name
         )

@@ -14,13 +14,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..description.groups import Groups
+from ..joints.kinds import JointKind
 from ..linkage.newton import LoopProblem
 from ..linkage.targets import Target
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, rotate
-
-#: Joints whose bodies share a point, and whether they share an axis.
-_SHARED = {"revolute": True, "continuous": True, "spherical": False}
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +119,8 @@ def _of_loops(problem: LoopProblem, motion: Motion, group: Callable[[int], int])
     out = []
     for i, joint in enumerate(problem.tree.joints):
         bodies = group(joint.parent), group(i + 1)
-        if joint.kind in _SHARED and bodies[0] != bodies[1]:
-            axis = motion.R[:, i + 1] @ joint.axis * _SHARED[joint.kind]
+        if (joint.kind.hinge or joint.kind is JointKind.SPHERICAL) and bodies[0] != bodies[1]:
+            axis = motion.R[:, i + 1] @ joint.axis * joint.kind.hinge
             out.append(Corner(bodies, (motion.p[:, i + 1],) * 2, (axis,) * 2))
     for c, at in zip(problem.closures.closures, problem.closures.row_slices, strict=False):
         if c.translations == (0, 1, 2):

@@ -16,8 +16,9 @@ import numpy as np
 
 from ..description.names import unique
 from ..description.placement import inverse, motion_of
-from ..description.records import FREEDOMS, ZERO, Array, Description, Joint, JointKind, Link
+from ..description.records import Array, Description, Joint, Link
 from ..errors import ModelError
+from ..joints.kinds import JointKind
 from .parts import AXES, LEAST_MOMENT, POINT_INERTIA, Sizes, is_solid, is_weightless
 from .request import Losses, add, held_links, home_of, numeral, principal, put, quaternion_of
 
@@ -31,7 +32,8 @@ MOST_FREEDOMS = 6
 WORLD = "world"
 #: MuJoCo's words for kinds of joints in a body.
 WORDS: dict[JointKind, str] = {
-    "revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "spherical": "ball",
+    JointKind.REVOLUTE: "hinge", JointKind.CONTINUOUS: "hinge",
+    JointKind.PRISMATIC: "slide", JointKind.SPHERICAL: "ball",
 }  # fmt: skip
 
 #: A joint whose body is still to come, and the body's frame at `qpos0` in the joint's frame.
@@ -78,7 +80,7 @@ class Tree:
             if not is_weightless(self._links[root]):
                 self._losses.add("mass and inertia of the world's link, which do not move", root)
         else:
-            kind: JointKind = "floating" if self._d.base == "floating" else "fixed"
+            kind: JointKind = JointKind.FLOATING if self._d.base == "floating" else JointKind.FIXED
             taken = {joint.name for joint in self._d.joints}
             first = [Joint(unique(f"{root}:free", taken), kind, "", root, np.eye(4), AXES[0])]
         todo += [(self.worldbody, 1, joint, np.eye(4), ()) for joint in reversed(_last_free(first))]
@@ -112,7 +114,7 @@ class Tree:
         body = add(self.worldbody if free else parent, "body", name=name, **pose(at))
         for joint, frame in carried:
             if free:
-                home = self._d.base_home or ZERO["floating"]
+                home = self._d.base_home or JointKind.FLOATING.zero
                 if joint.parent:
                     self._losses.add(
                         "floating joints on a base at rest are free joints beside it", joint.name
@@ -148,7 +150,7 @@ def _fits(before: list[Joint], joint: Joint) -> bool:
     """Say whether MuJoCo takes a joint in a body behind others."""
     kinds = [one.kind for one in before]
     turns = joint.kind in ("revolute", "continuous", "spherical")
-    freedoms = sum(FREEDOMS[one.kind] for one in (*before, joint))
+    freedoms = sum(one.kind.nv for one in (*before, joint))
     return freedoms <= MOST_FREEDOMS and not ("spherical" in kinds and turns) and "floating" not in kinds
 
 

@@ -15,9 +15,10 @@ import numpy as np
 
 from ..description.loop_signs import Bodies
 from ..description.names import unique
-from ..description.records import FREEDOMS, ZERO, Description
+from ..description.records import Description
 from ..effects.joints import WIDTH
 from ..effects.lengths import WORDS
+from ..joints.kinds import JointKind
 from .mjcf_bodies import WORLD, Tree
 from .request import FORCES, Losses, add, add_of_several, effects_on, put
 
@@ -82,7 +83,7 @@ def list_losses(d: Description, tree: Tree, losses: Losses) -> None:
     """List what MuJoCo cannot say of the joints of a robot as it is, without its effects."""
     springs = {spring.name for spring in d.springs if spring.stiffness}
     for old, joint in zip(d.joints, with_effects(d).joints, strict=True):
-        freedoms, endless = FREEDOMS[joint.kind], joint.kind == "continuous"
+        freedoms, endless = joint.kind.nv, joint.kind == "continuous"
         lost = {
             "dampers are read back as viscous friction, to which they are added": old.damping - joint.damping,
             "damping of free joints": joint.damping
@@ -139,7 +140,7 @@ def _in_axes_of_bodies(numbers: Mapping[str, Any], tree: Tree) -> dict[str, Any]
 
 def _add_ball_springs(numbers: Mapping[str, Any], tree: Tree) -> bool:
     """Add springs of balls; return whether their rest is MuJoCo's, all joints at zero."""
-    level = ZERO["spherical"]
+    level = JointKind.SPHERICAL.zero
     turned = {joint for joint, rest in numbers.get("rest", {}).items() if tuple(rest) != level}
     for joint, stiffness in numbers["stiffness"].items():
         put(tree.joints[joint], stiffness=None if joint in turned else stiffness or None)

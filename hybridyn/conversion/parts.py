@@ -20,7 +20,8 @@ from ..description.closure_forms import SIDEWAYS
 from ..description.loop_signs import Bodies
 from ..description.names import unique
 from ..description.placement import inverse, placement_from, poses_at
-from ..description.records import Array, Closure, Description, Joint, JointKind, Link, RotationKind, massless
+from ..description.records import Array, Closure, Description, Joint, Link, massless
+from ..joints.kinds import JointKind, RotationKind
 from .request import Losses, effects_on, held_links, home_of, quaternion_of
 
 FULL, AXES = (0, 1, 2), np.eye(3)
@@ -68,10 +69,18 @@ def is_weightless(link: Link) -> bool:
 
 #: The joints that stand for a joint, by its kind: in words, and the ending and the kind of each.
 PARTS: dict[JointKind, tuple[str, dict[str, JointKind]]] = {
-    "planar": ("two slides and a hinge", {"_x": "prismatic", "_y": "prismatic", "_turn": "revolute"}),
-    "floating": (
+    JointKind.PLANAR: (
+        "two slides and a hinge",
+        {"_x": JointKind.PRISMATIC, "_y": JointKind.PRISMATIC, "_turn": JointKind.REVOLUTE},
+    ),
+    JointKind.FLOATING: (
         "three slides and a ball",
-        {"_x": "prismatic", "_y": "prismatic", "_z": "prismatic", "_turn": "spherical"},
+        {
+            "_x": JointKind.PRISMATIC,
+            "_y": JointKind.PRISMATIC,
+            "_z": JointKind.PRISMATIC,
+            "_turn": JointKind.SPHERICAL,
+        },
     ),
 }
 
@@ -172,7 +181,7 @@ class Parts:
             out.append(name)
             parent, at = below, np.eye(4)
         if not steps:
-            self.joints.append(Joint(child, "fixed", parent, child, at, AXES[0]))
+            self.joints.append(Joint(child, JointKind.FIXED, parent, child, at, AXES[0]))
         return out
 
     def led(self, closure: Closure, rotation: RotationKind) -> Closure:
@@ -208,13 +217,13 @@ class Parts:
         turn, turns = _turns(closure, X[:3, :3])
         free = [i for i in range(3) if i not in closure.translations]
         if first:
-            slides = [_Step("prismatic", turn.T @ AXES[i], (float(X[i, 3]),)) for i in free]
+            slides = [_Step(JointKind.PRISMATIC, turn.T @ AXES[i], (float(X[i, 3]),)) for i in free]
             return placement_from(turn, np.zeros(3)), [*slides, *turns]
         back = [
             _Step(kind, turn @ axis, (*(-x for x in home[:3]), *home[3:]))
             for kind, axis, home in reversed(turns)
         ]
-        slides = [_Step("prismatic", AXES[i], (-float(X[i, 3]),)) for i in free]
+        slides = [_Step(JointKind.PRISMATIC, AXES[i], (-float(X[i, 3]),)) for i in free]
         return placement_from(turn.T, np.zeros(3)), [*back, *slides]
 
 
@@ -223,17 +232,17 @@ def _turns(closure: Closure, R: Array) -> tuple[Array, list[_Step]]:
     if closure.rotation == "fixed":
         return np.eye(3), []
     if closure.rotation == "parallel":
-        return np.eye(3), [_Step("revolute", AXES[2], (float(np.arctan2(R[1, 0], R[0, 0])),))]
+        return np.eye(3), [_Step(JointKind.REVOLUTE, AXES[2], (float(np.arctan2(R[1, 0], R[0, 0])),))]
     if closure.rotation == "free":
         w, x, y, z = quaternion_of(R)
-        return np.eye(3), [_Step("spherical", AXES[2], (x, y, z, w))]
+        return np.eye(3), [_Step(JointKind.SPHERICAL, AXES[2], (x, y, z, w))]
     alpha = float(np.arctan2(R[1, 2], R[0, 2]))
     c, s = np.cos(alpha), np.sin(alpha)
     rest = SIDEWAYS.T @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ R
     beta = float(np.arctan2(rest[1, 0], rest[0, 0]))
     return SIDEWAYS, [
-        _Step("revolute", SIDEWAYS.T @ AXES[2], (alpha,)),
-        _Step("revolute", AXES[2], (beta,)),
+        _Step(JointKind.REVOLUTE, SIDEWAYS.T @ AXES[2], (alpha,)),
+        _Step(JointKind.REVOLUTE, AXES[2], (beta,)),
     ]
 
 

@@ -18,9 +18,7 @@ from ..description.closure_forms import PERPENDICULAR, ROWS, words_of_rows
 from ..description.names import listed, unique
 from ..description.placement import angle_of
 from ..description.records import (
-    FREEDOMS,
     ON_LINKS,
-    ZERO,
     Array,
     Closure,
     Coupling,
@@ -29,6 +27,7 @@ from ..description.records import (
     named_by,
 )
 from ..description.shape_files import Shape
+from ..joints.kinds import JointKind
 from ..spatial import quaternion_from_rotation
 
 #: Distance by which closures may open in a simulator that holds them with springs [m], where left out.
@@ -42,7 +41,7 @@ FORCES = ("damping", "friction", "rotor_inertia", "gear_ratio")
 #: What becomes of a floating joint where a body that no joint holds is one.
 FREED = "floating joints have the name of their link and _free, and start at the world"
 #: A joint without limits, friction and rotor.
-PLAIN = Joint("", "fixed", "", "", np.eye(4), np.zeros(3))
+PLAIN = Joint("", JointKind.FIXED, "", "", np.eye(4), np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,7 @@ def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
     Args:
         joint: One of its joints, not fixed.
     """
-    at = d.home.get(joint.name) or ZERO[joint.kind]
+    at = d.home.get(joint.name) or joint.kind.zero
     if joint.kind == "planar":
         return (*at[:2], angle_of(at[2:]))
     return at if joint.kind in ("spherical", "floating") else (angle_of(at),)
@@ -126,7 +125,7 @@ def add_of_several(
     """
     for what, words in (("limits", limits), ("friction and rotors", forces)):
         stated = any(getattr(joint, word) != getattr(PLAIN, word) for word in words)
-        if FREEDOMS[joint.kind] > 1 and stated:
+        if joint.kind.nv > 1 and stated:
             losses.add(f"{what} of joints with several freedoms", joint.name)
 
 

@@ -17,19 +17,17 @@ import numpy as np
 from ..description.names import noted, unique
 from ..description.placement import angle_of, free_pose, inverse, motion_of, poses_at, turned
 from ..description.records import (
-    FREEDOMS,
-    ZERO,
     Array,
     Closure,
     Coupling,
     Description,
     Joint,
     Link,
-    RotationKind,
 )
 from ..description.sdf.elements import NUMBERS
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
+from ..joints.kinds import JointKind, RotationKind
 from ..linkage.closures import residual_of
 from .parts import FULL, in_parts
 from .request import (
@@ -77,7 +75,7 @@ def _joint(joint: Joint, spring: tuple[float, float], mimic: tuple[str, float, f
         mimic: Leader, factor and offset, where it follows another joint.
     """
     kind = "ball" if joint.kind == "spherical" else joint.kind
-    if FREEDOMS[joint.kind] != 1:
+    if not joint.kind.single:
         return joint_of(joint.name, kind, joint.parent, joint.child)
     leader, *numbers = mimic or ("", 1.0, 0.0)
     follows = {"@joint": leader, **dict(zip(NUMBERS["mimic"], (*numbers, 0.0), strict=True))}
@@ -280,7 +278,7 @@ def _shifted(
         return numbers | {"rest": {joint: x - shift.get(joint, 0.0) for joint, x in rest.items()}}
     if name == "ball_spring":
         return numbers | {"rest": numbers.get("rest", {}) | {
-            joint: _turned_back(home[joint], numbers.get("rest", {}).get(joint, ZERO["spherical"]))
+            joint: _turned_back(home[joint], numbers.get("rest", {}).get(joint, JointKind.SPHERICAL.zero))
             for joint in numbers["stiffness"] if joint in home
         }}  # fmt: skip
     limits = {

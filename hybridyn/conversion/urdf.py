@@ -14,7 +14,7 @@ import numpy as np
 from ..description.closure_forms import FORMS
 from ..description.followers import followers_at_home
 from ..description.placement import turned
-from ..description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link
+from ..description.records import Array, Closure, Coupling, Description, Joint, Link
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
 from ..description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
@@ -114,7 +114,7 @@ def _joint(joint: Joint, endless: bool, mimic: tuple[str, float, float] | None) 
         "origin": _origin(joint.placement),
         "parent": {"@link": joint.parent},
         "child": {"@link": joint.child},
-        "axis": {"@xyz": joint.axis} if FREEDOMS[joint.kind] == 1 or joint.kind == "planar" else None,
+        "axis": {"@xyz": joint.axis} if joint.kind.single or joint.kind == "planar" else None,
         "limit": limit if required or np.isfinite([*bounds.values()]).any() else None,
         "dynamics": dynamics if joint.damping or joint.friction else None,
         "rotor_inertia": {"@value": joint.rotor_inertia} if joint.rotor_inertia else None,

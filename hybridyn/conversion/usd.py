@@ -17,9 +17,10 @@ import numpy as np
 from ..description.closure_forms import ROWS
 from ..description.names import unique
 from ..description.placement import angle_of, free_pose, poses_at, rotation_to_axis, turned
-from ..description.records import FREEDOMS, Array, Closure, Coupling, Description, Joint, Link, RotationKind
+from ..description.records import Array, Closure, Coupling, Description, Joint, Link
 from ..description.side_cars.model_toml import model_file
 from ..description.usd.schema import AXES, DEGREES
+from ..joints.kinds import RotationKind
 from .parts import POINT_INERTIA, in_parts, sizes_of
 from .request import (
     FORCES,
@@ -205,7 +206,7 @@ def add_joint(
         free, turn = ("transZ" if joint.kind == "prismatic" else "rotZ",), rotation_to_axis(joint.axis)
     ends = End(bodies[0], turned(joint.placement, turn)), End(bodies[1], turned(np.eye(4), turn))
     out = start_joint(parent, joint.name, free, ends)
-    if FREEDOMS[joint.kind] == 1:
+    if joint.kind.single:
         _add_numbers(out, joint, driven, home, losses)
     return out
 
@@ -355,7 +356,7 @@ def _model_file(d: Description, couplings: list[Coupling]) -> str:
     """Return the model file: motors, effects, other couplings, and numbers that no prim holds."""
     numbers: dict[str, dict[str, float]] = {}
     for joint in d.joints:
-        geared = FREEDOMS[joint.kind] == 1 and joint.gear_ratio != 1
+        geared = joint.kind.single and joint.gear_ratio != 1
         words = FORCES if joint.kind == "spherical" else FORCES[2:] if geared else ()
         stated = {word: getattr(joint, word) for word in words}
         numbers[joint.name] = {word: x for word, x in stated.items() if x != getattr(PLAIN, word)}

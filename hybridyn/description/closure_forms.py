@@ -20,10 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import ModelError
+from ..joints.kinds import JointKind, RotationKind
 from .groups import Groups
 from .names import listed
 from .placement import poses_at_zero, relative, rotation_to_axis, turned
-from .records import Array, Closure, MotorStatement, RobotFile, RotationKind
+from .records import Array, Closure, MotorStatement, RobotFile
 
 #: One side of a closure: link, and the frame placed on it by the author, shape (4, 4).
 Side = tuple[str, Array]
@@ -197,13 +198,12 @@ def apply_welded_frames(robot: RobotFile) -> None:
 
 def _name_balls_and_motors(robot: RobotFile) -> None:
     """Make hinges named `spherical` balls, and joints named `motor` motors, as Gepetto's reader does."""
-    hinges = ("revolute", "continuous")
-    balls = {joint.name for joint in robot.joints if "spherical" in joint.name and joint.kind in hinges}
+    balls = {joint.name for joint in robot.joints if "spherical" in joint.name and joint.kind.hinge}
     robot.joints = [
-        replace(joint, kind="spherical", **FREE) if joint.name in balls else joint for joint in robot.joints
+        replace(joint, kind=JointKind.SPHERICAL, **FREE) if joint.name in balls else joint
+        for joint in robot.joints
     ]
-    kinds = (*hinges, "prismatic")
-    motors = tuple(joint.name for joint in robot.joints if "motor" in joint.name and joint.kind in kinds)
+    motors = tuple(joint.name for joint in robot.joints if "motor" in joint.name and joint.kind.single)
     if motors:
         where = "joints that are named 'motor', as in Gepetto's models"
         robot.motors.append(MotorStatement("names", where, motors, robot.file))

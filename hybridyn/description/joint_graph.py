@@ -16,12 +16,13 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from ..joints.kinds import JointKind
 from ..spatial import quaternion_from_rotation
 from .closure_forms import closure_of
 from .groups import Groups
 from .names import unique
 from .placement import inverse
-from .records import FREEDOMS, Array, Closure, Coupling, Joint, JointKind, RobotFile, massless
+from .records import Array, Closure, Coupling, Joint, RobotFile, massless
 
 #: Key of the world among those of bodies.
 WORLD = ""
@@ -162,7 +163,7 @@ def screw(turn: Joint, slide: str, pitch: float, line: int | None) -> tuple[list
     if not pitch:
         return [turn], []
     tie = Coupling(slide, ((slide, 1.0), (turn.name, -pitch)), 0.0, line)
-    return [turn, step(slide, "prismatic", turn.axis)], [tie]
+    return [turn, step(slide, JointKind.PRISMATIC, turn.axis)], [tie]
 
 
 def add_chain(robot: RobotFile, chain: Sequence[Joint], links: Sequence[str]) -> None:
@@ -243,7 +244,7 @@ class JointGraph:
         robot.links.insert(0, massless(self.links[WORLD]))
         for root in tree.roots:
             name = self.joint_name(f"{self.links[root]}_free")
-            add_chain(robot, [step(name, "floating")], [self.links[WORLD], self.links[root]])
+            add_chain(robot, [step(name, JointKind.FLOATING)], [self.links[WORLD], self.links[root]])
             robot.home[name] = pose_coordinates(poses[root])
         return tree.branches
 
@@ -266,9 +267,11 @@ class JointGraph:
         If an axis does not pass through the origin of the child link, the chain ends in a massless link at
         the joint, to which the child is welded.
         """
-        chain, (at, far) = [*steps] or [step(stated.name, "fixed")], frames
+        chain, (at, far) = [*steps] or [step(stated.name, JointKind.FIXED)], frames
         if steps and _misses(chain[-1], far):
-            chain.append(step(self.joint_name(self.weld.format(child=child, joint=chain[-1].name)), "fixed"))
+            chain.append(
+                step(self.joint_name(self.weld.format(child=child, joint=chain[-1].name)), JointKind.FIXED)
+            )
         places, turns = [np.eye(4)] * len(chain), [np.eye(3)] * len(chain)
         places[-1], turns[-1] = inverse(far), far[:3, :3]
         places[0] = at @ places[0]
@@ -278,7 +281,7 @@ class JointGraph:
                 one,
                 line=stated.line,
                 placement=place,
-                axis=turn @ one.axis * sign if FREEDOMS[one.kind] == 1 else one.axis,
+                axis=turn @ one.axis * sign if one.kind.single else one.axis,
             )
             for one, place, turn in zip(chain, places, turns, strict=True)
         ]
@@ -311,7 +314,7 @@ def pose_coordinates(frame: Array) -> tuple[float, ...]:
 def _misses(step: Joint, far: Array) -> bool:
     """Return whether the motion of a joint is no motion about or along the origin of its child."""
     offset = far[:3, 3]
-    if not offset.any() or step.kind == "prismatic":
+    if not offset.any() or step.kind.slides:
         return False
     axis = far[:3, :3] @ step.axis
     across = offset - axis * (axis @ offset)

@@ -21,7 +21,7 @@ from ..errors import ModelError
 from .motors import EVERY_JOINT, moved_by
 from .names import DROPS, NOTHING, closest, listed
 from .placement import outwards
-from .records import FREEDOMS, Array, Description, Format, Joint, RobotFile
+from .records import Array, Description, Format, Joint, RobotFile
 from .urdf.xml_node import Node
 
 ACCEPTED_FORMS = (
@@ -307,7 +307,7 @@ def _passive_joints(description: Description) -> Iterator[Sign]:
             )
     elif told := [word for word in ("<transmission>", "<ros2_control>") if word in description.motors_from]:
         moved = moved_by(description.motors, description.couplings)
-        passive = [j.name for j in description.joints if FREEDOMS[j.kind] == 1 and j.name not in moved]
+        passive = [j.name for j in description.joints if j.kind.single and j.name not in moved]
         if passive:
             yield Sign(
                 f"{told[0]} drives {len(description.motors)} joints and leaves these passive: "

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import ModelError
 from .names import closest, did_you_mean, listed
-from .records import FREEDOMS, Coupling, Joint, MotorSource, MotorStatement, RobotFile
+from .records import Coupling, Joint, MotorSource, MotorStatement, RobotFile
 
 #: Sources of motor names, the strongest first; names that the caller passes come before all of them.
 RANKING: tuple[MotorSource, ...] = (
@@ -83,7 +83,7 @@ def _by_rule(robot: RobotFile) -> tuple[tuple[str, ...], str]:
     if not robot.closures and all(_is_mimic(coupling) for coupling in robot.couplings):
         return tuple(joint.name for joint in free), EVERY_JOINT
     strong = [joint.name for joint in free if 0 < joint.effort < np.inf]
-    moving = [joint for joint in robot.joints if FREEDOMS[joint.kind] and joint.name not in robot.closing]
+    moving = [joint for joint in robot.joints if joint.kind.nv and joint.name not in robot.closing]
     if 0 < len(strong) < len(moving):
         return tuple(strong), "joints with an effort limit above zero, because no file names motors"
     robot.notes.append(
@@ -97,7 +97,7 @@ def _free_joints(robot: RobotFile) -> list[Joint]:
     """Return the joints with one freedom that mimic no other and let no body move freely."""
     others = {coupling.name for coupling in robot.couplings if _is_mimic(coupling)}
     others |= robot.undriven | robot.closing
-    return [joint for joint in robot.joints if FREEDOMS[joint.kind] == 1 and joint.name not in others]
+    return [joint for joint in robot.joints if joint.kind.single and joint.name not in others]
 
 
 def _is_mimic(coupling: Coupling) -> bool:
@@ -107,7 +107,7 @@ def _is_mimic(coupling: Coupling) -> bool:
 
 def _checked(robot: RobotFile, statement: MotorStatement) -> tuple[str, ...]:
     kinds = {joint.name: joint.kind for joint in robot.joints}
-    known = [name for name, kind in kinds.items() if FREEDOMS[kind] == 1]
+    known = [name for name, kind in kinds.items() if kind.single]
     for index, name in enumerate(statement.names):
         wrong = "is stated twice" if name in statement.names[:index] else ""
         if name not in kinds:

@@ -18,33 +18,34 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
+from ..joints.kinds import JointKind
 from .joint_graph import add_chain, screw, step
 from .names import counted, listed, noted, unique
 from .pin_constraints import closures_of, is_finite, is_placement, notes_on, plain_constraints
 from .placement import angle_of
-from .records import FREEDOMS, ZERO, Array, Coupling, Joint, JointKind, Link, RobotFile, massless
+from .records import Array, Coupling, Joint, Link, RobotFile, massless
 
 #: Limits of this size or more are those of a joint without limit: Pinocchio fills in the largest float.
 UNLIMITED = 1e300
 #: Kinds of joint by the start of Pinocchio's name for it.
 KINDS: dict[str, JointKind] = {
-    "JointModelRUB": "continuous",
-    "JointModelRevoluteUnbounded": "continuous",
-    "JointModelR": "revolute",
-    "JointModelP": "prismatic",
+    "JointModelRUB": JointKind.CONTINUOUS,
+    "JointModelRevoluteUnbounded": JointKind.CONTINUOUS,
+    "JointModelR": JointKind.REVOLUTE,
+    "JointModelP": JointKind.PRISMATIC,
 }
 #: How Pinocchio calls screws, and joints that mimic others.
 SCREW, MIMIC = "JointModelH", "JointModelMimic"
 #: Joints with several freedoms that the description has too.
 WHOLE: dict[str, JointKind] = {
-    "JointModelSpherical": "spherical",
-    "JointModelPlanar": "planar",
-    "JointModelFreeFlyer": "floating",
+    "JointModelSpherical": JointKind.SPHERICAL,
+    "JointModelPlanar": JointKind.PLANAR,
+    "JointModelFreeFlyer": JointKind.FLOATING,
 }
 #: Joints that become chains of revolute or prismatic joints about or along the axes that their endings name.
 CHAINS: dict[str, tuple[JointKind, str]] = {
-    "JointModelTranslation": ("prismatic", "xyz"),
-    "JointModelSphericalZYX": ("revolute", "zyx"),
+    "JointModelTranslation": (JointKind.PRISMATIC, "xyz"),
+    "JointModelSphericalZYX": (JointKind.REVOLUTE, "zyx"),
 }
 #: Joints that the description does not have, with the reason.
 REFUSED = {
@@ -80,7 +81,7 @@ def joints_of(model: pin.Model, number: int, followers: Followers) -> list[Joint
     chain = _pieces(model, number, model.joints[number], str(model.names[number]), followers)
     placement = np.asarray(model.jointPlacements[number].homogeneous)
     chain[0] = replace(chain[0], placement=placement @ chain[0].placement)
-    counts = (0 if joint.name in followers else FREEDOMS[joint.kind] for joint in chain)
+    counts = (0 if joint.name in followers else joint.kind.nv for joint in chain)
     pieces = zip(chain, accumulate(counts, initial=0), strict=False)
     return [
         joint if joint.name in followers else replace(joint, **_numbers_of(model, number, joint, at))
@@ -109,11 +110,13 @@ def _pieces(
     if word == "JointModelUniversal":
         universal = joint.extract()
         axes = (np.array(universal.axis1), np.array(universal.axis2))
-        return [step(f"{name}_{i}", "revolute", axis) for i, axis in enumerate(axes, 1)]
+        return [step(f"{name}_{i}", JointKind.REVOLUTE, axis) for i, axis in enumerate(axes, 1)]
     if word == "JointModelComposite":
         return _composite(model, number, joint, name, followers)
     if word.startswith(SCREW):
-        return _screw(_axis(_alone(joint), 1, "revolute"), float(joint.extract().pitch), name, followers)
+        return _screw(
+            _axis(_alone(joint), 1, JointKind.REVOLUTE), float(joint.extract().pitch), name, followers
+        )
     for start, kind in KINDS.items():
         if word.startswith(start):
             return [step(name, kind, _axis(_alone(joint), 1, kind))]
@@ -129,7 +132,7 @@ def _alone(joint: pin.JointModel) -> pin.Model:
 
 def _screw(axis: Array, pitch: float, name: str, followers: Followers) -> list[Joint]:
     """Return a hinge and the slide that follows it."""
-    chain, couplings = screw(step(name, "revolute", axis), f"{name}_slide", pitch, None)
+    chain, couplings = screw(step(name, JointKind.REVOLUTE, axis), f"{name}_slide", pitch, None)
     followers |= {coupling.name: coupling for coupling in couplings}
     return chain
 
@@ -155,7 +158,7 @@ def _mimic(model: pin.Model, number: int, name: str, followers: Followers) -> li
         message = f"mimics '{model.names[leader]}' with a factor of 0; replace it by a fixed frame"
         raise joint_error(model, number, message)
     if size < MIMIC_STILL:
-        chain = [step(name, "prismatic", twist[:3])]
+        chain = [step(name, JointKind.PRISMATIC, twist[:3])]
     else:
         axis = twist[3:] / size
         pitch = float(axis @ twist[:3])
@@ -197,7 +200,7 @@ def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dic
     Raises:
         ModelError: A number is negative, or what a joint with several freedoms cannot have here.
     """
-    count, at = FREEDOMS[piece.kind], int(model.idx_vs[joint]) + freedom
+    count, at = piece.kind.nv, int(model.idx_vs[joint]) + freedom
     words = ("damping", "armature", "friction", "rotorInertia", "rotorGearRatio")
     numbers = {word: np.asarray(getattr(model, word))[at : at + count] for word in words}
     for word, values in list(numbers.items())[:4]:
@@ -347,7 +350,7 @@ def _add_frames(robot: RobotFile, model: pin.Model, names: Sequence[str], first:
             name = unique(str(frame.name), links)
             robot.links.append(massless(name))
             robot.joints.append(Joint(
-                unique(f"{name}_frame", joints), "fixed", names[frame.parentJoint], name,
+                unique(f"{name}_frame", joints), JointKind.FIXED, names[frame.parentJoint], name,
                 np.array(frame.placement.homogeneous), np.array([1.0, 0, 0]),
             ))  # fmt: skip
     left_out = [str(frame.name) for frame in frames if frame.parentJoint < first]
@@ -387,7 +390,7 @@ def _add_home(
     for number, chain in chains.items():
         at = int(model.idx_qs[number])
         for joint in (joint for joint in chain if joint.name not in followers):
-            count = len(ZERO[joint.kind])
+            count = len(joint.kind.zero)
             robot.home[joint.name] = tuple(float(x) for x in q[at : at + count])
             at += count
 

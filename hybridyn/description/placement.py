@@ -111,9 +111,9 @@ def motion_of(joint: Joint, positions: Mapping[str, tuple[float, ...]]) -> Array
     at = positions.get(joint.name)
     if at is None or joint.kind == "fixed":
         return np.eye(4)
-    if joint.kind == "prismatic":
+    if joint.kind.slides:
         return placement_from(np.eye(3), joint.axis * at[0])
-    if joint.kind in ("spherical", "floating"):
+    if joint.kind.ball:
         return free_pose(((0.0,) * 3 + at)[-7:])
     place, turn = ((*at[:2], 0.0), at[2:]) if joint.kind == "planar" else ((0.0,) * 3, at)
     angle = angle_of(turn)

@@ -17,12 +17,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..joints.kinds import JointKind, RotationKind
+
 Array = NDArray[np.float64]
 
-JointKind = Literal["fixed", "revolute", "continuous", "prismatic", "spherical", "planar", "floating"]
 StatedBase = Literal["fixed", "floating"]
 Format = Literal["URDF", "MJCF", "Pinocchio", "USD", "SDF"]
-RotationKind = Literal["free", "perpendicular", "parallel", "fixed"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +131,7 @@ class Joint:
         rotor_inertia: Inertia of the rotor about its own axis [kg m^2].
         gear_ratio: Rotor turns per joint turn.
         line: Line in the file, or None.
+        pitch: Way of a screw along its axis [m/rad].
     """
 
     name: str
@@ -148,6 +149,10 @@ class Joint:
     rotor_inertia: float = 0.0
     gear_ratio: float = 1.0
     line: int | None = None
+    pitch: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "kind", JointKind(self.kind))
 
     @property
     def armature(self) -> float:
@@ -370,8 +375,8 @@ class Description:
         # Cosine and sine do not count whole turns, which a coupling needs.
         geared = {name for coupling in self.couplings for name, _ in coupling.terms}
         joints = tuple(
-            replace(joint, kind="revolute", lower=-np.inf, upper=np.inf)
-            if joint.kind == "continuous" and joint.name in geared
+            replace(joint, kind=JointKind.REVOLUTE, lower=-np.inf, upper=np.inf)
+            if joint.kind.endless and joint.name in geared
             else joint
             for joint in self.joints
         )
@@ -423,27 +428,6 @@ class Description:
 MotorSource = Literal[
     "side-car", "model file", "actuator", "transmission", "independent", "interface", "names"
 ]  # fmt: skip
-
-
-#: Number of freedoms of a joint, by its kind.
-FREEDOMS: dict[JointKind, int] = {
-    "fixed": 0,
-    "revolute": 1,
-    "continuous": 1,
-    "prismatic": 1,
-    "spherical": 3,
-    "planar": 3,
-    "floating": 6,
-}
-#: Coordinates of a joint at zero, by its kind, as in Pinocchio: unlimited angles are cosine and sine.
-ZERO: dict[str, tuple[float, ...]] = {
-    "revolute": (0.0,),
-    "continuous": (1.0, 0.0),
-    "prismatic": (0.0,),
-    "spherical": (0.0, 0.0, 0.0, 1.0),
-    "planar": (0.0, 0.0, 1.0, 0.0),
-    "floating": (0.0,) * 6 + (1.0,),
-}
 
 
 class MotorStatement(NamedTuple):

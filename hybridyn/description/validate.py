@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import ModelError
 from .names import LISTED_NAMES, counted, did_you_mean, listed
 from .placement import outwards
-from .records import FREEDOMS, Closure, Coupling, Joint, Link, RobotFile
+from .records import Closure, Coupling, Joint, Link, RobotFile
 
 #: Tolerance of the triangle inequality, relative to the largest moment: CAD keeps 3 to 6 digits.
 INERTIA_SLACK = 1e-3
@@ -116,7 +116,7 @@ def _check_couplings(robot: RobotFile) -> None:
         for name, _ in coupling.terms:
             if name not in kinds:
                 wrong = f"unknown joint '{name}'{did_you_mean(name, kinds)}"
-            elif FREEDOMS[kinds[name]] != 1:
+            elif not kinds[name].single:
                 wrong = f"joint '{name}' is {kinds[name]}; only joints with one freedom can be coupled"
         if wrong:
             raise _error(robot, coupling, f": {wrong}")

@@ -135,7 +135,7 @@ def load_share(robot: HybridRobot, module: Module, weights: Array | None) -> Arr
     limits = np.array([motor.effort_limit for motor in motors])
     if np.isfinite(limits).all():
         return limits
-    if len({motor.kind == "prismatic" for motor in motors}) > 1:
+    if len({motor.kind.slides for motor in motors}) > 1:
         raise ActuationError(
             f"module '{module.name}': {len(motors)} motors, some in N and some in N m, share "
             f"{counted(module.driven, 'freedom')}. Give weights, or an effort limit for each motor, so that "

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import ModelError
+from ..joints.kinds import JointKind
 from ..spatial import LARGEST, Array
 from ..structure.robot import HybridRobot
 from .joints import WIDTH, JointEffect, Numbers, Numerals, positive
@@ -31,7 +32,7 @@ class RotorInertia(JointEffect):
     inertia: Numbers | None = None
     name: ClassVar[str] = "rotor_inertia"
     by_joint = ("inertia",)
-    several = ("spherical",)
+    several = (JointKind.SPHERICAL,)
     from_files = "armature"
 
 
@@ -39,7 +40,7 @@ class _Viscous(JointEffect):
     """tau = -c v."""
 
     by_joint = ("coefficient",)
-    several = ("spherical", "planar", "floating")
+    several = (JointKind.SPHERICAL, JointKind.PLANAR, JointKind.FLOATING)
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Return -c v."""
@@ -83,7 +84,7 @@ class CoulombFriction(JointEffect):
     width: float = WIDTH
     name: ClassVar[str] = "coulomb_friction"
     by_joint = ("level",)
-    several = ("spherical",)
+    several = (JointKind.SPHERICAL,)
     from_files = "friction"
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
@@ -154,7 +155,7 @@ class Spring(JointEffect):
                 f"finite, and at most {LARGEST:.0e}",
                 element=far,
             )
-        endless = {name for name, kind in zip(robot.joints, robot.kinds, strict=True) if kind == "continuous"}
+        endless = {name for name, kind in zip(robot.joints, robot.kinds, strict=True) if kind.endless}
         known = super().numbers(robot)
         return {n: (k, float(self.rest.get(n, 0.0)), float(n in endless)) for n, (k,) in known.items()}
 
@@ -234,7 +235,7 @@ class PolynomialDamper(_Polynomial):
 
     coefficients: Mapping[str, Sequence[float]] = field(default_factory=dict)
     name: ClassVar[str] = "polynomial_damper"
-    several = ("spherical",)
+    several = (JointKind.SPHERICAL,)
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the effort."""
@@ -256,7 +257,7 @@ class BallSpring(JointEffect):
     rest: Mapping[str, Sequence[float]] = field(default_factory=dict)
     name: ClassVar[str] = "ball_spring"
     by_joint = ("stiffness",)
-    several = ("spherical",)
+    several = (JointKind.SPHERICAL,)
     coordinates = 4
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
@@ -269,7 +270,7 @@ class BallSpring(JointEffect):
         out = {}
         for joint, (k,) in super().numbers(robot).items():
             rest = np.asarray(self.rest.get(joint, (0.0, 0.0, 0.0, 1.0)), dtype=float)
-            if kinds.get(joint, "spherical") != "spherical":
+            if kinds.get(joint, JointKind.SPHERICAL) is not JointKind.SPHERICAL:
                 raise ModelError(
                     f"{self.name}: joint '{joint}' is {kinds[joint]}; it must be spherical", element=joint
                 )

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..description.names import did_you_mean, listed
 from ..errors import ModelError
+from ..joints.kinds import JointKind
 from ..spatial import LARGEST, Array, Index, Mask
 from ..structure.robot import HybridRobot
 
@@ -38,7 +39,7 @@ class JointEffect(ABC):
     name: ClassVar[str]
     by_joint: ClassVar[tuple[str, ...]]
     from_files: ClassVar[str] = ""
-    several: ClassVar[tuple[str, ...]] = ()
+    several: ClassVar[tuple[JointKind, ...]] = ()
     coordinates: ClassVar[int] = 0
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
@@ -147,7 +148,7 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
             raise ModelError(
                 f"{effect.name}: joint '{name}' is {kind}; it must have one freedom{or_several}", element=name
             )
-        place = robot.q_slices[index].start, robot.kinds[index] == "continuous"
+        place = robot.q_slices[index].start, robot.kinds[index].endless
         each = effect.by_freedom(values, freedoms.stop - freedoms.start)
         rows += [(at, *place, *own) for at, own in enumerate(each, freedoms.start)]
     refuse_cut(effect.name, robot, numbers)

@@ -122,7 +122,7 @@ def on_tendons(effect: Tendons, robot: HybridRobot) -> OnTendons | None:
     joints = tuple(effect.numbers(robot))
     for name in joints:
         kind = robot.kinds[joint_number(effect.name, robot, name)]
-        if kind not in ("revolute", "prismatic"):
+        if not kind.additive:
             raise ModelError(
                 f"{effect.name}: joint '{name}' is {kind}; it must be revolute or prismatic",
                 element=name,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from ..assembly.free_motions import free_motions
 from ..description.names import counted
-from ..linkage.joints import LETTERS
+from ..joints.kinds import JointKind
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 
@@ -167,5 +167,5 @@ class _Walk:
 
     def _joint(self, name: str) -> tuple[str, str]:
         """Return letter and name of a joint; only a moving base has no kind of its own."""
-        letter = LETTERS.get(self.kinds.get(name, "floating"), "")
+        letter = self.kinds.get(name, JointKind.FLOATING).letter
         return letter, f"{name}*" if name in self.robot.motors else name

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..colours import MOTOR, lighter, module_colour
-from ..linkage.joints import LETTERS
+from ..joints.kinds import JointKind
 from .as_matplotlib import empty_figure
 from .module_tree import Card, Leg
 
@@ -91,7 +91,7 @@ def figure_of_cards(cards: Sequence[Card]) -> Figure:
     for card, place in zip(cards, places, strict=True):
         _card(ax, card, place, None if card.parent is None else places[card.parent])
     used = {letter for card in cards for leg in card.legs for letter, _ in leg}
-    kinds = [f"{one} {kind}" for kind, one in LETTERS.items() if one in used and kind != "continuous"]
+    kinds = [f"{one} {kind}" for kind in JointKind if (one := kind.letter) in used and not kind.endless]
     ax.text(MARGIN, height - MARGIN, ", ".join(["dark: motor", *kinds]), fontsize=8, color=FAINT, va="center")
     return figure
 

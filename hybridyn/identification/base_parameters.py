@@ -148,7 +148,7 @@ def units(robot: HybridRobot, parameters: StandardParameters) -> Array:
     for at in parameters.tens:
         out[at] = size ** np.array([0.0] + [1.0] * 3 + [2.0] * 6)
     for term in parameters.terms:
-        turns = np.array([robot.records[name].kind != "prismatic" for name in term.joints])
+        turns = np.array([not robot.records[name].kind.slides for name in term.joints])
         out[term.columns] = np.where(turns, size**2, 1.0)
     return out
 

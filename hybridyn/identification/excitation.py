@@ -176,8 +176,8 @@ class _Search:
         room = []
         for name, x in zip(robot.motors, self.home, strict=True):
             joint = robot.records[name]
-            free = ROOM * (robot.bodies.size if joint.kind == "prismatic" else 1.0)
-            limited = joint.kind != "continuous" and joint.lower < joint.upper
+            free = ROOM * (robot.bodies.size if joint.kind.slides else 1.0)
+            limited = not joint.kind.endless and joint.lower < joint.upper
             room.append(min(free, max(joint.upper - x, x - joint.lower)) if limited else free)
         self.room, self.of_home = np.array(room), _growth(robot, robot.home[None])
 

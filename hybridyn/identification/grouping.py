@@ -19,6 +19,7 @@ import scipy.linalg
 
 from ..dynamics.link_motion import body_motions
 from ..effects.choice import Choice
+from ..joints.kinds import JointKind, Turn
 from ..spatial import Array
 from ..structure.bodies import BodyJoint
 from ..structure.module import Module
@@ -33,11 +34,8 @@ RELATED = 1e-7
 STAYS_PARALLEL = 1e-6
 #: Random values beyond the number of columns.
 MORE = 20
-#: Vectors that a joint and a closure share: directions (numbers of axes, or "axis"), and whether the origin.
-OF_JOINT = {
-    "revolute": ("axis", True), "continuous": ("axis", True), "prismatic": ("all", False),
-    "spherical": ("none", True), "planar": ("axis", False), "floating": ("none", False),
-}  # fmt: skip
+#: Directions that both sides of a joint and of a closure share.
+OF_TURN = {Turn.NONE: "all", Turn.ANGLE: "axis", Turn.CIRCLE: "axis", Turn.BALL: "none"}
 OF_CLOSURE = {"fixed": "all", "parallel": "axis", "perpendicular": "none", "free": "none"}
 
 
@@ -118,7 +116,8 @@ class Vectors:
         rest = np.zeros((1, robot.nv))
         self.home = body_motions(robot, robot.home[None], rest, rest)
         for j in robot.bodies.joints:
-            axes, origin = OF_JOINT[j.joint.kind]
+            kind = j.joint.kind
+            axes, origin = OF_TURN[kind.turn], not kind.shift and kind is not JointKind.SCREW
             directions = {"all": np.eye(3), "axis": j.joint.axis[None], "none": np.zeros((0, 3))}[axes]
             ends = (j.parent, j.R, j.p), (j.child, np.eye(3), np.zeros(3))
             self._share(f"joint '{j.joint.name}'", ends, directions, origin)
@@ -215,14 +214,14 @@ class Vectors:
         j = next(j for j in self.robot.bodies.joints if j.joint.name == joint)
         child, axis = 4 * j.child, j.R @ j.joint.axis
         turns = 3 - still[j.parent].shape[1]
-        if j.joint.kind == "prismatic" and _rests(axis, still[j.parent]):
+        if j.joint.kind.slides and _rests(axis, still[j.parent]):
             away, slope = self._slide(j), self._along(j.parent, axis) @ self.down
             if symbol == "Ia":
                 return np.vecdot(*[_combined(away, x)] * 2), 0.0
             if symbol == "offset" and abs(slope) > RELATED:
                 return np.zeros(len(x)), h @ away / slope
         across = turns == 2 and abs(still[j.parent][:, 0] @ axis) < RELATED
-        if symbol == "Ia" and j.joint.kind in ("revolute", "continuous") and (not turns or across):
+        if symbol == "Ia" and j.joint.kind.hinge and (not turns or across):
             one, other, along = (
                 np.einsum("i,tij->tj", e, x[:, child : child + 3])
                 for e in (*np.linalg.svd(j.joint.axis[None])[2][1:], j.joint.axis)
@@ -252,7 +251,7 @@ class Vectors:
 
     def _slides(self, still: list[Array]) -> list[BodyJoint]:
         """Return the slides whose axes rest in the world."""
-        joints = (j for j in self.robot.bodies.joints if j.joint.kind == "prismatic")
+        joints = (j for j in self.robot.bodies.joints if j.joint.kind.slides)
         return [j for j in joints if _rests(j.R @ j.joint.axis, still[j.parent])]
 
     def _slide(self, j: BodyJoint) -> Array:

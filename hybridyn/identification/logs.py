@@ -180,7 +180,7 @@ def _of_motors(
 def _check_travel(robot: HybridRobot, log: Log) -> None:
     """Check that every motor moves."""
     travel = np.ptp(log.position, axis=0)
-    linear = np.array([robot.records[name].kind == "prismatic" for name in robot.motors])
+    linear = np.array([robot.records[name].kind.slides for name in robot.motors])
     most = np.array([travel[linear == kind].max() for kind in linear])
     still = [name for name, x, y in zip(robot.motors, travel, most, strict=True) if x <= MOVES * y]
     if still:

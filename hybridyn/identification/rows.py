@@ -180,5 +180,5 @@ def check_robot(robot: HybridRobot) -> None:
     if not robot.motors:
         raise ModelError("the robot has no motors: name them (motors=[...])")
     for name in robot.motors:
-        if robot.records[name].kind not in ("revolute", "continuous", "prismatic"):
+        if not robot.records[name].kind.single:
             raise ModelError(f"motor '{name}' has several freedoms: no log has columns for it", element=name)

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..description.records import RotationKind
+from ..joints.kinds import RotationKind
 from ..spatial import (
     Array,
     Mask,

@@ -1,21 +1,17 @@
 """Local coordinates about a posture: the retraction q = move(q_0, xi) and the rate of xi.
 
-`move` is `Tree.integrate` for a single sample. With q = move(q_0, xi), xi_dot = T(xi)^-1 v, where T is the
-identity for joints with one freedom and the right Jacobian of SO(3) for rotations.
+`move` is `Tree.integrate` for a single sample; `joints.displacement` has the equations of a joint.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
-import numpy as np
-
-from ..spatial import Array, hat, rotation_from_vector
-from .joints import NV, TreeJoint
+from ..joints.displacement import centred, pull, push, unwound
+from ..joints.kinds import JointKind
+from ..spatial import Array
+from .joints import TreeJoint
 from .tree import Tree
-
-#: Below this angle [rad] the series of the right Jacobian's inverse is exact to rounding.
-SMALL_ANGLE = 1e-4
 
 
 class Retraction:
@@ -25,17 +21,15 @@ class Retraction:
         flat: Whether every joint has one freedom, so that xi_dot = v.
     """
 
-    def __init__(self, kinds: Sequence[str]) -> None:
+    def __init__(self, kinds: Sequence[JointKind]) -> None:
         """Find the joints that turn.
 
         Args:
             kinds: Kind of each joint, in the order of q, v, as in `HybridRobot.kinds`.
         """
-        self._tree = Tree([TreeJoint("", kind) for kind in kinds])  # type: ignore[arg-type]
-        joints = list(zip(kinds, self._tree.v_slices, strict=True))
-        self._endless = [to.stop - 1 for kind, to in joints if kind in ("continuous", "planar")]
-        self._turning = [(kind, to) for kind, to in joints if NV[kind] > 1]
-        self.flat = not self._turning
+        self._tree = Tree([TreeJoint("", kind) for kind in kinds])
+        self._joints = list(zip(kinds, self._tree.v_slices, strict=True))
+        self.flat = all(kind.single for kind in kinds)
 
     def move(self, q: Array, xi: Array) -> Array:
         """Compute the posture at a displacement xi from q, shapes (nq,), (nv,)."""
@@ -49,68 +43,24 @@ class Retraction:
 
     def unwound(self, xi: Array, moved: Array) -> Array:
         """Add whole turns to a displacement xi to bring it nearest to `moved`, shape (nv,)."""
-        out = xi.copy()
-        at = self._endless
-        out[at] += 2 * np.pi * np.round((moved[at] - xi[at]) / (2 * np.pi))
-        for kind, to in self._turning:
-            r = xi[to.stop - 3 : to.stop]
-            angle = float(np.linalg.norm(r))
-            if kind != "planar" and angle > 0:
-                further = float(moved[to.stop - 3 : to.stop] @ r) / angle - angle
-                out[to.stop - 3 : to.stop] += r / angle * (2 * np.pi * np.round(further / (2 * np.pi)))
-        return out
+        return self._by_joint(xi, unwound, xi, moved)
 
     def pull(self, xi: Array, v: Array) -> Array:
         """Compute xi_dot = T(xi)^-1 v, shapes (nv,) and (nv,) or (nv, k)."""
-        return self._map(xi, v, inverse=True)
+        return v if self.flat else self._by_joint(v, lambda kind, r, w: pull(kind, r, w.T).T, xi, v)
 
     def push(self, xi: Array, rate: Array) -> Array:
         """Compute v = T(xi) xi_dot, shapes (nv,) and (nv,) or (nv, k)."""
-        return self._map(xi, rate, inverse=False)
+        return rate if self.flat else self._by_joint(rate, push, xi, rate)
 
     def centred(self, xi: Array) -> Array:
         """Express a displacement in coordinates about the midpoint posture, shape (nv,)."""
-        if self.flat:
-            return xi
-        out = xi.copy()
-        for kind, to in self._turning:
-            if kind == "planar":
-                c, s = np.cos(xi[to.stop - 1] / 2), np.sin(xi[to.stop - 1] / 2)
-                out[to.start : to.start + 2] = np.array([[c, s], [-s, c]]) @ xi[to.start : to.start + 2]
-            elif kind == "floating":
-                half = rotation_from_vector(xi[to.stop - 3 : to.stop] / 2)
-                out[to.start : to.start + 3] = half.T @ xi[to.start : to.start + 3]
+        return xi if self.flat else self._by_joint(xi, centred, xi)
+
+    def _by_joint(self, plain: Array, function: Callable[..., Array], *x: Array) -> Array:
+        """Apply a function to each joint that needs more than one number; others keep what is plain."""
+        out = plain.copy()
+        for kind, at in self._joints:
+            if not kind.additive:
+                out[at] = function(kind, *(part[at] for part in x))
         return out
-
-    def _map(self, xi: Array, x: Array, *, inverse: bool) -> Array:
-        if self.flat:
-            return x
-        out = x.copy()
-        for kind, to in self._turning:
-            if kind == "planar":
-                c, s = np.cos(xi[to.stop - 1]), np.sin(xi[to.stop - 1])
-                R = np.array([[c, -s], [s, c]])
-                at = slice(to.start, to.start + 2)
-                out[at] = (R if inverse else R.T) @ x[at]
-                continue
-            r = xi[to.stop - 3 : to.stop]
-            angular, J_inverse = slice(to.stop - 3, to.stop), _right_jacobian_inverse(r)
-            out[angular] = J_inverse @ x[angular] if inverse else np.linalg.solve(J_inverse, x[angular])
-            if kind == "floating":
-                R = rotation_from_vector(r)
-                at = slice(to.start, to.start + 3)
-                out[at] = (R if inverse else R.T) @ x[at]
-        return out
-
-
-def _right_jacobian_inverse(r: Array) -> Array:
-    """Compute the inverse of the right Jacobian, shape (3, 3).
-
-    The right Jacobian maps the rate of a rotation vector to the body's angular velocity. Its own form cancels
-    at small angles, this one does not.
-    """
-    angle, S = float(np.linalg.norm(r)), hat(r)
-    if angle < SMALL_ANGLE:
-        return np.asarray(np.eye(3) + S / 2 + S @ S / 12)
-    factor = (1 - angle / 2 / np.tan(angle / 2)) / angle**2
-    return np.asarray(np.eye(3) + S / 2 + factor * S @ S)

@@ -6,10 +6,12 @@ accelerations are classical: those of the origin of each body frame, and the ang
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ..joints.kinds import Turn
 from ..spatial import (
     Array,
     Index,
@@ -22,7 +24,7 @@ from ..spatial import (
     select,
     slices,
 )
-from .joints import NQ, NV, TreeJoint
+from .joints import TreeJoint
 
 
 class Motion(NamedTuple):
@@ -129,10 +131,10 @@ class Tree:
 
     def __init__(self, joints: list[TreeJoint]) -> None:
         self.joints = tuple(joints)
-        self.nq, self.nv = sum(NQ[j.kind] for j in joints), sum(NV[j.kind] for j in joints)
-        self.q_slices = slices(NQ[j.kind] for j in joints)
-        self.v_slices = slices(NV[j.kind] for j in joints)
-        self.dof_body = np.repeat(np.arange(1, len(joints) + 1), [NV[j.kind] for j in joints]).astype(int)
+        self.nq, self.nv = sum(j.kind.nq for j in joints), sum(j.kind.nv for j in joints)
+        self.q_slices = slices(j.kind.nq for j in joints)
+        self.v_slices = slices(j.kind.nv for j in joints)
+        self.dof_body = np.repeat(np.arange(1, len(joints) + 1), [j.kind.nv for j in joints]).astype(int)
         self._placement_R = np.array([j.R for j in joints]).reshape(-1, 3, 3)
         self._placement_p = np.array([j.p for j in joints]).reshape(-1, 3)
         S = np.concatenate([j.S for j in joints], axis=1) if joints else np.zeros((6, 0))
@@ -148,17 +150,20 @@ class Tree:
         for level in range(1, int(depth.max(initial=0)) + 1):
             children = np.flatnonzero(depth == level)
             self._levels.append((children, parents[children - 1]))
-        self._turning = {kind: self._of_kind(kind) for kind in ("revolute", "continuous")}
-        self._sliding = self._of_kind("prismatic")
-        self._adding = self._of_kind("revolute", "prismatic")
-        self._others = [i for i, j in enumerate(joints) if j.kind not in ("revolute", "prismatic")]
-        self._single, _, self._single_dofs = self._of_kind("revolute", "continuous", "prismatic")
+        self._turning = {
+            turn: self._where(lambda j, turn=turn: j.kind.single and j.kind.turn is turn)  # type: ignore[misc]
+            for turn in (Turn.ANGLE, Turn.CIRCLE)
+        }
+        self._sliding = self._where(lambda j: j.kind.single and j.slope != 0.0)
+        self._adding = self._where(lambda j: j.kind.additive)
+        self._others = [i for i, j in enumerate(joints) if not j.kind.additive]
+        self._single, _, self._single_dofs = self._where(lambda j: j.kind.single)
         self._turn_parts = np.array([j.turn_parts for j in joints]).reshape(-1, 3, 3, 3).swapaxes(0, 1)
-        self._slides = np.array([j.R @ j.axis for j in joints]).reshape(-1, 3)
+        self._slides = np.array([j.slope * (j.R @ j.axis) for j in joints]).reshape(-1, 3)
 
-    def _of_kind(self, *kinds: str) -> tuple[Index, Index, Index]:
-        """Return the indices of the joints of some kinds, and of their first entries in q and in v."""
-        numbers = [i for i, j in enumerate(self.joints) if j.kind in kinds]
+    def _where(self, chosen: Callable[[TreeJoint], bool]) -> tuple[Index, Index, Index]:
+        """Return the indices of the joints that are chosen, and of their first entries in q and in v."""
+        numbers = [i for i, j in enumerate(self.joints) if chosen(j)]
         starts = ([parts[i].start for i in numbers] for parts in (self.q_slices, self.v_slices))
         q, v = (np.array(start, dtype=int) for start in starts)
         return np.array(numbers, dtype=int), q, v
@@ -166,6 +171,22 @@ class Tree:
     def neutral(self) -> Array:
         """Return the zero position, shape (nq,)."""
         return np.concatenate([np.zeros(0), *(joint.neutral for joint in self.joints)])
+
+    def by_joint(
+        self, function: Callable[..., Array], positions: Sequence[Array], rates: Sequence[Array]
+    ) -> Array:
+        """Apply a function of `joints.displacement` joint by joint, on numbers or symbols.
+
+        Args:
+            function: Takes a joint's kind, and its slice of each of `positions` and of each of `rates`.
+            positions: Arrays over coordinates, shape (..., nq).
+            rates: Arrays over freedoms, shape (..., nv).
+        """
+        parts = [
+            function(joint.kind, *(x[..., at] for x in positions), *(x[..., to] for x in rates))
+            for joint, at, to in zip(self.joints, self.q_slices, self.v_slices, strict=True)
+        ]
+        return np.concatenate([(*positions, *rates)[0][..., :0], *parts], axis=-1)
 
     def integrate(self, q: Array, dq: Array) -> Array:
         """Integrate constant joint twists dq from q over unit time, shapes (T, nq), (T, nv)."""
@@ -193,9 +214,9 @@ class Tree:
         R, p = np.empty((n, 3, 3, T)), np.empty((n, 3, T))  # samples innermost in memory
         R[:], p[:] = self._placement_R[..., None], self._placement_p[..., None]
         still, by_cos, by_sin = self._turn_parts
-        for kind, (numbers, at, _) in self._turning.items():
+        for turn, (numbers, at, _) in self._turning.items():
             x = q.T[at]
-            cos, sin = (np.cos(x), np.sin(x)) if kind == "revolute" else (x, q.T[at + 1])
+            cos, sin = (np.cos(x), np.sin(x)) if turn is Turn.ANGLE else (x, q.T[at + 1])
             R[numbers] = (
                 still[numbers, ..., None]
                 + by_cos[numbers, ..., None] * cos[:, None, None]
@@ -205,9 +226,9 @@ class Tree:
         p[numbers] += self._slides[numbers, :, None] * q.T[at][:, None]
         R, p = R.transpose(3, 0, 1, 2), p.transpose(2, 0, 1)
         for i, joint in enumerate(self.joints):
-            if joint.kind in ("spherical", "planar", "floating"):
-                turn, shift = joint.transform(q[:, self.q_slices[i]])
-                R[:, i], p[:, i] = compose(joint.R, turn), joint.p + rotate(joint.R, shift)
+            if not joint.kind.single:
+                own, shift = joint.transform(q[:, self.q_slices[i]])
+                R[:, i], p[:, i] = compose(joint.R, own), joint.p + rotate(joint.R, shift)
         return R, p
 
     def _placements(self, q: Array) -> tuple[Array, Array]:
@@ -271,7 +292,7 @@ class Tree:
         linear[self._single + 1] = self.S_linear[self._single_dofs, :, None] * own
         angular[self._single + 1] = self.S_angular[self._single_dofs, :, None] * own
         for i, (joint, at) in enumerate(zip(self.joints, self.v_slices, strict=True)):
-            if NV[joint.kind] > 1:
+            if not joint.kind.single:
                 linear[i + 1] = self.S_linear[at].T @ rates[:, at].T
                 angular[i + 1] = self.S_angular[at].T @ rates[:, at].T
         return rotate(R, linear.transpose(2, 0, 1)), rotate(R, angular.transpose(2, 0, 1))

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..linkage.joints import TRANSLATIONS
 from ..linkage.retraction import Retraction
 from ..spatial import Array, slices
 from ..structure.module import Module
@@ -59,7 +58,7 @@ class Manifold:
         self.free = np.array(sorted(free), dtype=int)
         self.position_unit = np.ones(robot.nq)
         for kind, q, v in zip(robot.kinds, robot.q_slices, robot.v_slices, strict=True):
-            slides = q.start + TRANSLATIONS.get(kind, 0)
+            slides = q.start + kind.shift
             self.position_unit[q.start : slides] = self.unit[v.start]
 
     def chart(self, q: Array, v: Array | None = None) -> Chart:

@@ -130,7 +130,7 @@ def _event(source: SceneFile, robot: HybridRobot, number: int, table: EventTable
     if table.joint is not None:
         source.check(("events", number, "joint"), "joint", table.joint, robot.joints)
         i = robot.joint_index[table.joint]
-        if robot.kinds[i] not in ("revolute", "prismatic"):
+        if not robot.kinds[i].additive:
             raise source.error(
                 ("events", number, "joint"),
                 f"'{table.joint}' is {robot.kinds[i]}: only revolute and prismatic joints",

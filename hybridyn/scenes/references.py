@@ -58,7 +58,7 @@ class MotorAxes:
         return MotorAxes(
             robot.motor_q,
             robot.motor_v,
-            np.array([robot.kinds[i] == "continuous" for i in numbers], dtype=bool),
+            np.array([robot.kinds[i].endless for i in numbers], dtype=bool),
         )
 
     def positions(self, q: Array) -> Array:

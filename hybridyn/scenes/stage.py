@@ -16,7 +16,6 @@ from ..assembly.assemble import assemble_requests
 from ..assembly.requests import first_guess, gather_requests
 from ..description.side_cars.toml_file import Keys
 from ..effects import Effects, choose, with_effects
-from ..linkage.joints import NV
 from ..loading import load
 from ..simulation.events import Event
 from ..simulation.motion_law import Effort
@@ -298,7 +297,7 @@ def _positions(source: SceneFile, robot: HybridRobot) -> dict[str, float]:
     placed = [key for key in initial.platforms if key.partition("@")[0] != robot.description.root]
     wanted = {*initial.rates.joints} if placed else {*initial.rates.joints, *robot.motors}
     for name in robot.joints:
-        if name in wanted and name not in joints and NV[robot.kinds[robot.joint_index[name]]] == 1:
+        if name in wanted and name not in joints and robot.kinds[robot.joint_index[name]].single:
             joints[name] = float(joint_position(robot, robot.home, name))
     return joints
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..description.names import did_you_mean
 from ..errors import TrajectoryError
+from ..joints.kinds import JointKind, Turn
 from ..spatial import Array, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..tables.columns import ENERGIES, RESIDUAL
@@ -78,15 +79,15 @@ def picked(columns: Sequence[str], patterns: Sequence[str] | None) -> list[int]:
     ]  # fmt: skip
 
 
-def _joints(robot: HybridRobot) -> list[tuple[str, str]]:
+def _joints(robot: HybridRobot) -> list[tuple[str, JointKind]]:
     """Return name and kind of each joint, without the root joint of a moving base."""
     pairs = zip(robot.joints, robot.kinds, strict=True)
     return [(name, kind) for i, (name, kind) in enumerate(pairs) if i or robot.base == "fixed"]
 
 
-def _position(kind: str, t: Array, q: Array, v: Array) -> Array:
+def _position(kind: JointKind, t: Array, q: Array, v: Array) -> Array:
     """Return positions as tables store them: an angle for cosine and sine, turns counted by the rates."""
-    if kind not in ("continuous", "planar"):
+    if kind.turn is not Turn.CIRCLE:
         return q
     angle = np.arctan2(q[:, -1], q[:, -2])
     turned = np.diff(t) * (v[1:, -1] + v[:-1, -1]) / 2

@@ -65,7 +65,7 @@ def departures(robot: HybridRobot, q: Array, v: Array, tau: Array | None = None)
         tau: Efforts of the motors, shape (T, motors), or None.
     """
     joints = robot.records
-    single = [i for i, kind in enumerate(robot.kinds) if kind in ("revolute", "continuous", "prismatic")]
+    single = [i for i, kind in enumerate(robot.kinds) if kind.single]
     moving = [joints[robot.joints[i]] for i in single]
     checked = [
         ("position", q[:, [robot.q_slices[i].start for i in single]], moving),
@@ -88,7 +88,7 @@ def _limits(quantity: str, joint: Joint) -> tuple[float, float, float]:
         size = joint.speed_limit if quantity == "speed" else joint.effort_limit
         return -size, size, TOUCHING * size
     lower, upper = joint.lower, joint.upper
-    if joint.kind == "continuous" or not lower < upper:
+    if joint.kind.endless or not lower < upper:
         return -np.inf, np.inf, 0.0
     ends = [abs(end) for end in (lower, upper) if np.isfinite(end)]
     return lower, upper, ROUNDED * (upper - lower if len(ends) == 2 else max([*ends, 1.0]))
@@ -170,7 +170,7 @@ def other_unit(joint: Joint, position: float, size: float) -> str:
         position: Its position [m or rad].
         size: Size of the robot, for slides without limits [m].
     """
-    slides = joint.kind == "prismatic"
+    slides = joint.kind.slides
     bound, ratio = (size, 1e3) if slides else (TURNS, 180 / math.pi)
     if joint.lower < joint.upper and math.isfinite(joint.upper - joint.lower):
         bound = max(abs(joint.lower), abs(joint.upper))

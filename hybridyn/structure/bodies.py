@@ -12,9 +12,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..description.records import ZERO, Description, Joint, Link, Load
+from ..description.records import Description, Joint, Link, Load
 from ..errors import ModelError
-from ..linkage.joints import NQ
+from ..joints.kinds import JointKind
 from ..spatial import LARGEST, Array
 
 #: Extents below this part of the largest are zero, but for the rounding of placements.
@@ -249,13 +249,13 @@ def payloads_of(description: Description) -> tuple[Payload, ...]:
     )
 
 
-def home_of(description: Description, bodies: Bodies, kinds: list[str], base: str) -> Array:
+def home_of(description: Description, bodies: Bodies, kinds: list[JointKind], base: str) -> Array:
     """Return the home position of the whole robot, shape (nq,)."""
-    parts = [np.array(description.base_home or ZERO["floating"])] if base != "fixed" else []
+    parts = [np.array(description.base_home or JointKind.FLOATING.zero)] if base != "fixed" else []
     for joint, kind in zip(bodies.joints, kinds[len(parts) :], strict=True):
         value = np.asarray(description.home.get(joint.joint.name, (0.0,)), dtype=float)
-        if kind == "continuous":
+        if kind.endless:
             angle = value[0] if len(value) == 1 else np.arctan2(value[1], value[0])
             value = np.array([np.cos(angle), np.sin(angle)])
-        parts.append(value if len(value) == NQ[kind] else np.array(ZERO[kind]))
+        parts.append(value if len(value) == kind.nq else np.array(kind.zero))
     return np.concatenate(parts) if parts else np.zeros(0)

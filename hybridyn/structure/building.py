@@ -9,7 +9,8 @@ import numpy as np
 
 from ..description.records import Description
 from ..errors import HybridynError, ModelError
-from ..linkage.joints import NQ, NV, ROOT_JOINT, TreeJoint
+from ..joints.kinds import JointKind
+from ..linkage.joints import ROOT_JOINT, TreeJoint
 from ..linkage.reduction import ROUNDED_ROWS
 from ..spatial import LARGEST, Array, indices, slices
 from ..threads import one_thread
@@ -81,7 +82,7 @@ class ModuleBuilder:
     def add_base(self) -> None:
         """Add the floating base as a module without legs, with one platform and a = identity."""
         root = replace(self.bodies.bodies[0], name="", joint=0, heaviest=0.0)
-        joint = TreeJoint("", "floating")
+        joint = TreeJoint("", JointKind.FLOATING)
         spec = ModuleSpec(
             spanning=(joint,),
             tree=(joint,),
@@ -224,10 +225,11 @@ def build_robot(
     kept = joints_to_keep(description, held)
     bodies, graphs = find_modules(description, kept)
     joints = [j.joint.name for j in bodies.joints]
-    kinds = [str(j.joint.kind) for j in bodies.joints]
+    kinds = [j.joint.kind for j in bodies.joints]
     if base != "fixed":
-        joints, kinds = [ROOT_JOINT, *joints], ["floating", *kinds]
-    q_slices, v_slices = (tuple(slices(size[kind] for kind in kinds)) for size in (NQ, NV))
+        joints, kinds = [ROOT_JOINT, *joints], [JointKind.FLOATING, *kinds]
+    q_slices = tuple(slices(kind.nq for kind in kinds))
+    v_slices = tuple(slices(kind.nv for kind in kinds))
     home = home_of(description, bodies, kinds, base)
     tolerances = Tolerances(rank_tolerance, closure_tolerance)
     alike = like.modules if like is not None else ()

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import AssemblyError, ModelError
+from ..joints.kinds import JointKind
 from ..linkage.tree import Motion
 from ..spatial import Array, Index
 from .mechanism import Mechanism
@@ -84,7 +85,7 @@ class Module:
             label = f"platform '{self.name}'" if source is None else f"joint '{self.joints[source]}'"
             axes = [f"{label} ({axis})" for axis in ("x", "y", "z", "rx", "ry", "rz")]
             width = m.tree.v_slices[i].stop - m.tree.v_slices[i].start
-            names += axes if joint.kind == "floating" else [label] * width
+            names += axes if joint.kind is JointKind.FLOATING else [label] * width
         return names
 
     def named_rows(self) -> list[tuple[str, slice]]:

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..joints.kinds import JointKind
 from ..linkage.closures import Closures, TreeClosure
 from ..linkage.couplings import TreeCoupling
 from ..linkage.joints import TreeJoint
@@ -146,7 +147,7 @@ def _cut_tree(parts: Cutting) -> tuple[list[TreeJoint], list[int | None], list[i
     tree_body, number = [0], {0: 0}
     for i, joint in enumerate(parts.joints):
         if i + 1 in parts.platforms:
-            tree.append(TreeJoint("", "floating"))
+            tree.append(TreeJoint("", JointKind.FLOATING))
             tree_joint.append(None)
         elif i in gone:
             continue

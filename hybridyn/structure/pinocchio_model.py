@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import ModelError
+from ..joints.kinds import JointKind
 from ..linkage.joints import TreeJoint
 from ..spatial import Array
 from .bodies import Bodies, Body
@@ -17,16 +18,29 @@ MOST_JOINTS = 10_000
 
 def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
     """Return the Pinocchio joint of a `TreeJoint`, of an axis-aligned type if the axis allows it."""
+    kind = JointKind
     single = {
-        "revolute": (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelRevoluteUnaligned),
-        "continuous": (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ, _continuous),
-        "prismatic": (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ, pin.JointModelPrismaticUnaligned),
+        kind.REVOLUTE: (
+            pin.JointModelRX,
+            pin.JointModelRY,
+            pin.JointModelRZ,
+            pin.JointModelRevoluteUnaligned,
+        ),
+        kind.CONTINUOUS: (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ, _continuous),
+        kind.PRISMATIC: (
+            pin.JointModelPX,
+            pin.JointModelPY,
+            pin.JointModelPZ,
+            pin.JointModelPrismaticUnaligned,
+        ),
+        kind.SCREW: (pin.JointModelHX, pin.JointModelHY, pin.JointModelHZ, pin.JointModelHelicalUnaligned),
     }
     if joint.kind in single:
         *aligned, along = single[joint.kind]
         at = next((i for i in range(3) if joint.axis[i] == 1.0), None)
-        return along(joint.axis) if at is None else aligned[at]()
-    several = {"spherical": pin.JointModelSpherical, "planar": pin.JointModelPlanar}
+        pitch = (joint.pitch,) if joint.kind is kind.SCREW else ()
+        return along(joint.axis, *pitch) if at is None else aligned[at](*pitch)
+    several = {kind.SPHERICAL: pin.JointModelSpherical, kind.PLANAR: pin.JointModelPlanar}
     return several.get(joint.kind, pin.JointModelFreeFlyer)()
 
 

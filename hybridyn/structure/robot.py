@@ -16,6 +16,7 @@ import numpy as np
 
 from ..description.names import counted
 from ..description.records import Description, Joint
+from ..joints.kinds import JointKind
 from ..linkage.joints import ROOT_JOINT
 from ..spatial import Array, Index
 from .bodies import Bodies, Payload, payloads_of
@@ -66,7 +67,7 @@ class HybridRobot:
     gravity: Array
     modules: tuple[Module, ...]
     joints: tuple[str, ...]
-    kinds: tuple[str, ...]
+    kinds: tuple[JointKind, ...]
     q_slices: tuple[slice, ...]
     v_slices: tuple[slice, ...]
     motors: tuple[str, ...]
@@ -149,7 +150,7 @@ class HybridRobot:
     @cached_property
     def effort_units(self) -> list[str]:
         """Unit of each motor's effort."""
-        return ["N" if self.records[name].kind == "prismatic" else "N m" for name in self.motors]
+        return ["N" if self.records[name].kind.slides else "N m" for name in self.motors]
 
     @cached_property
     def motor_q(self) -> Index:
@@ -200,8 +201,7 @@ class HybridRobot:
 
         Each pair and each quaternion has length one.
         """
-        last = {"continuous": 2, "planar": 2, "spherical": 4, "floating": 4}
-        ends = [(at.stop, last.get(kind)) for kind, at in zip(self.kinds, self.q_slices, strict=True)]
+        ends = [(at.stop, len(kind.turn.zero)) for kind, at in zip(self.kinds, self.q_slices, strict=True)]
         return tuple(
             np.array([end for end, size in ends if size == width], dtype=int)[:, None] + np.arange(-width, 0)
             for width in (2, 4)
@@ -266,7 +266,7 @@ def positions(robot: HybridRobot, q: Array) -> dict[str, tuple[float, ...]]:
     """
     out: dict[str, tuple[float, ...]] = {}
     for name, kind, at in zip(robot.joints, robot.kinds, robot.q_slices, strict=True):
-        if kind == "continuous":
+        if kind.endless:
             out[name] = (float(joint_position(robot, q, name)),)
         elif robot.base == "fixed" or name != robot.joints[0]:
             out[name] = tuple(float(value) for value in q[at])

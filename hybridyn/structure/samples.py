@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import AT_SAMPLE, TrajectoryError
-from ..linkage.joints import NQ
+from ..joints.kinds import JointKind
 from ..spatial import LARGEST, Array
 from ..tables.named_columns import is_table, of_joints, of_motors
 from .robot import HybridRobot
@@ -136,7 +136,7 @@ def as_positions(
     out, single = as_batch(from_table(robot, array, "position"), robot.nq, name)
     for columns in robot.unit_coordinates:
         if not base_given:
-            columns = columns[columns[:, 0] >= NQ["floating"]]
+            columns = columns[columns[:, 0] >= JointKind.FLOATING.nq]
         length = np.sqrt(np.square(out[:, columns]).sum(axis=2))
         wrong = np.argwhere(~(np.abs(length - 1.0) <= UNIT))
         if len(wrong):

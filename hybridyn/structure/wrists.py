@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..description.groups import Groups
-from ..description.records import Joint, RotationKind
+from ..description.records import Joint
+from ..joints.kinds import JointKind, RotationKind
 from ..linkage.closures import TreeClosure
 from ..linkage.couplings import TreeCoupling
 from ..linkage.joints import TreeJoint
@@ -29,20 +30,9 @@ EXACT = 1e-13
 #: Fewest legs of a platform.
 PLATFORM_LEGS = 3
 
-#: A closure that replaces a chain of joints: its kind, and its point in the children of the first joint and
-#: of the last.
-Form = tuple[str, Array, Array]
-
-_REVOLUTE = ("revolute", "continuous")
-#: Closures that are equivalent to wrists.
-_SHAPES: dict[str, tuple[tuple[int, ...], RotationKind]] = {
-    "spherical": ((0, 1, 2), "free"),
-    "universal": ((0, 1, 2), "perpendicular"),
-    "revolute": ((0, 1, 2), "parallel"),
-    "continuous": ((0, 1, 2), "parallel"),
-    "prismatic": ((0, 1), "fixed"),
-    "planar": ((2,), "parallel"),
-}
+#: A closure that replaces a chain of joints: its translations and rotation, and its point in the children of
+#: the first joint and of the last.
+Form = tuple[tuple[tuple[int, ...], RotationKind], Array, Array]
 
 
 class Wrist(NamedTuple):
@@ -148,7 +138,7 @@ class Cutting:
         while len(chain) < 3 and body:
             joint, record = self.joints[body - 1], self.records[body - 1]
             acts = record.damping or record.friction or record.rotor_inertia
-            if body - 1 in self.held or acts or joint.kind == "floating":
+            if body - 1 in self.held or acts or joint.kind is JointKind.FLOATING:
                 break
             chain.insert(0, body - 1)
             if form := self._form([self.joints[i] for i in chain]):
@@ -163,8 +153,9 @@ class Cutting:
     def _form(self, chain: list[TreeJoint]) -> Form | None:
         """Return the form of the closure that is equivalent to a chain of joints, or None."""
         if len(chain) == 1:
-            return str(chain[0].kind), np.zeros(3), np.zeros(3)
-        if any(joint.kind not in _REVOLUTE for joint in chain):
+            form = chain[0].kind.closure
+            return form and (form, np.zeros(3), np.zeros(3))
+        if not all(joint.kind.hinge for joint in chain):
             return None
         before, after = (self._crossing(*two) for two in (chain[:2], chain[-2:]))
         if before is None or after is None:
@@ -173,10 +164,10 @@ class Cutting:
         point = last.R.T @ (after - last.p)
         if len(chain) == 2:
             right = abs(chain[0].axis @ second.R @ second.axis) < EXACT
-            return ("universal", before, point) if right else None
+            return (((0, 1, 2), "perpendicular"), before, point) if right else None
         # Both intersections must be the same point of the second axis, expressed in the second joint's child.
         apart = second.R.T @ (before - second.p) - after
-        return ("spherical", before, point) if apart @ apart <= (EXACT * self.reach) ** 2 else None
+        return (((0, 1, 2), "free"), before, point) if apart @ apart <= (EXACT * self.reach) ** 2 else None
 
     def _crossing(self, first: TreeJoint, second: TreeJoint) -> Array | None:
         """Compute the point where two adjacent revolute axes intersect, in the body between them, or None."""
@@ -189,17 +180,19 @@ class Cutting:
         along = np.cross(p, b) @ normal / (normal @ normal)
         return along * a
 
-    def _equivalent(self, wrist: Wrist, kind: str, c_first: Array, c_last: Array) -> TreeClosure:
+    def _equivalent(
+        self, wrist: Wrist, form: tuple[tuple[int, ...], RotationKind], c_first: Array, c_last: Array
+    ) -> TreeClosure:
         """Build the closure of a form between a wrist's parent and its target."""
         first, last = self.joints[wrist.joints[0]], self.joints[wrist.joints[-1]]
         turn_a, turn_b = axis_frame(first.axis), axis_frame(last.axis)
-        if kind in ("spherical", "planar"):
+        if form[1] == "free" or form[0] == (2,):  # no axis, or that of the frame
             turn_a = turn_b = np.eye(3)
         return TreeClosure(
             "", "",
             first.parent, first.R @ turn_a, first.p + first.R @ c_first,
             wrist.target, wrist.R @ turn_b, wrist.p + wrist.R @ c_last,
-            *_SHAPES[kind],
+            *form,
         )  # fmt: skip
 
     def _edges(self) -> list[tuple[int, int]]:

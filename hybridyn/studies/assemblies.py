@@ -124,7 +124,7 @@ def _within_limits(robot: HybridRobot, q: Array) -> Mask:
     """Check which postures, shape (n, nq), keep every joint within its limits."""
     within = np.ones(len(q), dtype=bool)
     for joint in robot.description.joints:
-        if joint.kind in ("revolute", "prismatic") and (limits := position_limits(joint)):
+        if joint.kind.additive and (limits := position_limits(joint)):
             x = q[:, robot.q_slices[robot.joint_index[joint.name]].start]
             within &= (x >= limits[0]) & (x <= limits[1])
     return within
@@ -241,8 +241,8 @@ def marks_of(module: Module, x: Array) -> Array:
     for i, (joint, at) in enumerate(zip(m.tree.joints, m.tree.q_slices, strict=True)):
         if m.tree.v_slices[i].start in module.motor_columns:
             value = x[:, at]
-            angle = [np.cos(value), np.sin(value)]
-            marks += {"revolute": angle, "prismatic": [value / m.length]}.get(joint.kind, [value])
+            turned = [np.cos(value), np.sin(value)] if joint.kind.additive else [value]
+            marks += [value / m.length] if joint.kind.slides else turned
     return np.concatenate(marks, axis=1)
 
 

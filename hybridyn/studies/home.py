@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..assembly.requests import home_requests
-from ..description.records import ZERO
+from ..joints.kinds import JointKind
 from ..spatial import Array
 from ..structure.robot import HybridRobot, positions
 from ..tables.signals import unit_of
@@ -98,7 +98,7 @@ def far_from_zero(robot: HybridRobot) -> str:
     looped = {name for module in robot.modules if loops & {*module.closures} for name in module.joints}
     if not looped:
         return ""
-    zero = np.concatenate([ZERO[kind] for kind in robot.kinds])
+    zero = np.concatenate([kind.zero for kind in robot.kinds])
     distances = _distances(robot, robot.home, zero)
     joint = max((name for name in distances if name in looped), key=lambda name: distances[name], default="")
     if not joint or distances[joint] == 0.0:
@@ -114,9 +114,9 @@ def _distances(robot: HybridRobot, q: Array, reference: Array) -> dict[str, floa
     out = {}
     for name, values in here.items():
         a, b = np.array(values), np.array(home[name])
-        if kinds[name] == "spherical":
+        if kinds[name] is JointKind.SPHERICAL:
             out[name] = 2 * float(np.arccos(min(1.0, abs(float(a @ b)))))
-        elif kinds[name] == "continuous":
+        elif kinds[name].endless:
             out[name] = abs(float(np.angle(np.exp(1j * (a[0] - b[0])))))
         else:
             out[name] = float(np.abs(a - b).max())

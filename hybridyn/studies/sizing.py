@@ -161,7 +161,7 @@ class Sizing:
             out.append(
                 MotorLoad(
                     motor=joint.name,
-                    linear=joint.kind == "prismatic",
+                    linear=joint.kind.slides,
                     effort=peaks["effort"],
                     rms_effort=float(np.sqrt(effort[i])),
                     speed=peaks["speed"],
@@ -193,7 +193,7 @@ def motor_rows(robot: HybridRobot, q: Array, v: Array) -> tuple[Array, Array]:
     for i, name in enumerate(robot.motors):
         joint = robot.joint_index[name]
         speed[..., i] = v[..., robot.v_slices[joint].start]
-        if robot.kinds[joint] != "continuous":
+        if not robot.kinds[joint].endless:
             position[..., i] = q[..., robot.q_slices[joint].start]
     return position, speed
 

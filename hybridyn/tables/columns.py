@@ -3,7 +3,7 @@
     time                                     [s], strictly increasing
     <joint>/position|velocity|acceleration   a joint with one freedom [m or rad, per s, per s^2]
     <joint>/effort                           [N or N m], of every motor, for the direct model
-    <joint>/position/qx ...                  other joints, by the components in `signals.JOINT_COMPONENTS`
+    <joint>/position/qx ...                  other joints, by their `JointKind.places` and `rates`
     <link>/pose/x|y|z                        some or all: the origin of a link in the root link's frame
     <link>/pose/qx|qy|qz|qw                  its orientation, all components,
     <link>/pose/rx|ry|rz                     or all of these: a unit axis times the angle about it,

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..description.names import did_you_mean
 from ..errors import TrajectoryError
+from ..joints.kinds import JointKind
 from ..spatial import Array
 from .signals import joint_columns, on_circles
 
@@ -34,7 +35,7 @@ def is_row(array: object) -> bool:
     return not (labels is None or callable(labels)) and any(isinstance(x, str) for x in labels)
 
 
-def of_joints(table: Any, quantity: str, joints: Sequence[str], kinds: Sequence[str]) -> Array:
+def of_joints(table: Any, quantity: str, joints: Sequence[str], kinds: Sequence[JointKind]) -> Array:
     """Return positions, rates or accelerations in the order of a robot's coordinates.
 
     Args:

@@ -9,11 +9,12 @@ import numpy as np
 
 from ..description.records import Array, Joint
 from ..errors import TrajectoryError
+from ..joints.kinds import LENGTHS, QUATERNION, SPIN, YAW, JointKind, Turn
 
-LENGTHS, ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
+ANGLES = ("roll", "pitch", YAW)
 COORDINATES = (*LENGTHS, *ANGLES)
-#: Complete orientations, whose rates are `SPIN`: by a quaternion, or by a unit axis times the angle about it.
-QUATERNION, VECTOR, SPIN = ("qx", "qy", "qz", "qw"), ("rx", "ry", "rz"), ("wx", "wy", "wz")
+#: A complete orientation, whose rates are `SPIN` like those of a quaternion: a unit axis times its angle.
+VECTOR = ("rx", "ry", "rz")
 #: Directions of a link's axes, by components in the other link; rates are the derivatives of these.
 DIRECTIONS = {axis: (f"{axis}x", f"{axis}y", f"{axis}z") for axis in LENGTHS}
 #: Distance of a link's origin from a point of the other link: its origin, or that with these coordinates.
@@ -32,24 +33,16 @@ UNITS = {
     "effort": ("N", "N m"), "speed": ("m/s", "rad/s"), "power": ("W", "W"),
 }  # fmt: skip
 
-#: Components of position and of velocity of the joints with several freedoms.
-JOINT_COMPONENTS = {
-    "spherical": (QUATERNION, SPIN),
-    "planar": (("x", "y", "yaw"), ("x", "y", "wz")),
-    "floating": (POSE, TWIST),
-}
 
-
-def joint_columns(joint: str, kind: str, quantity: str) -> list[str]:
+def joint_columns(joint: str, kind: JointKind, quantity: str) -> list[str]:
     """Return the columns of a joint's position, velocity or acceleration, by components if it has several."""
-    places, rates = JOINT_COMPONENTS.get(kind, (("",), ("",)))
-    parts = places if quantity == "position" else rates
+    parts = kind.places if quantity == "position" else kind.rates
     return [f"{joint}/{quantity}/{part}".rstrip("/") for part in parts]
 
 
-def unit_of(kind: str, quantity: str = "position") -> str:
+def unit_of(kind: JointKind, quantity: str = "position") -> str:
     """Return the unit of a quantity of a joint with one freedom, by its kind."""
-    return UNITS[quantity][kind != "prismatic"]
+    return UNITS[quantity][not kind.slides]
 
 
 class Signal(NamedTuple):
@@ -119,7 +112,8 @@ def read_signal(
         TrajectoryError: A component is missing or unknown, or rates that cannot be fitted are missing.
     """
     pose = given.get("pose", {})
-    places, rates = JOINT_COMPONENTS.get("floating" if joint is None else joint.kind, (("",), ("",)))
+    kind = JointKind.FLOATING if joint is None else joint.kind
+    places, rates = kind.places, kind.rates
     by = "quaternion"
     if pose:
         places, rates, by = _parts_of_pose(pose)
@@ -131,9 +125,7 @@ def read_signal(
         if quantity == first or quantity in given
     }
     wraps = [
-        i
-        for i, part in enumerate(places)
-        if part in ANGLES or endless or (joint and joint.kind == "continuous")
+        i for i, part in enumerate(places) if part in ANGLES or endless or (joint and joint.kind.endless)
     ]
     signal = Signal(name, places, at[first], at.get("velocity"), at.get("acceleration"), tuple(wraps), wanted)
     if joint is not None and len(places) > 1 and signal.missing:
@@ -172,9 +164,9 @@ def picked(
     return tuple(given[name] for name in names)
 
 
-def on_circles(kind: str, positions: Array) -> Array:
+def on_circles(kind: JointKind, positions: Array) -> Array:
     """Replace the angle of a continuous or a planar joint by its cosine and sine, shape (T, its nq)."""
-    if kind not in ("continuous", "planar"):
+    if kind.turn is not Turn.CIRCLE:
         return positions
     angle = positions[:, -1:]
     return np.hstack([positions[:, :-1], np.cos(angle), np.sin(angle)])

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..description.records import Array, Joint
 from ..errors import TrajectoryError
+from ..joints.kinds import QUATERNION, SPIN, JointKind
 from ..spatial import (
     cross,
     quaternion_from_vector,
@@ -20,7 +21,7 @@ from ..spatial import (
 from .columns import Layout
 from .opening import Block, Table
 from .rates import FEWEST_ROWS, HALO, Window, aligned, angular_rates, derivatives, turns, windows
-from .signals import QUATERNION, SPIN, VECTOR, Signal, on_circles
+from .signals import VECTOR, Signal, on_circles
 
 #: Largest deviation of a quaternion's length from one; seven digits in a file suffice.
 QUATERNION_TOLERANCE = 1e-6
@@ -271,9 +272,9 @@ def full_state(motion: Motion, joints: Sequence[Joint], root: str | None = None)
     return q, v, a
 
 
-def _joint_coordinates(kind: str, position: Array, velocity: Array, acceleration: Array) -> Triple:
+def _joint_coordinates(kind: JointKind, position: Array, velocity: Array, acceleration: Array) -> Triple:
     p, v, a = (level.reshape(len(level), -1) for level in (position, velocity, acceleration))
-    if kind in ("spherical", "floating"):
+    if kind.ball:
         p = np.hstack([p[:, :-4], p[:, -4:] / np.linalg.norm(p[:, -4:], axis=1, keepdims=True)])
     return on_circles(kind, p), v, a
 

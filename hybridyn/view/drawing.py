@@ -15,6 +15,7 @@ import numpy as np
 
 from ..colours import CLOSURE, GROUND, JOINT, MOTOR, lighter, module_colour
 from ..description.records import Closure
+from ..joints.kinds import JointKind
 from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
 from .picture import Picture, Point, Role, Shape
@@ -94,7 +95,7 @@ class _Pen:
         m = self.robot.modules[module]
         if not m.closures or body in {self.robot.bodies.place[link][0] for link in m.outputs}:
             return module_colour(module)
-        sliding = self.robot.bodies.joints[body - 1].joint.kind == "prismatic"
+        sliding = self.robot.bodies.joints[body - 1].joint.kind.slides
         return lighter(module_colour(module), SLIDE if sliding else LEG)
 
     def add_bodies(self) -> None:
@@ -121,7 +122,7 @@ class _Pen:
         bodies = self.robot.bodies
         points: list[list[Array]] = [[] for _ in bodies.bodies]
         for joint in bodies.joints:
-            if joint.joint.kind != "floating":  # which holds a body nowhere
+            if joint.joint.kind is not JointKind.FLOATING:  # which holds a body nowhere
                 points[joint.parent].append(joint.p)
                 points[joint.child].append(np.zeros(3))
         for closure in self.robot.description.closures:
@@ -146,16 +147,16 @@ class _Pen:
             shaped = {joint.parent, joint.child} <= self.shaped
             start, end = Point(joint.parent, joint.p), Point(joint.child, np.zeros(3))
             driven = record.name in motors
-            if record.kind == "prismatic":
+            if record.kind.slides:
                 if not {joint.parent, joint.child} & self.shaped:
                     self._slide(record.name, module, start, end, driven)
-            elif driven and record.kind in ("revolute", "continuous"):
+            elif driven and record.kind.hinge:
                 self._drum(record.name, module, end, record.axis, driven)
             elif joint.child in crowded:
                 if crowded[joint.child] == joint.child and not shaped:
                     self._ball(record.name, "joint", module, end, HUB, JOINT)
             elif not {joint.parent, joint.child} & self.shaped:
-                if record.kind in ("revolute", "continuous"):
+                if record.kind.hinge:
                     self._drum(record.name, module, end, record.axis, driven)
                 else:
                     self._ball(record.name, "joint", module, end, HUB, JOINT)
@@ -165,10 +166,10 @@ class _Pen:
 
         The axes of such hinges meet in one point, where drums would overlap: one ball is drawn instead.
         """
-        motors, hinges = set(self.robot.motors), ("revolute", "continuous")
+        motors = set(self.robot.motors)
         last: dict[int, int] = {}
         bodies = self.robot.bodies.joints
-        passive = {j.child for j in bodies if j.joint.kind in hinges and j.joint.name not in motors}
+        passive = {j.child for j in bodies if j.joint.kind.hinge and j.joint.name not in motors}
         for joint in reversed(bodies):
             if {joint.parent, joint.child} <= passive and np.abs(joint.p).max() <= SAME_PLACE * self.length:
                 last[joint.parent] = last.setdefault(joint.child, joint.child)

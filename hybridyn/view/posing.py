@@ -18,6 +18,7 @@ from ..assembly.chain.between import Between, end_link, moving, tools_of
 from ..assembly.chain.coordinates import coordinates_at, independent_coordinates
 from ..assembly.moving import move_link, move_module
 from ..errors import AssemblyError, HybridynError
+from ..joints.kinds import JointKind
 from ..linkage.targets import COORDINATES
 from ..spatial import Array, quaternion_from_rotation, rotation_from_vector, rotation_vector
 from ..structure.module import Module
@@ -33,7 +34,6 @@ STROKE = 1.0
 #: Range of a hinge without limits to either side of home [rad].
 TURN = np.pi
 #: Kinds of joints that can be moved.
-DRAGGED = ("revolute", "continuous", "prismatic")
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Poser:
 
     def __init__(self, robot: HybridRobot) -> None:
         self.robot = robot
-        movable = [name for name in robot.motors if self._kind(name) in DRAGGED]
+        movable = [name for name in robot.motors if self._kind(name).single]
         joints = movable or [*self._independent_joints()]
         self.levers = tuple(self._lever(name) for name in joints)
         self._others: dict[str, tuple[str, ...]] = {}
@@ -106,7 +106,7 @@ class Poser:
         lever = next(lever for lever in self.levers if lever.joint == joint)
         start = self.value(q, joint)
         way = value - start
-        if self._kind(joint) == "continuous":
+        if self._kind(joint).endless:
             way = float((way + np.pi) % (2 * np.pi) - np.pi)
         reached, done, stopped = _as_far(q, lambda q, part: self._close(q, lever, start + part * way))
         if not stopped:
@@ -173,7 +173,7 @@ class Poser:
             if max(lever.low - there, there - lever.high) > max(0.0, lever.low - here, here - lever.high):
                 raise AssemblyError(f"{lever.joint} is at the end of its range")
 
-    def _kind(self, joint: str) -> str:
+    def _kind(self, joint: str) -> JointKind:
         return self.robot.kinds[self.robot.joint_index[joint]]
 
     def _close(self, q: Array, lever: Lever, value: float) -> Array:
@@ -191,7 +191,7 @@ class Poser:
         """Return the joints whose positions, together with that of the lever, determine the posture."""
         module = self.robot.modules[lever.module]
         first = lever.joint
-        motors = [name for name in module.motors if name != first and self._kind(name) in DRAGGED]
+        motors = [name for name in module.motors if name != first and self._kind(name).single]
         chosen = independent(module, [first, *motors])
         try:  # spinning rods need no further joint
             move_module(self.robot, lever.module, {name: self.value(q, name) for name in chosen}, q)
@@ -199,7 +199,7 @@ class Poser:
             if not error.open_freedoms:
                 raise
             tree = [module.joints[i] for i in module.mechanism.spec.tree_joint if i is not None]
-            passive = [name for name in tree if self._kind(name) in DRAGGED and name not in (first, *motors)]
+            passive = [name for name in tree if self._kind(name).single and name not in (first, *motors)]
             chosen = independent(module, [first, *motors, *passive])
         return tuple(name for name in chosen if name != first)
 
@@ -208,7 +208,7 @@ class Poser:
         out: list[str] = []
         for module in self.robot.modules:
             tree = [module.joints[i] for i in module.mechanism.spec.tree_joint if i is not None]
-            known = [name for name in tree if name in self.robot.joint_index and self._kind(name) in DRAGGED]
+            known = [name for name in tree if name in self.robot.joint_index and self._kind(name).single]
             out += independent(module, known)
         return out
 
@@ -217,9 +217,9 @@ class Poser:
         number = next(k for k, module in enumerate(self.robot.modules) if joint in module.joints)
         record = self.robot.records[joint]
         home = self.value(self.robot.home, joint)
-        slides = record.kind == "prismatic"
+        slides = record.kind.slides
         span = STROKE * float(self.robot.modules[number].mechanism.length) if slides else TURN
-        if record.kind == "continuous":
+        if record.kind.endless:
             return Lever(joint, number, -TURN, TURN, "rad")
         low = record.lower if np.isfinite(record.lower) else home - span
         high = record.upper if np.isfinite(record.upper) else home + span

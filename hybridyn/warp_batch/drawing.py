@@ -89,9 +89,9 @@ class Draw:
             if record is None or to.stop - to.start != 1:
                 continue
             fastest[to] = record.speed_limit
-            if kind != "continuous" and record.lower < record.upper:
+            if not kind.endless and record.lower < record.upper:
                 low_q[at], high_q[at] = record.lower, record.upper
-            if kind == "prismatic":
+            if kind.slides:
                 reach[to] = robot.modules[robot.body_owner[robot.body_of_joint[name]][0]].mechanism.length
         in_q, in_v, home = robot.motor_q, robot.motor_v, MotorAxes.of(robot).positions(robot.home)
         low, high = (

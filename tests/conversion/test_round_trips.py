@@ -10,7 +10,6 @@ import pytest
 from hybridyn.conversion.request import Losses
 from hybridyn.conversion.sdf import counted_from_home
 from hybridyn.description import Description
-from hybridyn.description.records import ZERO
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED
 from tests.conversion.judge import (
@@ -60,7 +59,7 @@ def judge(description: Description, target: Path, drawn: Callable[[Description],
     if len(losses) < len(out.losses):
         description = counted_from_home(description, Losses())
         moving = [joint for joint in description.joints if joint.kind != "fixed"]
-        description = replace(description, home={joint.name: ZERO[joint.kind] for joint in moving})
+        description = replace(description, home={joint.name: joint.kind.zero for joint in moving})
     changed = [line for line in losses if not line.startswith(HARMLESS)]
     if target.suffix == ".sdf":
         harmless = {line for line in losses if not line.startswith("names of couplings")} - {*changed}

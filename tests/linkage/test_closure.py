@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hybridyn.description.records import Curve
+from hybridyn.joints.kinds import JointKind
 from hybridyn.linkage.closures import Closures, TreeClosure
 from hybridyn.linkage.couplings import TreeCoupling
 from hybridyn.linkage.tree import Tree, TreeJoint
@@ -31,7 +32,9 @@ def two_arms() -> Tree:
         axis = rng.normal(size=3)
         R = rotation_from_vector(rng.normal(size=3))
         parent = 0 if i == 4 else i
-        joints.append(TreeJoint("", kind, parent, R, rng.normal(size=3), axis / np.linalg.norm(axis)))  # type: ignore[arg-type]
+        joints.append(
+            TreeJoint("", JointKind(kind), parent, R, rng.normal(size=3), axis / np.linalg.norm(axis))
+        )
     return Tree(joints)
 
 
@@ -70,7 +73,7 @@ def closed_there(tree: Tree, name: str) -> tuple[Closures, Array, Array, Array]:
     frames = []
     for body, (R, x) in ((4, (A, p)), (8, (A @ turn, p + A @ left))):
         frames += [motion.R[0, body].T @ R, motion.R[0, body].T @ (x - motion.p[0, body])]
-    return Closures(tree, [closure(name, tuple(frames))], []), q, v, a  # type: ignore[arg-type]
+    return Closures(tree, [closure(name, tuple(frames))], []), q, v, a
 
 
 # -------------------------------------------------------------------- derivatives
@@ -120,7 +123,7 @@ def test_groups_of_equal_closures_are_evaluated_each_by_itself() -> None:
     tree = two_arms()
     rng = np.random.default_rng(1)
     many = [
-        closure(name, tuple(f(rng.normal(size=3)) for f in (rotation_from_vector, np.array) * 2))  # type: ignore[arg-type]
+        closure(name, tuple(f(rng.normal(size=3)) for f in (rotation_from_vector, np.array) * 2))
         for name in ("fixed", "spherical", "fixed", "universal", "spherical", "revolute")
     ]
     together = Closures(tree, many, [])
@@ -165,8 +168,8 @@ def test_oracles_states_satisfy_the_rows(kind: str) -> None:
 def turned(rotation: str, r: Array) -> Array:
     """Return the rotation residual when B is turned by rotation vectors from A, shape (T, rows)."""
     zero = np.zeros(3)
-    tree = Tree([TreeJoint("", "spherical", 0, np.eye(3), zero, np.array([0.0, 0, 1]))])
-    one = TreeClosure("", "", 0, np.eye(3), zero, 1, np.eye(3), zero, (), rotation)  # type: ignore[arg-type]
+    tree = Tree([TreeJoint("", JointKind.SPHERICAL, 0, np.eye(3), zero, np.array([0.0, 0, 1]))])
+    one = TreeClosure("", "", 0, np.eye(3), zero, 1, np.eye(3), zero, (), rotation)
     q = tree.integrate(np.tile(tree.neutral(), (len(r), 1)), r)
     return Closures(tree, [one], []).residual(q, tree.sweep(q))
 
@@ -204,7 +207,7 @@ def test_parallel_axes_that_should_be_perpendicular_are_not_closed() -> None:
 def gear(kinds: list[str], terms: tuple[tuple[int, float], ...], angles: Array, offset: float = 0.0) -> Array:
     """Return a coupling's residual at joint positions, shape (T,)."""
     z = np.array([0.0, 0, 1])
-    tree = Tree([TreeJoint("", k, i, np.eye(3), np.zeros(3), z) for i, k in enumerate(kinds)])  # type: ignore[arg-type]
+    tree = Tree([TreeJoint("", JointKind(k), i, np.eye(3), np.zeros(3), z) for i, k in enumerate(kinds)])
     q = tree.integrate(np.tile(tree.neutral(), (len(angles), 1)), angles)
     return Closures(tree, [], [TreeCoupling("", terms, offset)]).residual(q, tree.sweep(q))[:, 0]
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hybridyn.description.records import Coupling, Curve
+from hybridyn.joints.kinds import JointKind
 from hybridyn.linkage.couplings import CouplingRows, TreeCoupling
 from hybridyn.linkage.joints import TreeJoint
 from hybridyn.linkage.tree import Tree
@@ -25,7 +26,9 @@ def random_rows(seed: int) -> tuple[CouplingRows, list[TreeCoupling], Tree, np.r
     """Return three couplings of hinges and slides, one of them linear."""
     rng = np.random.default_rng(seed)
     kinds = ("revolute", "prismatic", "revolute", "prismatic", "revolute")
-    joints = [TreeJoint("", k, i, np.eye(3), np.zeros(3), np.eye(3)[i % 3]) for i, k in enumerate(kinds)]  # type: ignore[arg-type]
+    joints = [
+        TreeJoint("", JointKind(k), i, np.eye(3), np.zeros(3), np.eye(3)[i % 3]) for i, k in enumerate(kinds)
+    ]
     couplings = []
     for bent in (True, False, True):
         terms = tuple((int(j), rng.normal()) for j in rng.permutation(5)[:2])

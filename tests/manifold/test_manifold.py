@@ -7,8 +7,8 @@ import pytest
 
 from hybridyn import closure_residual
 from hybridyn.errors import AssemblyError
+from hybridyn.joints.kinds import JointKind
 from hybridyn.linkage.retraction import Retraction
-from hybridyn.linkage.tree import NQ, NV
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -109,9 +109,9 @@ ALL = ("revolute", "continuous", "prismatic", "spherical", "planar", "floating")
 
 def moves(kinds: tuple[str, ...]) -> tuple[Retraction, np.ndarray, int]:
     """Return the moves of some joints with a random posture and the number of freedoms."""
-    at = np.cumsum([0] + [NQ[k] for k in kinds]), np.cumsum([0] + [NV[k] for k in kinds])
+    at = np.cumsum([0] + [JointKind(k).nq for k in kinds]), np.cumsum([0] + [JointKind(k).nv for k in kinds])
     slices = [[slice(int(x), int(y)) for x, y in pairwise(a)] for a in at]
-    retraction = Retraction(kinds)
+    retraction = Retraction([JointKind(kind) for kind in kinds])
     q = np.zeros(int(at[0][-1]))
     for kind, where in zip(kinds, slices[0], strict=True):
         if kind == "continuous":

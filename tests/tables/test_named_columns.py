@@ -9,7 +9,6 @@ import hybridyn
 from hybridyn import HybridRobot, TrajectoryError
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.structure.building import build_robot
-from hybridyn.tables.signals import JOINT_COMPONENTS
 from tests.comparing import ROUNDING, SOLVED, close_to, refused, same_bits
 from tests.engines import engine_of
 from tests.extras import needs
@@ -135,7 +134,7 @@ def test_every_kind_of_joint_has_its_components() -> None:
     for joint, kind, at_q, at_v in zip(
         robot.joints, robot.kinds, robot.q_slices, robot.v_slices, strict=True
     ):
-        x, (places, rates) = q[:, at_q], JOINT_COMPONENTS.get(kind, (("",), ("",)))
+        x, places, rates = q[:, at_q], kind.places, kind.rates
         if kind in ("continuous", "planar"):
             x = np.column_stack([x[:, :-2], np.arctan2(x[:, -1], x[:, -2])])
         table |= {f"{joint}/position/{n}".rstrip("/"): x[:, i] for i, n in enumerate(places)}

@@ -134,7 +134,7 @@ class Between:
         """Return what counts as one of the motion of each motor of a module [m or rad]."""
         robot = self.robot
         kinds = [robot.kinds[robot.joint_index[name]] for name in robot.modules[number].motors]
-        return np.array([self.length if kind == "prismatic" else 1.0 for kind in kinds])
+        return np.array([self.length if kind.slides else 1.0 for kind in kinds])
 
     @property
     def q_index(self) -> Array:

@@ -35,7 +35,7 @@ def ease_of(robot: HybridRobot, module: Module, weights: Mapping[str, float]) ->
     out = np.full(m.tree.nv, 1.0 / PASSIVE if alone else 1.0)
     for name, column in zip(module.motors, module.motor_columns, strict=True):
         joint = robot.records[name]
-        whole = m.length if joint.kind == "prismatic" else 2.0 * np.pi
+        whole = m.length if joint.kind.slides else 2.0 * np.pi
         span = joint.upper - joint.lower
         if alone:
             out[column] = (span if 0.0 < span < np.inf else whole) / m.reduction.col_scale[column]

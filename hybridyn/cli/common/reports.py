@@ -54,7 +54,7 @@ class Loads:
     def add(self, done: Rows) -> None:
         """Add a block."""
         speed, effort, position = np.split(done.rows, 3, axis=1)
-        position[:, [joint.kind == "continuous" for joint in self.sizing.joints]] = np.nan
+        position[:, [joint.kind.endless for joint in self.sizing.joints]] = np.nan
         self.sizing.add(done.time, done.first_row, position, speed, effort)
 
     def show(self, layout: Layout, left: Departures, quiet: bool) -> None:

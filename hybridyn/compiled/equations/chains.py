@@ -18,10 +18,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.joints import NQ, TreeJoint
+from ...linkage.joints import TreeJoint
 from .expressions import Expression, cross, dot, eye, hat, is_zero, numbers, plain, plus, times, zeros
 from .rigid import (
-    TURNING,
     Link,
     crf,
     crm,
@@ -91,8 +90,8 @@ class Chain:
 
 def split_positions(links: list[Link], q: Expression) -> list[Expression]:
     """Split positions into those of each joint."""
-    ends = np.cumsum([NQ[link.kind] for link in links], dtype=int).tolist()
-    return [q[end - NQ[link.kind] : end] for end, link in zip(ends, links, strict=True)]
+    ends = np.cumsum([link.kind.nq for link in links], dtype=int).tolist()
+    return [q[end - link.kind.nq : end] for end, link in zip(ends, links, strict=True)]
 
 
 def sweep(
@@ -138,21 +137,22 @@ def sweep(
 
 def motion_subspace(link: Link) -> Expression:
     """Return the motion subspace S of a joint, shape (6, nv), child frame."""
-    return numbers(TreeJoint("", link.kind, axis=link.axis).S)
+    return numbers(TreeJoint("", link.kind, axis=link.axis, pitch=link.pitch).S)
 
 
 def joint_motion(link: Link, q: Expression) -> tuple[Expression, Expression]:
     """Compute a joint's rotation and translation of its child, in the axes of the placement."""
-    if link.kind == "prismatic":
-        return eye(3), np.array([times(x, q[0]) for x in link.axis], dtype=object)
-    if link.kind in TURNING:
-        c, s = (ca.cos(q[0]), ca.sin(q[0])) if link.kind == "revolute" else (q[0], q[1])
-        return rotation(link.axis, c, s), zeros(3)
-    if link.kind == "spherical":
-        return quaternion_matrix(q), zeros(3)
-    if link.kind == "planar":
-        return rotation(np.array([0.0, 0.0, 1.0]), q[2], q[3]), np.array([q[0], q[1], 0.0], dtype=object)
-    return quaternion_matrix(q[3:]), q[:3]
+    joint, n = TreeJoint("", link.kind, axis=link.axis, pitch=link.pitch), link.kind.shift
+    if link.kind.single:
+        way = (
+            zeros(3)
+            if not joint.slope
+            else np.array([times(x, q[0]) for x in joint.slope * link.axis], object)
+        )
+        turn = (ca.cos(q[0]), ca.sin(q[0])) if link.kind.additive else (q[0], q[1])
+        return eye(3) if link.kind.slides else rotation(link.axis, *turn), way
+    turned = quaternion_matrix(q[n:]) if link.kind.ball else rotation(np.array([0.0, 0.0, 1.0]), *q[n:])
+    return turned, np.concatenate([q[:n], zeros(3 - n)])
 
 
 def rotation(axis: Expression, c: ca.SX, s: ca.SX) -> Expression:

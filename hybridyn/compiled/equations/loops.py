@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...description.records import RotationKind
+from ...joints.kinds import RotationKind
 from ...linkage.closures import TURNING, TreeClosure, normals
 from ...linkage.couplings import TreeCoupling
 from ...linkage.joints import TreeJoint
@@ -273,8 +273,8 @@ def write_rows(
     for coupling in parts.couplings:
         opened, row = coupling_row(chain, coupling, q, coupling.offset)
         # The unit of its residual is the largest of a radian, or the length, in its terms.
-        units_of = {"prismatic": scale.length}
-        unit = max(size * units_of.get(chain.links[j].kind, 1.0) for j, size in coupling.sizes)
+        lengths = (scale.length if chain.links[j].kind.slides else 1.0 for j, _ in coupling.sizes)
+        unit = max(size * length for (_, size), length in zip(coupling.sizes, lengths, strict=True))
         drift = np.array([coupling_drift(chain, coupling, q, rates[6:])], dtype=object)
         K, gamma = [*K, np.concatenate([zeros(6), row])[None]], [*gamma, drift]
         guard = guard + weighed([(np.array([opened], dtype=object), unit)], scale.weight_of_positions)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...joints.kinds import JointKind
 from ...linkage.closures import TreeClosure
 from ...linkage.couplings import TreeCoupling
 from ...spatial import Array, Index
@@ -20,7 +21,7 @@ from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import axis_frame
 from .arguments import ModuleArguments
 from .expressions import plain, settled, snap, zeros
-from .rigid import TURNING, Link, aligned, links_of, moved, regrouped, ten_numbers
+from .rigid import Link, aligned, links_of, moved, regrouped, ten_numbers
 from .spins import UNFELT, Spin, first_moment, spins_of
 
 #: Digits in which the axes of equal legs agree; the rest is rounding.
@@ -69,7 +70,11 @@ def _free_rod(
     links: Sequence[Link], closures: Sequence[TreeClosure], number: int, body: int, point: Array
 ) -> tuple[Array, tuple[int, ...]] | None:
     """Return `_rod` of a body on a floating joint that a ball and another one hold, and nothing else."""
-    if not body or links[body - 1].kind != "floating" or any(link.parent == body for link in links):
+    if (
+        not body
+        or links[body - 1].kind is not JointKind.FLOATING
+        or any(link.parent == body for link in links)
+    ):
         return None
     others = [c for k, c in enumerate(closures) if k != number and body in (c.body_a, c.body_b)]
     if len(others) != 1 or not is_ball(others[0]):
@@ -89,16 +94,16 @@ def _rod(links: Sequence[Link], body: int, point: Array) -> tuple[Array, tuple[i
     A rod is a body on a ball or a universal joint, or slides along its line on one.
     """
     line, turn = [point], np.eye(3)
-    while body and links[body - 1].kind == "prismatic":
+    while body and links[body - 1].kind.slides:
         link = links[body - 1]
         turn = turn @ link.R.T
         line += [turn @ link.R @ link.axis, turn @ link.p]
         body = links[body - 1].parent
     joints = [body - 1] if body else []
-    if joints and links[body - 1].kind in TURNING and np.abs(links[body - 1].p).max() <= UNFELT:
+    if joints and links[body - 1].kind.hinge and np.abs(links[body - 1].p).max() <= UNFELT:
         joints.append(links[body - 1].parent - 1)
     kinds = [links[i].kind for i in joints if i >= 0]
-    if kinds != ["spherical"] and not (len(kinds) == 2 and {*kinds} <= {*TURNING}):
+    if kinds != [JointKind.SPHERICAL] and not (len(kinds) == 2 and all(kind.hinge for kind in kinds)):
         return None
     lengths = np.linalg.norm(line, axis=1)
     axis = line[int(np.argmax(lengths))] / (lengths.max() or 1.0)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...description.records import JointKind
-from ...linkage.joints import NV, TreeJoint
+from ...joints.kinds import JointKind
+from ...linkage.joints import TreeJoint
 from ...spatial import Array
 from ...structure.bodies import Body
 from ...structure.wrists import axis_frame
@@ -144,9 +144,6 @@ def quaternion_matrix(q: Expression) -> Expression:
     )
 
 
-TURNING = ("revolute", "continuous")
-
-
 @dataclass(frozen=True, eq=False)
 class Link:
     """One joint and its child body as numbers.
@@ -157,6 +154,7 @@ class Link:
         R: Child axes in the parent at joint position zero, shape (3, 3).
         p: Child origin in the parent at joint position zero, shape (3,), [m].
         axis: Joint axis in the child, shape (3,).
+        pitch: Way of a screw along it [m/rad].
         inertia: Ten numbers of the child's inertia (`rigid`), shape (10,).
     """
 
@@ -166,17 +164,18 @@ class Link:
     p: Array
     axis: Array
     inertia: Array
+    pitch: float = 0.0
 
     @property
     def nv(self) -> int:
         """Number of freedoms."""
-        return NV[self.kind]
+        return self.kind.nv
 
 
 def links_of(joints: tuple[TreeJoint, ...], inertias: list[Array]) -> list[Link]:
     """Return the links of a tree from its joints and its bodies' ten numbers."""
     return [
-        Link(j.kind, j.parent, snap(j.R), j.p, j.axis, inertia)
+        Link(j.kind, j.parent, snap(j.R), j.p, j.axis, inertia, j.pitch)
         for j, inertia in zip(joints, inertias, strict=True)
     ]
 
@@ -192,7 +191,7 @@ def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[
     """
     out, axes = [], [np.eye(3)]
     for body, link in enumerate(links, 1):
-        turned = body not in fixed and np.abs(link.axis).max() < 1.0 and link.nv == 1
+        turned = body not in fixed and np.abs(link.axis).max() < 1.0 and link.kind.single
         here, back = axis_frame(link.axis) if turned else np.eye(3), axes[link.parent].T
         axes.append(here)
         inertia = np.array(moved(plain(link.inertia), plain(here.T), plain(np.zeros(3))), dtype=float)
@@ -243,14 +242,14 @@ def _clean(inertia: Array, before: Array) -> Array:
 def unfelt(link: Link) -> Array:
     """Return the part of a link's ten numbers that does not affect its joint's force, shape (10,)."""
     gone = np.zeros(10, dtype=link.inertia.dtype)
-    if link.kind in TURNING and np.abs(link.axis).max() == 1.0:
+    if link.kind.hinge and np.abs(link.axis).max() == 1.0:
         k = int(np.argmax(np.abs(link.axis)))
         diagonal = (4, 7, 9)
         gone[0], gone[1 + k] = link.inertia[0], link.inertia[1 + k]
         first, second = (diagonal[i] for i in range(3) if i != k)
         gone[first] = gone[second] = link.inertia[second]
-    elif link.kind == "prismatic":
+    elif link.kind.slides:
         gone[4:] = link.inertia[4:]
-    elif link.kind == "spherical":
+    elif link.kind is JointKind.SPHERICAL:
         gone[0] = link.inertia[0]
     return gone

@@ -28,7 +28,7 @@ from ...structure.mechanism import Mechanism
 from .chains import motion_subspace
 from .expressions import Expression, along, dot, is_zero, minus, numbers, scalar, snap, times
 from .guarded_elimination import Scale, squares
-from .rigid import TURNING, Link, momentum, to_child
+from .rigid import Link, momentum, to_child
 
 #: A closure does not feel a motion that opens it by less than this, without units: rounding. The spin of a
 #: leg moves its mass by less, too.
@@ -41,7 +41,6 @@ AMPLIFIED = 5e5
 
 
 #: Joints that may spin.
-SPINNING = ("spherical", "floating", *TURNING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +96,11 @@ def spins_of(m: Mechanism, driven: Container[int]) -> list[Spin]:
     moved = effects(m, motion)
     for i, (joint, at) in enumerate(zip(m.tree.joints, m.tree.v_slices, strict=True)):
         cols, unit = range(at.start, at.stop), m.reduction.col_scale[at]
-        if joint.kind not in SPINNING or i in m.spec.platforms or any(col in driven for col in cols):
+        if (
+            not (joint.kind.ball or joint.kind.hinge)
+            or i in m.spec.platforms
+            or any(col in driven for col in cols)
+        ):
             continue
         _, s, Vt = np.linalg.svd(K[:, :, at].reshape(-1, len(cols)))
         axis = snap(Vt[-1] * np.sign(Vt[-1][np.argmax(np.abs(Vt[-1]))]))
@@ -130,7 +133,7 @@ def twists_of(spin: Spin, links: Sequence[Link]) -> dict[int, Expression]:
     first = ends.index(spin.cols[0])
     twists = {first + 1: dot(motion_subspace(links[first]), numbers(spin.axis))}
     for i, link in enumerate(links):
-        if link.kind == "prismatic" and link.parent in twists:
+        if link.kind.slides and link.parent in twists:
             twists[i + 1] = to_child(numbers(link.R), numbers(link.p), twists[link.parent])
     return twists
 

@@ -24,11 +24,11 @@ import casadi as ca
 import numpy as np
 
 from ...assembly.follow import MOST_TURNING
+from ...joints import displacement
 from ...linkage.tree import Tree
 from ...spatial import Index
 from ...structure.robot import HybridRobot
 from ..equations.arguments import OTHER_STRUCTURE, ChosenNumbers
-from ..equations.displacement import by_joint, displacement_rate, moved_joint, position_rate
 from ..equations.expressions import Expression, dot, is_zero, pack, symbols, unpack
 from ..equations.guarded_elimination import GUARD_CLOSED, TRUSTED_PIVOT, largest, solve, squares
 from ..equations.loops import LoopRows
@@ -133,7 +133,7 @@ def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
         guard = ca.fmax(guard, largest(residual * scale) / closed)
         held = largest(dot(K, v) * scale) <= closed * speed
         guard = ca.fmax(guard, ca.if_else(held, 0.0, OTHER_STRUCTURE))
-    moved = by_joint(tree, moved_joint, q, step, positions=1)
+    moved = tree.by_joint(displacement.moved, [q], [step])
     return kernel.kernel("close", [q_col, v_col, a_col], [pack(moved), pack(v), pack(a), guard])
 
 
@@ -151,7 +151,7 @@ def _turning(kernel: LoopKernel) -> Kernel:
 
 def drift(rows: LoopRows, q: ca.SX, w: ca.SX, v: Expression, tree: Tree) -> Expression:
     """Compute K_dot v, shape (rows,), from rows at symbols of positions q and of rates w."""
-    rate = by_joint(tree, position_rate, unpack(q), unpack(w), positions=1)
+    rate = tree.by_joint(displacement.rate, [unpack(q)], [unpack(w)])
     changes = ca.jtimes(pack(rows.rates), q, pack(rate)) + pack(rows.drift)
     return unpack(ca.substitute(changes, w, pack(v)))
 
@@ -188,13 +188,13 @@ def _lift(kernel: LoopKernel) -> Kernel:
     m, tree = kernel.m, kernel.tree
     (q_col, q_0), (xi_col, xi) = symbols("q_0", tree.nq), symbols("xi", tree.nv)
     v_col, v = symbols("v", tree.nv)
-    rows = kernel.rows(by_joint(tree, moved_joint, q_0, xi, positions=1))
+    rows = kernel.rows(tree.by_joint(displacement.moved, [q_0], [xi]))
     step, rates, doubts = kernel.step(rows, v)
     outputs = [
-        pack(by_joint(tree, moved_joint, q_0, xi + step, positions=1)),
+        pack(tree.by_joint(displacement.moved, [q_0], [xi + step])),
         pack(xi + step),
         pack(rates),
-        pack(by_joint(tree, displacement_rate, xi, rates)),
+        pack(tree.by_joint(displacement.pull, [], [xi, rates])),
         pack(kernel.independent(np.ones(tree.nv))),
         largest(step / m.spanning_col_scale),
         ca.fmin(1.0, TRUSTED_PIVOT / largest(doubts)),

@@ -18,11 +18,11 @@ import numpy as np
 
 from ...assembly.posture import check_joints, modules_of
 from ...dynamics.quantities.joint_map import joint_map, motors_beside, regular_map
+from ...joints import displacement
 from ...linkage.tree import Tree
 from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
-from ..equations.displacement import by_joint, moved_joint
 from ..equations.expressions import Expression, pack, symbols, zeros
 from ..equations.guarded_elimination import GUARD_CLOSED, largest, squares
 from ..equations.loops import LoopRows
@@ -155,7 +155,7 @@ def _kernel(module: Module, given: Side, wanted: Side, closed: float) -> Kernel:
     step, guard, there = _followed(kernel, rows, B)
     _, of_back, per_wanted = _followed(back, rows, A)
     size = largest(step / kernel.m.spanning_col_scale) / closed
-    moved = by_joint(kernel.tree, moved_joint, q, step, positions=1)
+    moved = kernel.tree.by_joint(displacement.moved, [q], [step])
     outputs = [
         pack(moved), pack(_positions(kernel.tree, moved, B)), pack(there.dot(rate)),
         pack(per_wanted.T.dot(effort)), pack(there), ca.fmax(ca.fmax(guard, of_back), size),
@@ -182,7 +182,7 @@ def _placed(tree: Tree, q: Expression, freedoms: list[int], positions: Expressio
     for joint, at, to in zip(tree.joints, tree.q_slices, tree.v_slices, strict=True):
         if to.start in freedoms:
             x = positions[freedoms.index(to.start)]
-            out[at] = [ca.cos(x), ca.sin(x)] if joint.kind == "continuous" else [x]
+            out[at] = [ca.cos(x), ca.sin(x)] if joint.kind.endless else [x]
     return out
 
 

@@ -81,7 +81,7 @@ def joints_text(robot: HybridRobot, side: Sequence[str]) -> str:
     tables = [
         ("int", "at", [robot.q_slices[i].start for i in numbers]),
         ("int", "column", columns),
-        ("int", "turns", [int(robot.kinds[i] == "continuous") for i in numbers]),
+        ("int", "turns", [int(robot.kinds[i].endless) for i in numbers]),
         ("S", "farthest", [f"(S){x!r}" for x in farthest[columns].tolist()]),
     ]
     return "".join(TABLE.format(kind, name, ", ".join(map(str, of)) or "0") for kind, name, of in tables)

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...joints.kinds import JointKind
 from ..names import noted, unique
-from ..records import Coupling, Joint, JointKind, RobotFile, StatedSpring, massless, spring_effect
+from ..records import Coupling, Joint, RobotFile, StatedSpring, massless, spring_effect
 from .compiling import Compiled
 
 #: MuJoCo's numbers of the forces along a tendon.
@@ -198,7 +199,7 @@ def _add_inertia(robot: RobotFile, compiled: Compiled) -> None:
         carrier = robot.joints[min(at.values())].parent
         robot.links.append(massless(link, line, between=True))
         robot.joints.append(Joint(
-            name, "prismatic", carrier, link, np.eye(4), np.array([0.0, 0.0, 1.0]),
+            name, JointKind.PRISMATIC, carrier, link, np.eye(4), np.array([0.0, 0.0, 1.0]),
             rotor_inertia=float(stated[number]), line=line,
         ))  # fmt: skip
         robot.undriven.add(name)

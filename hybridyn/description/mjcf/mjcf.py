@@ -14,10 +14,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...joints.kinds import JointKind
 from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
 from ..names import listed, noted, unique
 from ..placement import motion_of, placement_from
-from ..records import Array, Joint, JointKind, Link, RobotFile
+from ..records import Array, Joint, Link, RobotFile
 from ..urdf.xml_node import Node
 from .compiling import Compiled, compile_text, pose
 from .document import Document, screen
@@ -26,8 +27,8 @@ from .relations import add_actuators, add_equalities
 
 #: Kinds of joints by MuJoCo's words.
 KINDS: dict[str, JointKind] = {
-    "mjJNT_HINGE": "revolute", "mjJNT_SLIDE": "prismatic", "mjJNT_BALL": "spherical",
-    "mjJNT_FREE": "floating",
+    "mjJNT_HINGE": JointKind.REVOLUTE, "mjJNT_SLIDE": JointKind.PRISMATIC, "mjJNT_BALL": JointKind.SPHERICAL,
+    "mjJNT_FREE": JointKind.FLOATING,
 }  # fmt: skip
 
 #: Endings and kinds of the joints that stand for a free joint with armature, friction or springs. MuJoCo adds
@@ -35,7 +36,8 @@ KINDS: dict[str, JointKind] = {
 #: diagonal of the mass matrix in its own rates: those of the body's origin along the axes of the world, and
 #: angular ones about the axes of the body. Slides along the world's axes and a ball have the same rates.
 FREE_PARTS: tuple[tuple[str, JointKind], ...] = (
-    ("_x", "prismatic"), ("_y", "prismatic"), ("_z", "prismatic"), ("_turn", "spherical"),
+    ("_x", JointKind.PRISMATIC), ("_y", JointKind.PRISMATIC), ("_z", JointKind.PRISMATIC),
+    ("_turn", JointKind.SPHERICAL),
 )  # fmt: skip
 
 
@@ -85,7 +87,7 @@ def add_bodies(robot: RobotFile, compiled: Compiled, root: int, q: Array) -> Non
         robot.links.append(_link(compiled, body))
     if root:
         at = int(model.jnt_qposadr[model.body_jntadr[root]])
-        robot.base, robot.base_home = "floating", _coordinates("floating", q[at:])
+        robot.base, robot.base_home = "floating", _coordinates(JointKind.FLOATING, q[at:])
     add_forces(robot, compiled, parts)
 
 
@@ -190,7 +192,7 @@ def _chain(compiled: Compiled, body: int, steps: list[tuple[Joint, Array]], take
     if not steps or before.any():
         fixed = unique(f"{compiled.bodies[body]}_fixed", taken)
         back = at @ placement_from(np.eye(3), -before)
-        out.append(Joint(fixed, "fixed", "", "", back, NO_AXIS, line=compiled.line("body", body)))
+        out.append(Joint(fixed, JointKind.FIXED, "", "", back, NO_AXIS, line=compiled.line("body", body)))
     return out
 
 

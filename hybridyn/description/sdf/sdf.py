@@ -12,12 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...joints.kinds import JointKind
 from ..closure_forms import FORMS, closure_of
 from ..joint_graph import WORLD, Chain, JointGraph, screw, span, starts, step
 from ..names import noted, unique
 from ..placement import inverse, placement_from, rotation_to_axis
 from ..plugins import refuse_holding, weld_of
-from ..records import Array, Closure, Coupling, Joint, JointKind, RobotFile, StatedSpring, spring_effect
+from ..records import Array, Closure, Coupling, Joint, RobotFile, StatedSpring, spring_effect
 from ..urdf.drake import BALL, read_ball_constraint
 from ..urdf.drake_forces import BUSHING, SPRING, read_bushings, spring_effects
 from ..urdf.xml_node import Node
@@ -41,8 +42,8 @@ CLOSED = (
 
 #: Kinds of joints by type; those of several axes are chains.
 KINDS: dict[str, JointKind] = {
-    "revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic",
-    "universal": "revolute", "revolute2": "revolute", "screw": "revolute",
+    "revolute": JointKind.REVOLUTE, "continuous": JointKind.CONTINUOUS, "prismatic": JointKind.PRISMATIC,
+    "universal": JointKind.REVOLUTE, "revolute2": JointKind.REVOLUTE, "screw": JointKind.REVOLUTE,
 }  # fmt: skip
 
 #: Closures by the type of the joint.
@@ -211,7 +212,7 @@ class _Builder:
             if axis.initial and not math.isnan(axis.initial):
                 self.robot.home[name] = (axis.initial,)
         if joint.kind == "ball":
-            steps.append(step(joint.name, "spherical"))
+            steps.append(step(joint.name, JointKind.SPHERICAL))
         if joint.kind == "screw":
             slide = self.graph.joint_name(f"{joint.name}_slide")
             steps, ties = screw(steps[0], slide, joint.pitch, joint.line)

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import ModelError
+from ...joints.kinds import JointKind
 from ..closure_forms import CLOSURE_TYPES, FREE, closure_of
 from ..names import closest, did_you_mean, listed
 from ..records import Joint, Link, MotorStatement, RobotFile
@@ -115,15 +116,15 @@ def _retyped(joint: Joint, kind: str, links: list[Link]) -> list[Joint]:
     """
     free = replace(joint, **FREE)
     if kind == "SPHERICAL":
-        return [replace(free, kind="spherical")]
+        return [replace(free, kind=JointKind.SPHERICAL)]
     if kind == "FIXED":
-        return [replace(free, kind="fixed")]
+        return [replace(free, kind=JointKind.FIXED)]
     match = UNIVERSAL.fullmatch(kind)
     if match is None or match[1] == match[2]:
         known = ["SPHERICAL", "FIXED", "UJOINT_XY", "UJOINT_YZ", "UJOINT_ZX", "UJOINT_ZY"]
         raise ValueError(f"unknown type '{kind}'{did_you_mean(kind, known)}; known: {listed(known)}")
     first, second = (
-        replace(free, name=f"{joint.name}_{x}", kind="revolute", axis=AXES[x]) for x in match.groups()
+        replace(free, name=f"{joint.name}_{x}", kind=JointKind.REVOLUTE, axis=AXES[x]) for x in match.groups()
     )
     links.append(Link(first.name, 0.0, np.zeros(3), np.zeros((3, 3)), joint.line))
     return [replace(first, child=first.name), replace(second, parent=first.name, placement=np.eye(4))]

@@ -25,10 +25,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from ...joints.kinds import JointKind
 from ..closure_forms import FREE, closure_of
 from ..names import unique
 from ..placement import placement_from, poses_at_zero, relative, rotation_to_axis
-from ..records import FREEDOMS, Array, Closure, MotorStatement, RobotFile
+from ..records import Array, Closure, MotorStatement, RobotFile
 from ..urdf.xml_node import SMALLEST_AXIS
 from .tables import Open, Point, table
 from .yaml_file import Place, YamlFile, checked
@@ -72,7 +73,9 @@ def apply_loop_closures(robot: RobotFile, document: YamlFile) -> None:
     for key in ("dependent", "independent", "ball_upgrades", "actuated_joints"):
         document.refuse_unknown((key,), getattr(content, key) or (), joints, "joint")
     balls = {*(content.ball_upgrades or ())}
-    robot.joints = [replace(j, kind="spherical", **FREE) if j.name in balls else j for j in robot.joints]
+    robot.joints = [
+        replace(j, kind=JointKind.SPHERICAL, **FREE) if j.name in balls else j for j in robot.joints
+    ]
     if content.ball_limit_deg is not None:
         robot.notes.append(f"ball_limit_deg of {name} is not read")
     robot.motors += _motors(robot, document, content)
@@ -113,7 +116,7 @@ def _motors(robot: RobotFile, document: YamlFile, content: Any) -> Iterator[Moto
     The exporters let the independent joints keep their actuators: all that move, but those solved for.
     """
     followers = {coupling.name for coupling in robot.couplings}
-    freedoms = {joint.name: FREEDOMS[joint.kind] for joint in robot.joints}
+    freedoms = {joint.name: joint.kind.nv for joint in robot.joints}
     for key in ("actuated_joints", "independent"):
         if names := getattr(content, key):
             driven = tuple(name for name in names if freedoms[name] == 1 and name not in followers)

@@ -28,16 +28,15 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import ModelError
+from ...joints.kinds import JointKind
 from ..cache_folder import hashed, keep, kept, state_of
 from ..closure_forms import FORMS
 from ..names import did_you_mean
 from ..records import (
     ON_LINKS,
-    ZERO,
     Coupling,
     Curve,
     Description,
-    JointKind,
     MotorStatement,
     RobotFile,
     named_by,
@@ -153,7 +152,7 @@ def _position(kind: JointKind, value: float | list[float]) -> tuple[float, ...]:
         ValueError: The number of values is wrong, or the unit vector does not have length one.
     """
     values = value if isinstance(value, list) else [value]
-    counts = (1, 2) if kind == "continuous" else (len(ZERO[kind]),)
+    counts = (1, 2) if kind.endless else (len(kind.zero),)
     if len(values) not in counts:
         wanted = " or ".join(str(count) for count in counts)
         raise ValueError(f"{len(values)} numbers for a {kind} joint, which has {wanted}")

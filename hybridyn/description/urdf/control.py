@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from ..names import listed
 from ..plugins import Follower
-from ..records import FREEDOMS, MotorStatement, RobotFile
+from ..records import MotorStatement, RobotFile
 from .xml_node import Node
 
 TAG = "ros2_control"
@@ -34,7 +34,7 @@ def state_interfaces(root: Node, robot: RobotFile) -> None:
     The motors have the order of the joints of the robot.
     """
     followers = {coupling.name for coupling in robot.couplings}
-    freedoms = {joint.name: FREEDOMS[joint.kind] for joint in robot.joints}
+    freedoms = {joint.name: joint.kind.nv for joint in robot.joints}
     driven: dict[str, Node] = {}
     for node in _joints(root):
         name, mimic = node.text("name"), str(node.xml.get("mimic", "")).strip().lower()

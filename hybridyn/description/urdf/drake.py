@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from ...joints.kinds import JointKind
 from ...spatial import rotation_from_axis_angle
 from ..closure_forms import Side, closure_of
 from ..joint_graph import add_chain, screw, step
 from ..names import did_you_mean, listed, unique
 from ..placement import placement_from
-from ..records import Array, Closure, Coupling, Joint, JointKind, RobotFile
+from ..records import Array, Closure, Coupling, Joint, RobotFile
 from .xml_node import Node, axis_of, origin_of
 
 X, Y, Z = np.eye(3)
@@ -201,14 +202,16 @@ def _joint_names(node: Node, robot: RobotFile, *endings: str) -> list[str]:
 
 
 def _ball(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
-    return [step(node.text("name"), "spherical", **numbers(node, node.text("name"), "spherical"))]
+    return [
+        step(node.text("name"), JointKind.SPHERICAL, **numbers(node, node.text("name"), JointKind.SPHERICAL))
+    ]
 
 
 def _universal(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
     """Return hinges about x and y. The damping is that of each."""
     names = _joint_names(node, robot, "_1", "_2")
-    stated = numbers(node, node.text("name"), "spherical")
-    return [step(name, "revolute", turn, **stated) for name, turn in zip(names, (X, Y), strict=True)]
+    stated = numbers(node, node.text("name"), JointKind.SPHERICAL)
+    return [step(name, JointKind.REVOLUTE, turn, **stated) for name, turn in zip(names, (X, Y), strict=True)]
 
 
 def _screw(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
@@ -216,7 +219,7 @@ def _screw(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[
     pitch = node.required_child(PITCH)
     pitch.only(["value"], [])
     name, (slide,) = node.text("name"), _joint_names(node, robot, "_slide")
-    turn = step(name, "revolute", axis, **numbers(node, name, "revolute"))
+    turn = step(name, JointKind.REVOLUTE, axis, **numbers(node, name, JointKind.REVOLUTE))
     chain, couplings = screw(turn, slide, pitch.number("value") / (2 * math.pi), node.line)
     robot.couplings += couplings
     return chain
@@ -241,16 +244,16 @@ def _planar(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list
     place, back = placement_from(turn, np.zeros(3)), placement_from(turn.T, np.zeros(3))
     if x.any():
         names = _joint_names(node, robot, "_x", "_y", "_turn")
-        kinds: list[JointKind] = ["prismatic", "prismatic", "revolute"]
+        kinds: list[JointKind] = [JointKind.PRISMATIC, JointKind.PRISMATIC, JointKind.REVOLUTE]
         chain = [
             step(each, kind, along, damping=float(damping))
             for each, kind, along, damping in zip(names, kinds, (X, Y, Z), x, strict=True)
         ]
     else:
-        chain = [step(name, "planar", Z)]
+        chain = [step(name, JointKind.PLANAR, Z)]
     if not np.array_equal(turn, np.eye(3)):
         (weld,) = _joint_names(node, robot, "_frame")
-        chain.append(replace(step(weld, "fixed"), placement=back))
+        chain.append(replace(step(weld, JointKind.FIXED), placement=back))
     chain[0] = replace(chain[0], placement=place)
     return chain
 

@@ -16,7 +16,7 @@ from ..loop_signs import ACCEPTED_FORMS
 from ..names import DROPS, did_you_mean, unique
 from ..placement import placement_from, poses_at_zero, relative, rotation_from_rpy, rotation_to_axis
 from ..plugins import Follower, followers, refuse_holding, weld_of
-from ..records import FREEDOMS, Array, Coupling, RobotFile, StatedSpring
+from ..records import Array, Coupling, RobotFile, StatedSpring
 from ..sdf.elements import flag, numbers
 from .control import followers_of_control
 from .kept_joints import keep_joint
@@ -82,7 +82,7 @@ def _weld(plugin: Node, ends: tuple[Node, Node], poses: Mapping[str, Array], rob
 def _couple(follower: Follower, robot: RobotFile) -> None:
     """Add the coupling of a follower, unless the joint itself states one."""
     node, name, leader = follower.node, follower.name, follower.leader
-    movable = {joint.name: FREEDOMS[joint.kind] for joint in robot.joints if FREEDOMS[joint.kind]}
+    movable = {joint.name: joint.kind.nv for joint in robot.joints if joint.kind.nv}
     coupling = Coupling(name, ((name, 1.0), (leader, -follower.multiplier)), follower.offset, node.line)
     same = [one for one in robot.couplings if one.name == name]
     if name not in movable:
@@ -110,7 +110,7 @@ def _read_springs(blocks: list[Node], robot: RobotFile) -> None:
         if stiffness.number() < 0:
             raise stiffness.error(f"negative stiffness {stiffness.number():g} of joint '{name}'")
         joint = next((joint for joint in robot.joints if joint.name == name), None)
-        if joint is None or FREEDOMS[joint.kind] != 1:
+        if joint is None or not joint.kind.single:
             robot.notes.append(
                 f"{stiffness.at}: {DROPS} the spring of '{name}', which is no joint with one freedom"
             )

@@ -10,17 +10,22 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...joints.kinds import JointKind
 from ...spatial import rotation_from_axis_angle
 from ..closure_forms import closure_of
 from ..names import DROPS, listed, unique
 from ..placement import placement_from, relative
-from ..records import Array, Closure, Joint, JointKind, RobotFile, StatedSpring, massless
+from ..records import Array, Closure, Joint, RobotFile, StatedSpring, massless
 from .xml_node import Node
 
 #: Forces of a joint that need its position.
 FORCES = ("damping", "friction", "spring_stiffness")
 #: Kinds of closures with one freedom: as joints.
-KINDS: dict[str, JointKind] = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+KINDS: dict[str, JointKind] = {
+    "revolute": JointKind.REVOLUTE,
+    "continuous": JointKind.REVOLUTE,
+    "prismatic": JointKind.PRISMATIC,
+}
 Z = np.array([0.0, 0.0, 1.0])
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import ModelError
+from ...joints.kinds import JointKind
 from ..names import DROPS, listed, unique
 from ..records import Coupling, Joint, MotorStatement, RobotFile, massless
 from .xml_node import Node
@@ -165,7 +166,7 @@ def _add_rotor(owner: Node, rotor: Rotor, rates: dict[str, float], robot: RobotF
     robot.links.append(massless(link, owner.line, between=True))
     robot.joints.append(
         Joint(
-            name, "continuous", carrier, link, np.eye(4), np.array([0.0, 0.0, 1.0]),
+            name, JointKind.CONTINUOUS, carrier, link, np.eye(4), np.array([0.0, 0.0, 1.0]),
             rotor_inertia=rotor["rotor_inertia"], line=owner.line,
         )
     )  # fmt: skip

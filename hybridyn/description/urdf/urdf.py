@@ -8,17 +8,16 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
+from ...joints.kinds import JointKind
 from ..loop_signs import refuse_unread_loops
 from ..names import DROPS, did_you_mean, listed
 from ..records import (
-    FREEDOMS,
     Array,
     Joint,
-    JointKind,
     Link,
     MotorStatement,
     RobotFile,
@@ -36,7 +35,7 @@ from .transmissions import ROTOR_TAGS, behind, read_rotor, read_transmissions
 from .xml_node import Node, axis_of
 
 #: Types of joints of URDF, and PyBullet's `spherical`, a ball.
-URDF_KINDS: tuple[JointKind, ...] = get_args(JointKind)
+URDF_KINDS = tuple(kind for kind in JointKind if kind is not JointKind.SCREW)
 
 #: Limits of this size are none. URDF has no word for infinity that every program reads.
 UNLIMITED = 1e30
@@ -94,7 +93,7 @@ def _add_armatures(robot: RobotFile, nodes: list[Node]) -> None:
     }
     for number, joint in enumerate(robot.joints):
         armature = stated.get(joint.name, 0.0)
-        if armature and (joint.rotor_inertia or FREEDOMS[joint.kind] != 1):
+        if armature and (joint.rotor_inertia or not joint.kind.single):
             why = "a rotor is stated elsewhere, too" if joint.rotor_inertia else f"it is {joint.kind}"
             robot.notes.append(f"{DROPS} the armature {armature:g} of joint '{joint.name}': {why}")
         elif armature:
@@ -122,7 +121,7 @@ def _state_motors(robot: RobotFile, root: Node, independent: set[str], joints: i
             for joint in robot.joints
         ]
     if len(independent) < joints:
-        driven = [j.name for j in robot.joints if j.name in independent and FREEDOMS[j.kind] == 1]
+        driven = [j.name for j in robot.joints if j.name in independent and j.kind.single]
         where = 'URDF+ joints with independent="true"'
         robot.motors.append(MotorStatement("independent", where, tuple(driven), root.file))
 
@@ -204,13 +203,13 @@ def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:
                 'turn its <origin> so that the normal is z, and write <axis xyz="0 0 1"/>'
             )
         return normal
-    return axis_of(axis) if FREEDOMS[kind] == 1 else np.array([1.0, 0.0, 0.0])
+    return axis_of(axis) if kind.single else np.array([1.0, 0.0, 0.0])
 
 
 def _joint_kind(node: Node) -> JointKind:
     kind = node.text("type")
     if kind in URDF_KINDS:
-        return kind
+        return JointKind(kind)
     raise node.error(
         f"joint type '{kind}' does not exist in URDF{did_you_mean(kind, URDF_KINDS)}; known: "
         f"{listed(URDF_KINDS)}. Write others as one-freedom joints with massless links between them, or "
@@ -255,7 +254,7 @@ def _forces(node: Node | None, name: str, kind: JointKind, robot: RobotFile) -> 
             f"{node.at}: {DROPS} the dry friction of joint '{name}', which has several freedoms"
         )
         out["friction"] = 0.0
-    if stiffness and FREEDOMS[kind] == 1:
+    if stiffness and kind.single:
         robot.springs.append(StatedSpring(name, stiffness, stated.get("spring_reference", 0.0)))
     elif stiffness and kind != "fixed":
         robot.notes.append(f"{node.at}: {DROPS} the spring of joint '{name}', which has several freedoms")

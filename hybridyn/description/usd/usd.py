@@ -16,12 +16,13 @@ import numpy as np
 from pxr import Ar, Sdf, Tf, Usd
 
 from ...errors import ModelError
+from ...joints.kinds import JointKind
 from ..closure_forms import ROWS, closure_of, form_of_rows
 from ..joint_graph import Chain, JointGraph, Tree, span, step
 from ..motors import MEND
 from ..names import noted
 from ..placement import rotation_to_axis
-from ..records import Array, Closure, JointKind, Link, MotorStatement, RobotFile
+from ..records import Array, Closure, Link, MotorStatement, RobotFile
 from ..urdf.robot_folders import RobotFolders
 from .joints import (
     HINTS,
@@ -292,10 +293,10 @@ class _Builder:
             joint.names[axis] = name
             numbers = numbers_of(joint.prim, axis)
             if axis == "ball":
-                steps.append(step(name, "spherical", **numbers))
+                steps.append(step(name, JointKind.SPHERICAL, **numbers))
             else:
                 lower, upper = joint.limits[axis]
-                kind: JointKind = "revolute" if axis.startswith("rot") else "prismatic"
+                kind: JointKind = JointKind.REVOLUTE if axis.startswith("rot") else JointKind.PRISMATIC
                 steps.append(step(name, kind, direction(axis), lower=lower, upper=upper, **numbers))
             self._add_motor(joint.prim, axis, name, single)
         self.made.append((joint, forward))

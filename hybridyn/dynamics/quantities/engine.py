@@ -22,7 +22,6 @@ import numpy as np
 
 from ...effects.choice import Choice, Effects, choose
 from ...errors import ModelError, SingularityError
-from ...linkage.joints import NV
 from ...spatial import Array, Index, crm, motion_matrix
 from ...structure.module import ModuleState
 from ...structure.robot import HybridRobot
@@ -33,8 +32,6 @@ from ..loads import Loads, all_loads
 from ..state_checks import check_closed
 from .independent import Coordinates, Motions, independent_coordinates, independent_motions
 
-#: Entries of the twist of joints with several freedoms that are their rates.
-TURNING = {"spherical": [3, 4, 5], "planar": [0, 1, 5], "floating": [0, 1, 2, 3, 4, 5]}
 #: Samples in one pass of a recursion for many columns.
 AT_ONCE = 512
 
@@ -253,9 +250,9 @@ def _brackets(robot: HybridRobot, v: Array, E: Array) -> Array:
     """Compute the Lie brackets of the rates with the columns of E, joint by joint, shape (T, nv, N)."""
     out = np.zeros_like(E)
     for i, (kind, at) in enumerate(zip(robot.kinds, robot.v_slices, strict=True)):
-        if NV[kind] == 1 or (i == 0 and robot.base != "fixed"):
+        if kind.single or (i == 0 and robot.base != "fixed"):
             continue
-        S = TURNING[kind]
+        S = kind.columns
         V, U = np.zeros((len(v), 1, 6)), np.zeros((len(v), E.shape[2], 6))
         V[..., 0, S] = v[:, at]
         U[..., S] = np.swapaxes(E[:, at], 1, 2)

@@ -32,7 +32,6 @@ from .subject import Subject
 #: Axes are parallel if the sine of their angle is below this; files keep four digits and more.
 SAME_AXIS = 1e-3
 #: Kinds of joints that are hinges.
-HINGES = ("revolute", "continuous")
 #: Fewest hinges of a loop that must be parallel for another one to be called wrong.
 FEWEST = 2
 #: Ends of two closures are in the same place if they differ by less than this part of the robot's size.
@@ -125,8 +124,8 @@ def _hinges(subject: Subject, closure: Closure, poses: dict[str, Array]) -> tupl
     There are none where the loop also turns otherwise. A closure that slides and turns is no hinge of which
     one may say that it should turn.
     """
-    joints = [joint for joint in _loop(subject, closure) if joint.kind not in (*HINGES, "fixed")]
-    if any(joint.kind != "prismatic" for joint in joints) or not (_is_hinge(closure) or _is_fixed(closure)):
+    joints = [joint for joint in _loop(subject, closure) if not joint.kind.hinge and joint.kind.nv]
+    if any(not joint.kind.slides for joint in joints) or not (_is_hinge(closure) or _is_fixed(closure)):
         return [], []
     return _turning(subject, closure, poses), [poses[joint.child][:3, :3] @ joint.axis for joint in joints]
 
@@ -135,7 +134,7 @@ def _turning(subject: Subject, closure: Closure, poses: dict[str, Array]) -> lis
     """Return the hinges of a closure's loop."""
     out = list[_Hinge]()
     for joint in _loop(subject, closure):
-        if joint.kind in HINGES:
+        if joint.kind.hinge:
             frame = poses[joint.child]
             out.append(_Hinge(joint, frame[:3, :3] @ joint.axis, frame[:3, 3]))
     if _is_hinge(closure):

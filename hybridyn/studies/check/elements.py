@@ -208,7 +208,7 @@ def _lengths(subject: Subject) -> Iterator[Finding]:
 
 def _angles(subject: Subject) -> Iterator[Finding]:
     for joint in subject.description.joints:
-        if joint.kind != "revolute":
+        if not joint.kind.additive or joint.kind.slides:
             continue
         ends = [end for end in (joint.lower, joint.upper) if math.isfinite(end) and end != 0]
         wide = [end for end in ends if abs(end) >= TURNS * 2 * math.pi]
@@ -228,7 +228,7 @@ def check_limits(subject: Subject) -> Iterator[Finding]:
     yield from _crossed(subject)
     followers = {coupling.name for coupling in subject.description.couplings}
     for joint in subject.description.joints:
-        if joint.kind in ("revolute", "prismatic"):
+        if joint.kind.additive:
             yield from _home(subject, joint)
         if joint.name in subject.description.motors and joint.name not in followers:
             yield from _motor(subject, joint)

@@ -120,7 +120,7 @@ def at_points(robot: HybridRobot) -> HybridRobot:
 
 def planar(robot: HybridRobot) -> bool:
     """Tell whether every joint is a hinge and all axes at home are parallel."""
-    if set(robot.kinds) - {"revolute", "continuous"}:
+    if not all(kind.hinge for kind in robot.kinds):
         return False
     data = robot.unchanged_model.createData()
     pin.computeJointJacobians(robot.unchanged_model, data, robot.home)

@@ -511,7 +511,7 @@ def by_rates(run: Measured) -> Iterator[Point]:
         HybridynError: There is nothing to compare.
     """
     robot, time, (q, v, a) = run.robot, run.trajectory.time, run.trajectory[:3]
-    odd = {robot.kinds[robot.joint_index[motor]] for motor in robot.motors} - {"revolute", "prismatic"}
+    odd = not all(robot.kinds[robot.joint_index[motor]].additive for motor in robot.motors)
     if time is None or len(time) < 3 * EDGE or robot.base != "fixed" or odd:
         raise HybridynError(
             f"not measured: needs times, {3 * EDGE} rows or more, a fixed base, and motors on revolute and "

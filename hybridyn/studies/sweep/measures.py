@@ -67,8 +67,7 @@ def column_of(robot: HybridRobot, block: Postures, tau: Array, column: str) -> A
     if owner not in robot.joint_index:
         raise _absent("joint", owner, robot.joints)
     joint = robot.joint_index[owner]
-    kinds = ("revolute", "prismatic") if quantity == "position" else ("revolute", "prismatic", "continuous")
-    if robot.kinds[joint] not in kinds:
+    if not (robot.kinds[joint].additive if quantity == "position" else robot.kinds[joint].single):
         raise TrajectoryError(f"joint '{owner}' is {robot.kinds[joint]}, and has no single {quantity}")
     rows, places = quantities[quantity]
     return rows[:, places[joint].start]
@@ -208,10 +207,10 @@ def unit_of(word: str, description: Description) -> str:
     """Return the unit of a measure, "" where it has none or the robot's description does not tell it."""
     kinds = {joint.name: joint.kind for joint in description.joints}
     if word in OF_KIND:
-        of_motors = {UNITS[OF_KIND[word]][kinds[motor] != "prismatic"] for motor in description.motors}
+        of_motors = {UNITS[OF_KIND[word]][not kinds[motor].slides] for motor in description.motors}
         return " or ".join(sorted(of_motors))
     owner, _, quantity = word.partition(" ")[2].rpartition("/")
-    turns = kinds.get(owner) != "prismatic"
+    turns = owner in kinds and not kinds[owner].slides
     if owner not in kinds:
         turns, quantity = quantity.startswith("w"), owner.rpartition("/")[2]
     return OF_COLUMN[quantity][turns] if quantity in OF_COLUMN else OF_ROBOT.get(word, "")

@@ -41,7 +41,7 @@ class Closing:
         self.limited: list[tuple[int, int, float, float]] = []
         for number, name in enumerate(self.names):
             joint = robot.records.get(name)
-            if limits and joint is not None and joint.kind in ("revolute", "prismatic"):
+            if limits and joint is not None and joint.kind.additive:
                 at = robot.q_slices[robot.joint_index[name]].start
                 ends, column = position_limits(joint), int(np.flatnonzero(self.q_index == at)[0])
                 self.limited += [(number, column, *ends)] if ends is not None else []

@@ -295,7 +295,7 @@ def _motors(robot: HybridRobot, sweep: Sweep, q: Array) -> dict[str, Array]:
     return {
         name: q[:, robot.q_slices[joint].start]
         for name, joint in joints.items()
-        if robot.kinds[joint] != "continuous"
+        if not robot.kinds[joint].endless
     }
 
 

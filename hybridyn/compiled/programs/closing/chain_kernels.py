@@ -22,9 +22,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ....joints import displacement
 from ....spatial import Array
 from ...equations.chains import own_columns
-from ...equations.displacement import by_joint, moved_joint, position_rate
 from ...equations.expressions import (
     Expression,
     Folding,
@@ -243,7 +243,7 @@ class ChainKernels(ModuleKernels):
         """From (q, p, g, motion, l) to (q, p, step, wrist) of the next posture."""
         (column, known), (l_column, multipliers) = motion.again("motion"), symbols("l", rows)
         step = known["x"][:, 0] + dot(known["Z"], multipliers)
-        moved = by_joint(self.e.tree, moved_joint, self._z[1], step, positions=1)
+        moved = self.e.tree.by_joint(displacement.moved, [self._z[1]], [step])
         return self.kernel(
             "move", [*self.here, column, l_column], [*self.u.outside(moved), *self._sizes(step)]
         )
@@ -294,7 +294,7 @@ class ChainKernels(ModuleKernels):
         rows = self._numbers
         (column, known), (l_col, multipliers) = motion.again("motion"), symbols("l", 2 * self.ports.rows)
         step, rate = (known["x"] + dot(known["Z"], multipliers.reshape(2, -1).T)).T
-        moved = by_joint(self.e.tree, moved_joint, self._z[1], step, positions=1)
+        moved = self.e.tree.by_joint(displacement.moved, [self._z[1]], [step])
         outputs = [
             *self.u.outside(moved),
             pack(rate),
@@ -342,7 +342,7 @@ class ChainKernels(ModuleKernels):
             factors.upper[:first, :first], factors.lower[:first, :first], factors.inverses[:first]
         )
         m_column, m = symbols("m", first)
-        rate = by_joint(tree, position_rate, self._z[1], v, positions=1)
+        rate = tree.by_joint(displacement.rate, [self._z[1]], [v])
         kept = ca.SX.sym("w", len(w))
         forces = dot(rows.K[list(p.rows[:first])].T, m) - dot(J.T, unpack(kept))
         change = ca.jtimes(pack(forces[own]), self._z[0], pack(rate))

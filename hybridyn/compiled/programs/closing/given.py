@@ -17,6 +17,7 @@ from ....assembly.module_request import ModuleRequest, module_request, on_own_ba
 from ....assembly.poses import PoseRequest
 from ....assembly.requests import Requests, gather_requests
 from ....assembly.task import module_task
+from ....joints.kinds import JointKind
 from ....linkage.angles import angles_of
 from ....linkage.newton import LoopProblem
 from ....linkage.reduction import Block
@@ -180,7 +181,7 @@ def requests_of_motors(
 def given_of(request: ModuleRequest) -> Given:
     """Return what a request prescribes."""
     tree = request.mechanism.tree
-    kinds = {"continuous": ANGLE, "floating": POSE}
+    kinds = {JointKind.CONTINUOUS: ANGLE, JointKind.FLOATING: POSE}
     return Given(
         tuple(request.given),
         tuple(kinds.get(tree.joints[joint].kind, NUMBER) for joint in request.given),

@@ -19,12 +19,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ....joints import displacement
 from ....linkage.newton import LONGEST_STEP
 from ....linkage.reduction import Block
 from ....spatial import Array, Index
 from ....structure.module import Module
 from ...equations.arguments import ModuleArguments
-from ...equations.displacement import by_joint, joint_difference, moved_joint
 from ...equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, zeros
 from ...equations.guarded_elimination import (
     GUARD_CLOSED,
@@ -271,7 +271,7 @@ class ModuleKernels:
         size, wrist = self._sizes(step[:, 0])
         factor = ca.fmin(1.0, LONGEST_STEP / ca.fmax(ca.fmax(size, wrist), 1e-300))
         limited = np.array([0.0 if is_zero(x) else factor * x for x in step[:, 0]], dtype=object)
-        moved = by_joint(self.e.tree, moved_joint, z[1], limited, positions=1)
+        moved = self.e.tree.by_joint(displacement.moved, [z[1]], [limited])
         own = (rows.residual * self.u.scale)[: self.u.loops]
         far = sum((x * x for x in own if not is_zero(x)), ca.SX(0.0))
         outputs = [*self.u.outside(moved), size, wrist, far, squares(doubts)]
@@ -293,7 +293,7 @@ class ModuleKernels:
         guard = ca.fmax(self._guard(doubts, rows), self._bounded(rate, given, wanted))
         left = dot(rows.K, rate) - wanted, dot(rows.K, acceleration) - wanted_dot
         outputs = [
-            *self.u.outside(by_joint(tree, moved_joint, z[1], step, positions=1)),
+            *self.u.outside(tree.by_joint(displacement.moved, [z[1]], [step])),
             self.u.rates_outside(rate),
             self.u.rates_outside(acceleration),
             ca.fmax(*self._sizes(step)),
@@ -338,7 +338,7 @@ class ModuleKernels:
         """
         predicted, found = self.u.positions(1), self.u.positions(2)
         here, there = (self._rows(z, folding) for z in (self.u.positions(0, "g_0"), found))
-        off = by_joint(self.e.tree, joint_difference, predicted, found, positions=2)
+        off = self.e.tree.by_joint(displacement.chord, [predicted, found], [])
         own = self.u.free[: self.u.own]
         J, J_there = (K[: self.u.loops, own] for K in (here.K, there.K))
         solved, doubts = solve(J, J_there - J, self._own_pivots)

@@ -207,8 +207,8 @@ def _bent(tree: Tree, q: Expression) -> ca.SX:
     """Return how far cosines and sines of endless joints, and quaternions, are from a length of 1."""
     off = ca.SX(0.0)
     for joint, at in zip(tree.joints, tree.q_slices, strict=True):
-        if joint.kind in ("continuous", "spherical", "floating"):
-            unit = q[at][3 if joint.kind == "floating" else 0 :]
+        if not joint.kind.additive:
+            unit = q[at][joint.kind.shift :]
             off = ca.fmax(off, ca.fabs(sum((x * x for x in unit), ca.SX(-1.0))))
     return off
 

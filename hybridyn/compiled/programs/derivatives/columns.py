@@ -14,10 +14,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ....linkage.joints import NQ, NV
+from ....joints.displacement import rate
+from ....joints.kinds import JointKind
 from ....spatial import Index, Mask
 from ....structure.robot import HybridRobot
-from ...equations.displacement import position_rate
 from ...equations.expressions import Expression, dot, eye, pack, symbols, zeros
 from ...program import Each, Own, Shared, Source, Target
 from ..writer import Writer
@@ -36,7 +36,7 @@ class Coordinates:
 
     q: Index
     v: Index
-    kinds: tuple[str, ...]
+    kinds: tuple[JointKind, ...]
 
 
 def coordinates_of(robot: HybridRobot) -> list[Coordinates]:
@@ -64,8 +64,8 @@ def collect(sweep: Sweep, numbers: Sequence[Number], target: Target, at: Coordin
         at: Coordinates whose positions the numbers are: the sums are taken along their freedoms.
     """
     w, reading = sweep.writer, sweep.reading(numbers)
-    turning = at is not None and any(kind not in ONE for kind in at.kinds)
-    kinds: tuple[str, ...] = at.kinds if at and turning else ()
+    turning = at is not None and not all(kind.additive for kind in at.kinds)
+    kinds: tuple[JointKind, ...] = at.kinds if at and turning else ()
     q: list[Source] = [w.from_given("q", np.tile(at.q, (sweep.lanes, 1)))] if at and turning else []
 
     def function() -> ca.Function:
@@ -80,17 +80,13 @@ def collect(sweep: Sweep, numbers: Sequence[Number], target: Target, at: Coordin
     w.call(kernel, sweep.lanes, [*q, *reading.blocks], [target])
 
 
-#: Kinds of joints with one coordinate, whose rate is the coordinate's.
-ONE = ("revolute", "prismatic")
-
-
-def tangent(kinds: Sequence[str], x: Expression) -> Expression:
+def tangent(kinds: Sequence[JointKind], x: Expression) -> Expression:
     """Return the derivatives of joints' coordinates over their freedoms, shape (nq, nv)."""
-    out = zeros(len(x), sum(NV[kind] for kind in kinds))
+    out = zeros(len(x), sum(kind.nv for kind in kinds))
     i = j = 0
     for kind in kinds:
-        n, m = NQ[kind], NV[kind]
-        units = [position_rate(kind, x[i : i + n], unit) for unit in eye(m)]
+        n, m = kind.nq, kind.nv
+        units = [rate(kind, x[i : i + n], unit) for unit in eye(m)]
         out[i : i + n, j : j + m] = np.stack(units, axis=1)
         i, j = i + n, j + m
     return out
@@ -98,7 +94,7 @@ def tangent(kinds: Sequence[str], x: Expression) -> Expression:
 
 def changes_of_coordinates(w: Writer, at: Coordinates, along: Block, count: int) -> Block:
     """Return changes of coordinates from those along freedoms, one column in each lane."""
-    if all(kind in ONE for kind in at.kinds):
+    if all(kind.additive for kind in at.kinds):
         return along
 
     def function() -> ca.Function:

@@ -22,9 +22,8 @@ from itertools import chain
 import casadi as ca
 import numpy as np
 
-from ....dynamics.quantities.engine import TURNING
 from ....errors import SingularityError
-from ....linkage.joints import NV
+from ....joints.kinds import JointKind
 from ...equations.direct import write_direct, write_direct_legs
 from ...equations.expressions import Expression, cross, dot, eye, pack, symbols, zeros
 from ...equations.guarded_elimination import Pivots, solve, squares
@@ -212,7 +211,7 @@ class MotorMotion:
         rest, rows, reading = self._rest, self._rows, self.over_v.reading(self._numbers)
         spins, freedoms = self._spins, self._at.v.tolist()
         moves = np.array([[k in x for k in freedoms] for x in moved_by_spins(self._module)], dtype=bool)
-        turning = any(NV[kind] > 1 for kind in kinds)
+        turning = any(kind.nv > 1 for kind in kinds)
 
         def function() -> ca.Function:
             """Return the change of the rates of one column."""
@@ -245,13 +244,13 @@ def _inverted(n: int, pivots: Pivots) -> ca.Function:
     return ca.Function("inverted", [column], [pack(inverse.ravel()), pack(-B.T.ravel()), squares(doubts)])
 
 
-def brackets(kinds: tuple[str, ...], v: Expression, e: Expression) -> Expression:
+def brackets(kinds: tuple[JointKind, ...], v: Expression, e: Expression) -> Expression:
     """Return the Lie brackets of rates with a column of E, joint by joint; zero for one freedom."""
     out, at = zeros(len(v)), 0
     for kind in kinds:
-        own, S = slice(at, at + NV[kind]), TURNING.get(kind, [])
+        own, S = slice(at, at + kind.nv), kind.columns
         at = own.stop
-        if S:
+        if not kind.single:
             x, y = zeros(2, 6)
             x[S], y[S] = v[own], e[own]
             linear = cross(x[3:], y[:3]) + cross(x[:3], y[3:])

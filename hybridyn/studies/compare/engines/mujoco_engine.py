@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import ModelError
+from ....joints.kinds import JointKind
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ..engine import Engine, NotComparableError, OwnFile, at_points, refuse_other_joints
@@ -62,17 +63,21 @@ class MujocoEngine:
             number = named[name]
             word, q, v = (int(x[number]) for x in (model.jnt_type, model.jnt_qposadr, model.jnt_dofadr))
             at = [*range(q, q + POSITIONS[word])]
-            if kind in ("spherical", "floating"):  # its quaternions begin with the real part
+            if kind.ball:  # its quaternions begin with the real part
                 at = [*at[:-4], *at[-3:], at[-4]]
-            q_at += 2 * at if kind == "continuous" else at
+            q_at += 2 * at if kind.endless else at
             v_at += range(v, v + VELOCITIES[word])
         self.q_at, self.v_at = np.array(q_at, dtype=int), np.array(v_at, dtype=int)
-        self._turned = np.array([at.start for at in self._slices("continuous", robot.q_slices)], dtype=int)
+        self._turned = np.array(
+            [at.start for at in self._slices(JointKind.CONTINUOUS, robot.q_slices)], dtype=int
+        )
         self._free = [
-            *zip(*(self._slices("floating", x) for x in (robot.q_slices, robot.v_slices)), strict=True)
+            *zip(
+                *(self._slices(JointKind.FLOATING, x) for x in (robot.q_slices, robot.v_slices)), strict=True
+            )
         ]
 
-    def _slices(self, kind: str, slices: Sequence[slice]) -> list[slice]:
+    def _slices(self, kind: JointKind, slices: Sequence[slice]) -> list[slice]:
         """Return the slices of the joints of a kind."""
         return [at for own, at in zip(self.robot.kinds, slices, strict=True) if own == kind]
 

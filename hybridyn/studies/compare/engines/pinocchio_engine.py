@@ -71,7 +71,7 @@ class PinocchioEngine:
         if robot.base != "fixed":
             numbers[0] = 1
         # Endless gears are angles here, and cosine and sine in models that Pinocchio reads.
-        turns = [i for i, n in enumerate(numbers) if (model.nqs[n], robot.kinds[i]) == (2, "revolute")]
+        turns = [i for i, n in enumerate(numbers) if model.nqs[n] == 2 and robot.kinds[i].additive]
         sizes = [1 if i in turns else model.nqs[n] for i, n in enumerate(numbers)]
         starts = [model.idx_qs[n] for n in numbers]
         self.q_at = np.concatenate([self._range(*own) for own in zip(starts, sizes, strict=True)])
