@@ -14,6 +14,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable
 from itertools import accumulate, pairwise
 from typing import Any
@@ -37,7 +38,11 @@ def _of_numbers_or_symbols(function: np.ufunc) -> Callable[..., Any]:
 
     def apply(*x: Array) -> Any:
         """Apply the function."""
-        return (by_entry if x[0].dtype == object else function)(*x)
+        if x[0].dtype != object:
+            return function(*x)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+            return by_entry(*x)
 
     return apply
 

@@ -17,6 +17,7 @@ from hybridyn.compiled.programs.derivatives.motor_motion import brackets
 from hybridyn.compiled.programs.derivatives.sweeps import Graph, Node, Sweep
 from hybridyn.compiled.programs.writer import Writer
 from hybridyn.description.records import Description
+from hybridyn.joints.kinds import JointKind
 from hybridyn.structure.building import build_robot
 from tests import rods
 from tests.comparing import close_to, refused
@@ -125,7 +126,7 @@ def test_motors_of_a_serial_arm_are_its_joints(interpreted: None) -> None:
 def test_brackets_are_commutators_of_matrices() -> None:
     kinds, columns = ("planar", "floating", "revolute", "spherical"), ([0, 1, 5], range(6), [3], [3, 4, 5])
     x, y = np.random.default_rng(0).normal(size=(2, 13))
-    found, first = brackets(kinds, x.astype(object), y.astype(object)), 0
+    found, first = brackets(tuple(map(JointKind, kinds)), x.astype(object), y.astype(object)), 0
     for kind, at in zip(kinds, columns, strict=True):
         twists = np.zeros((2, 6))
         twists[:, list(at)] = x[first : first + len(at)], y[first : first + len(at)]
