@@ -243,8 +243,14 @@ def mobility_of(oracle: Oracle, q: np.ndarray) -> int | None:
 PARTS = ("branch", "door", "loop", "loop", "star", "planar", "round")
 
 
-def generated(seed: int, freedoms: int = 9) -> Case:
-    """Draw a mechanism whose tree has up to so many freedoms, at a home of clear rank."""
+def generated(seed: int, freedoms: int = 9, *, screws: bool = False) -> Case:
+    """Draw a mechanism whose tree has up to so many freedoms, at a home of clear rank.
+
+    Args:
+        seed: Same seed, same mechanism.
+        freedoms: Most freedoms.
+        screws: Whether every revolute joint becomes a screw.
+    """
     for draw in range(100):
         rng = np.random.default_rng([seed, draw, freedoms])
         layout = Layout(rng, int(rng.integers(1, freedoms + 1)))
@@ -252,10 +258,21 @@ def generated(seed: int, freedoms: int = 9) -> Case:
             getattr(layout, PARTS[int(rng.integers(len(PARTS)))])()
         for _ in range(int(rng.choice([0, 0, 1, 2]))):
             layout.couple()
+        if screws:
+            threaded(layout.sketch, rng)
         case = case_of(layout, BASES[int(rng.integers(len(BASES)))], seed)
         if case.mobility is not None:
             return case
     raise RuntimeError(f"no mechanism of clear rank for seed {seed}")
+
+
+def threaded(s: Sketch, rng: np.random.Generator) -> None:
+    """Make every revolute joint a screw of the same placement at home."""
+    for i, joint in enumerate(s.joints):
+        if joint.kind == "revolute":
+            pitch, place = float(rng.uniform(-0.2, 0.2)), np.eye(4)
+            place[:3, 3] = -pitch * s.home[joint.name][0] * joint.axis
+            s.joints[i] = replace(joint, kind=JointKind.SCREW, pitch=pitch, placement=joint.placement @ place)
 
 
 def case_of(layout: Layout, base: Base, seed: int, parts: Sequence[str] = ()) -> Case:

@@ -29,7 +29,7 @@ SEVERITIES = ("error", "warning", "note")
 NARROWEST, WIDEST = 40, 110
 #: Width of a label such as "closures  " [characters].
 LABEL = 10
-LETTERS = "R revolute or continuous, P prismatic, S spherical, E planar, F floating; * motor"
+LETTERS = "R revolute or continuous, P prismatic, H screw, S spherical, E planar, F floating; * motor"
 COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
 
 

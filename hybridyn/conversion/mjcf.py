@@ -25,7 +25,7 @@ from ..description.shape_files import Shape
 from ..description.side_cars.model_toml import model_file
 from .mjcf_bodies import Tree, pose
 from .mjcf_forces import SEEN, STIFF, add_effects, add_forces, add_tendon, list_losses, with_effects
-from .parts import of_mujoco, sizes_of
+from .parts import of_mujoco, sizes_of, without_screws
 from .request import USUAL_GRAVITY, Losses, Request, Written, add, home_of, numeral, put
 
 #: Acceleration at which closures stay as tight as asked, relative to gravity: a robot that falls freely.
@@ -91,7 +91,7 @@ def write_mjcf(request: Request, losses: Losses) -> Written:
     Raises:
         ModelError: The robot is too deep for nested bodies.
     """
-    d = request.description
+    d = without_screws(request.description, losses)
     root, notes = ET.Element("mujoco", model=d.name), list[str]()
     add(root, "compiler", angle="radian", autolimits="false", inertiafromgeom="false")
     option = add(root, "option", gravity=d.gravity or USUAL_GRAVITY, integrator="implicitfast")

@@ -20,7 +20,7 @@ from ..description.closure_forms import SIDEWAYS
 from ..description.loop_signs import Bodies
 from ..description.names import unique
 from ..description.placement import inverse, placement_from, poses_at
-from ..description.records import Array, Closure, Description, Joint, Link, massless
+from ..description.records import Array, Closure, Coupling, Description, Joint, Link, massless
 from ..joints.kinds import JointKind, RotationKind
 from .request import Losses, effects_on, held_links, home_of, quaternion_of
 
@@ -118,6 +118,24 @@ def in_parts(
             closure = parts.led(closure, rotation)
         closures.append(closure)
     return parts.described(closures)
+
+
+def without_screws(d: Description, losses: Losses) -> Description:
+    """Return a robot in which a hinge, and a slide that follows it, stand for each screw."""
+    taken = {link.name for link in d.links} | {joint.name for joint in d.joints}
+    links, joints, couplings, home = [*d.links], list[Joint](), [*d.couplings], dict(d.home)
+    for joint in d.joints:
+        if joint.kind is not JointKind.SCREW:
+            joints.append(joint)
+            continue
+        losses.add("screws are a hinge and a slide that follows it", joint.name)
+        slide, between = (unique(f"{joint.name}_{ending}", taken) for ending in ("slide", "thread"))
+        links.append(massless(between, joint.line, between=True))
+        joints.append(replace(joint, kind=JointKind.REVOLUTE, pitch=0.0, child=between))
+        joints.append(Joint(slide, JointKind.PRISMATIC, between, joint.child, np.eye(4), joint.axis))
+        couplings.append(Coupling(slide, ((slide, 1.0), (joint.name, -joint.pitch)), 0.0, joint.line))
+        home[slide] = (joint.pitch * home_of(d, joint)[0],)
+    return replace(d, links=tuple(links), joints=tuple(joints), couplings=tuple(couplings), home=home)
 
 
 class Parts:

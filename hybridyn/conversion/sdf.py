@@ -8,6 +8,7 @@ axes, with massless links, and a loop joint behind them (see `parts`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -84,6 +85,7 @@ def _joint(joint: Joint, spring: tuple[float, float], mimic: tuple[str, float, f
     forces = joint.damping, joint.friction, spring[1], spring[0]
     dynamics = dict(zip(NUMBERS["dynamics"], forces, strict=True))
     content = {
+        "screw_thread_pitch": 2 * math.pi * joint.pitch or None,
         "drake:rotor_inertia": joint.rotor_inertia or None,
         "drake:gear_ratio": joint.gear_ratio if joint.gear_ratio != 1 else None,
         "axis": {

@@ -18,6 +18,7 @@ from ..description.records import Array, Closure, Coupling, Description, Joint, 
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
 from ..description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
+from .parts import without_screws
 from .request import (
     LIMITS,
     USUAL_GRAVITY,
@@ -36,7 +37,7 @@ from .request import (
 
 def write_urdf(request: Request, losses: Losses) -> Written:
     """Write a robot as URDF."""
-    d = request.description
+    d = without_screws(request.description, losses)
     loops = [_loop(closure, losses) for closure in d.closures]
     mimics, left = followers_of(d.couplings, losses)
     _add_losses(d, losses)

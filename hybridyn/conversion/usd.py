@@ -21,7 +21,7 @@ from ..description.records import Array, Closure, Coupling, Description, Joint, 
 from ..description.side_cars.model_toml import model_file
 from ..description.usd.schema import AXES, DEGREES
 from ..joints.kinds import RotationKind
-from .parts import POINT_INERTIA, in_parts, sizes_of
+from .parts import POINT_INERTIA, in_parts, sizes_of, without_screws
 from .request import (
     FORCES,
     FREED,
@@ -272,7 +272,8 @@ def add_closure(parent: Prim, closure: Closure, bodies: tuple[Prim, Prim], losse
 
 def write_usd(request: Request, losses: Losses) -> Written:
     """Write a robot as USD."""
-    d = _with_inertias(allowed(request.description, losses, "USD", valid_name), losses)
+    d = without_screws(allowed(request.description, losses, "USD", valid_name), losses)
+    d = _with_inertias(d, losses)
     gone = [joint.name for joint in d.joints if joint.kind in ("planar", "floating")]
     d = in_parts(without_joints(d, gone, losses), losses, (), behind)
     top = Prim("", "", "")

@@ -22,7 +22,7 @@ from .closure_forms import closure_of
 from .groups import Groups
 from .names import unique
 from .placement import inverse
-from .records import Array, Closure, Coupling, Joint, RobotFile, massless
+from .records import Array, Closure, Joint, RobotFile, massless
 
 #: Key of the world among those of bodies.
 WORLD = ""
@@ -149,21 +149,6 @@ def step(name: str, kind: JointKind, axis: Array | None = None, /, **numbers: An
         numbers: Limits, friction and rotor, as in `records.Joint`.
     """
     return Joint(name, kind, "", "", np.eye(4), NO_AXIS if axis is None else axis, **numbers)
-
-
-def screw(turn: Joint, slide: str, pitch: float, line: int | None) -> tuple[list[Joint], list[Coupling]]:
-    """Return the chain of a screw, a hinge and a slide along its axis, and the coupling that ties them.
-
-    Args:
-        turn: The hinge.
-        slide: Name of the slide.
-        pitch: Way along the axis [m/rad], positive if right-handed; 0 leaves the hinge.
-        line: Line in the file, or None.
-    """
-    if not pitch:
-        return [turn], []
-    tie = Coupling(slide, ((slide, 1.0), (turn.name, -pitch)), 0.0, line)
-    return [turn, step(slide, JointKind.PRISMATIC, turn.axis)], [tie]
 
 
 def add_chain(robot: RobotFile, chain: Sequence[Joint], links: Sequence[str]) -> None:

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from ..errors import ModelError
 from ..joints.kinds import JointKind
-from .joint_graph import add_chain, screw, step
+from .joint_graph import add_chain, step
 from .names import counted, listed, noted, unique
 from .pin_constraints import closures_of, is_finite, is_placement, notes_on, plain_constraints
 from .placement import angle_of
@@ -114,9 +114,7 @@ def _pieces(
     if word == "JointModelComposite":
         return _composite(model, number, joint, name, followers)
     if word.startswith(SCREW):
-        return _screw(
-            _axis(_alone(joint), 1, JointKind.REVOLUTE), float(joint.extract().pitch), name, followers
-        )
+        return [_screw(_axis(_alone(joint), 1, JointKind.REVOLUTE), float(joint.extract().pitch), name)]
     for start, kind in KINDS.items():
         if word.startswith(start):
             return [step(name, kind, _axis(_alone(joint), 1, kind))]
@@ -130,11 +128,9 @@ def _alone(joint: pin.JointModel) -> pin.Model:
     return alone
 
 
-def _screw(axis: Array, pitch: float, name: str, followers: Followers) -> list[Joint]:
-    """Return a hinge and the slide that follows it."""
-    chain, couplings = screw(step(name, JointKind.REVOLUTE, axis), f"{name}_slide", pitch, None)
-    followers |= {coupling.name: coupling for coupling in couplings}
-    return chain
+def _screw(axis: Array, pitch: float, name: str) -> Joint:
+    """Return a screw; one of no pitch is a hinge."""
+    return step(name, JointKind.SCREW if pitch else JointKind.REVOLUTE, axis, pitch=pitch)
 
 
 def _mimic(model: pin.Model, number: int, name: str, followers: Followers) -> list[Joint]:
@@ -162,7 +158,7 @@ def _mimic(model: pin.Model, number: int, name: str, followers: Followers) -> li
     else:
         axis = twist[3:] / size
         pitch = float(axis @ twist[:3])
-        chain = _screw(axis, pitch if abs(pitch) > MIMIC_STILL else 0.0, name, followers)
+        chain = [_screw(axis, pitch if abs(pitch) > MIMIC_STILL else 0.0, name)]
     followers[name] = Coupling(name, ((name, 1.0), (str(model.names[leader]), -scaling)), offset)
     return chain
 

@@ -169,7 +169,7 @@ def _check_driven(module: Module, missing: Array, need: Need, sharing: Sharing) 
         return {
             "motors": f"{counted(len(module.motors), 'motor')}{but}",
             "freedoms": counted(module.mobility, "freedom"), "direction": module.freedom_names()[at],
-            "unit": "N" if m.tree.S_linear[at].any() else "N m", "size": float(lack[t] / unit),
+            "unit": "N" if m.tree.linear[at] else "N m", "size": float(lack[t] / unit),
             "term": need.size[bad[t]] / unit, "advice": sharing.passive_hint,
         }  # fmt: skip
 

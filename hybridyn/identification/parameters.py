@@ -407,7 +407,7 @@ def _legs(robot: HybridRobot, module: Module) -> list[Leg]:
         own = [robot.bodies.bodies[robot.body_of_joint[name]] for name in names]
         tens = [ten_numbers(body.mass, body.com, body.inertia) for body in own]
         frames = [np.append(j.R, j.p) if j.parent in place else np.zeros(12) for j in joints]
-        axes = [np.asarray(joint.axis, dtype=float) for joint in joints]
+        axes = [np.append(joint.axis, joint.pitch) for joint in joints]
         structure = tuple((joint.kind, place.get(joint.parent, -1)) for joint in joints)
         if len(names) == len(bodies):
             out.append((names, np.concatenate([np.zeros(0), *tens, *frames, *axes]), structure))

@@ -76,13 +76,10 @@ def pull(kind: JointKind, xi: Array, v: Array) -> Array:
     if kind.single:
         return v
     n, r, w = kind.shift, xi[..., kind.shift :], v[..., kind.shift :]
-    turn: Array
     if kind.turn is Turn.CIRCLE:
-        turn = np.concatenate([cos(r), sin(r)], axis=-1)
-        turning = w
+        turn, turning = np.concatenate([cos(r), sin(r)], axis=-1), w
     else:
-        once = cross(r, w)
-        turn, turning = _half_turn(r), w + 0.5 * once + _second(r) * cross(r, once)
+        turn, turning = _half_turn(r), _vector_rate(r, w)
     return np.concatenate([_carried(kind, turn, v[..., :n]), turning], axis=-1) if n else turning
 
 
@@ -91,8 +88,7 @@ def push(kind: JointKind, xi: Array, xi_dot: Array) -> Array:
 
     T itself cancels at small angles, its inverse does not.
     """
-    out: Array = np.linalg.solve(pull(kind, xi, np.eye(kind.nv)).T, xi_dot)
-    return out
+    return np.asarray(np.linalg.solve(pull(kind, xi, np.eye(kind.nv)).T, xi_dot))
 
 
 def unwound(kind: JointKind, xi: Array, near: Array) -> Array:
@@ -154,6 +150,13 @@ def _half_turn(r: Array) -> Array:
     half = 0.5 * r
     angle = _length(half)
     return np.concatenate([sin(angle) / angle * half, cos(angle)], axis=-1)
+
+
+def _vector_rate(r: Array, w: Array) -> Array:
+    """Compute the rate of a rotation vector from the angular velocity in the body's frame."""
+    once = cross(r, w)
+    out: Array = w + 0.5 * once + _second(r) * cross(r, once)
+    return out
 
 
 def _second(r: Array) -> Any:

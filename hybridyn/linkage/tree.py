@@ -127,6 +127,7 @@ class Tree:
         support: Mask of the freedoms that move each body, shape (bodies, nv).
         S_linear: Linear part of the motion subspace of each freedom, shape (nv, 3), body frame.
         S_angular: Angular part of it, shape (nv, 3), body frame.
+        linear: Mask of the freedoms whose rates are in m/s, shape (nv,).
     """
 
     def __init__(self, joints: list[TreeJoint]) -> None:
@@ -139,6 +140,7 @@ class Tree:
         self._placement_p = np.array([j.p for j in joints]).reshape(-1, 3)
         S = np.concatenate([j.S for j in joints], axis=1) if joints else np.zeros((6, 0))
         self.S_linear, self.S_angular = S[:3].T.copy(), S[3:].T.copy()
+        self.linear: Mask = np.logical_not(self.S_angular.any(axis=1))
         depth = np.zeros(len(joints) + 1, dtype=int)
         self.support = np.zeros((len(joints) + 1, self.nv), dtype=bool)
         for i, joint in enumerate(joints):

@@ -15,6 +15,7 @@ from ..description.names import did_you_mean
 from ..description.records import Description, Joint, Link, Load
 from ..errors import ModelError
 from ..joints.kinds import JointKind
+from ..linkage.joints import TreeJoint
 from ..spatial import LARGEST, Array
 
 #: Extents below this part of the largest are zero, but for the rounding of placements.
@@ -84,6 +85,10 @@ class BodyJoint(NamedTuple):
     child: int
     R: Array
     p: Array
+
+    def in_tree(self, name: str, parent: int) -> TreeJoint:
+        """Return the joint of a tree, in which its parent body has another number."""
+        return TreeJoint(name, self.joint.kind, parent, self.R, self.p, self.joint.axis, self.joint.pitch)
 
 
 @dataclass(frozen=True, eq=False)

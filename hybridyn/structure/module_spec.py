@@ -65,7 +65,7 @@ class ModuleSpec:
     def topology(self) -> tuple[object, ...]:
         """Everything but lengths, angles and masses: modules with equal topology may differ in these only."""
         trees = tuple(
-            tuple((j.kind, j.parent, tuple(np.asarray(j.axis).tolist())) for j in tree)
+            tuple((j.kind, j.parent, tuple(np.asarray(j.axis).tolist()), j.pitch) for j in tree)
             for tree in (self.spanning, self.tree)
         )
         loops = tuple(
@@ -96,7 +96,7 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array, *, cut: bool = 
     number = {graph.base: 0} | {j.child: i + 1 for i, j in enumerate(joints)}
     joint_number = {joint: i for i, joint in enumerate(graph.joints)}
     own = [replace(bodies.bodies[b], name="", joint=0, heaviest=0.0) for b in number]
-    spanning = tuple(TreeJoint("", j.joint.kind, number[j.parent], j.R, j.p, j.joint.axis) for j in joints)
+    spanning = tuple(j.in_tree("", number[j.parent]) for j in joints)
     closures = tuple(_renumbered(replace(c, name="", kind=""), number) for c in graph.closures)
     couplings = tuple(c.of(joint_number) for c in graph.couplings)
     carried = [number[b] for b in graph.carried]
@@ -179,9 +179,8 @@ def module_length(spec: ModuleSpec, spanning: Tree, robot_size: float) -> float:
 
 
 def freedom_units(tree: Tree, length: float) -> Array:
-    """Return the unit of each freedom, shape (nv,): `length` if it is linear, else one radian."""
-    linear = np.abs(tree.S_linear).max(axis=1, initial=0.0) > 0
-    return np.where(linear, length, 1.0)
+    """Return the unit of each freedom, shape (nv,): `length` if it is one, else one radian."""
+    return np.where(tree.linear, length, 1.0)
 
 
 def row_factors(tree: Tree, closures: Closures, length: float) -> Array:

@@ -96,7 +96,7 @@ def build_model(bodies: Bodies, joints: Sequence[str], base: str, gravity: Array
         model.addJointFrame(number[0])
     model.appendBodyToJoint(number[0], pinocchio_inertia(bodies.bodies[0]), pin.SE3.Identity())
     for j in bodies.joints:
-        joint = TreeJoint(j.joint.name, j.joint.kind, j.parent, j.R, j.p, j.joint.axis)
+        joint = j.in_tree(j.joint.name, j.parent)
         number[j.child] = model.addJoint(
             number[j.parent], pinocchio_joint(joint), pin.SE3(j.R, j.p), j.joint.name
         )

@@ -184,7 +184,7 @@ def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: 
     nearest, task = follow(task, m.home)
     reached = [nearest]
     if m.closures.rows:
-        spread = np.where(np.abs(m.tree.S_linear).max(axis=1, initial=0.0) > 0, m.length, np.pi)
+        spread = np.where(m.tree.linear, m.length, np.pi)
         for first in range(0, starts, STARTS_AT_ONCE):
             noise = rng.uniform(-spread, spread, (min(STARTS_AT_ONCE, starts - first), m.tree.nv))
             reached.append(_reached(task, m.tree.integrate(np.tile(m.home, (len(noise), 1)), noise)))

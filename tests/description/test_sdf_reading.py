@@ -60,9 +60,9 @@ MOTIONS = {
         "<axis2><xyz>3 0 1</xyz></axis2>", {"j_1": 0.7, "j_2": -0.4},
         turn((1, 2, 3), 0.7) * turn((3, 0, 1), -0.4),
     ),
-    # 0.4 m per turn; the slide is where the coupling puts it.
+    # 0.4 m per turn
     "screw": (
-        "<screw_thread_pitch>0.4</screw_thread_pitch>", {"j": 0.7, "j_slide": 0.7 * 0.4 / (2 * np.pi)},
+        "<screw_thread_pitch>0.4</screw_thread_pitch>", {"j": 0.7},
         turn((1, 2, 3), 0.7, 0.7 * 0.4 / (2 * np.pi)),
     ),
 }  # fmt: skip
@@ -253,7 +253,7 @@ READ: dict[str, tuple[Texts, dict[str, object]]] = {
     **{
         f"a screw with {pitch}": (
             sdf(*TWO, joint("j", "screw", "base", "a", pitch)),
-            {"couplings": [{"name": "j_slide", "terms": (("j_slide", 1.0), ("j", pytest.approx(-way)))}]},
+            {"joints": {"j": {"kind": "screw", "pitch": pytest.approx(way)}}},
         )
         for pitch, way in (
             ("<screw_thread_pitch>-.3</screw_thread_pitch>", -0.3 / (2 * np.pi)),
@@ -497,11 +497,9 @@ def test_a_screw_may_close_a_loop(tmp_path: Path) -> None:
     robot = hybridyn.load(save(tmp_path, sdf(*parts, spindle, screw), "robot.sdf"), motors=["drive"])
     assert robot.mobility == 1
     q, v, _ = hybridyn.assemble(robot, motors={"drive": (1.5, 2.0, 0.0)}, guess=robot.home)
-    at, rate = (
-        x[s[robot.joints.index("thread_slide")]][0] for x, s in ((q, robot.q_slices), (v, robot.v_slices))
-    )
+    at, rate = (x[s[robot.joints.index("thread")]][0] for x, s in ((q, robot.q_slices), (v, robot.v_slices)))
     p = -0.2 / (2 * np.pi)
-    np.testing.assert_allclose([at, rate], [1.5 * p, 2.0 * p], rtol=1e-9)
+    np.testing.assert_allclose([at, rate], [-1.5, -2.0], rtol=1e-9)
     M = hybridyn.mass_matrix(robot, q)
     np.testing.assert_allclose(M, [[_about_z() + 0.1**2 + 0.01**2 + p**2]], rtol=1e-9)
 

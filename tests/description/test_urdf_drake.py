@@ -41,7 +41,7 @@ SCREW = '<axis xyz="1 2 3"/><drake:screw_thread_pitch value="0.4"/>'
 JOINTS = {
     "ball": ("ball", (DAMPED,), {"j": "spherical"}),
     "universal": ("universal", (DAMPED,), {"j_1": "revolute", "j_2": "revolute"}),
-    "screw": ("screw", (SCREW, DAMPED), {"j": "revolute", "j_slide": "prismatic"}),
+    "screw": ("screw", (SCREW, DAMPED), {"j": "screw"}),
     "planar": ("planar", ('<axis xyz="0 0 1"/>',), {"j": "planar"}),
     "damped planar": (
         "planar", ('<axis xyz="1 2 3"/><dynamics damping="0.7 0.2 0.9"/>',),
@@ -58,7 +58,7 @@ def test_joints_of_drake_are_chains(name: str, declared: bool, tmp_path: Path) -
     found = read(save(tmp_path, tree(kind, *parts, declared=declared)))
     holds(found, {"joints": {one: {"kind": word} for one, word in made.items()}})
     assert {joint.name for joint in found.joints} == {"anchor", "k", *made}
-    single = [one for one, word in made.items() if word in ("revolute", "prismatic") and one != "j_slide"]
+    single = [one for one, word in made.items() if word in ("revolute", "prismatic", "screw")]
     assert found.motors == (*single, "k")
 
 
@@ -69,8 +69,8 @@ def test_a_screw_is_driven_as_its_pitch_says(tmp_path: Path) -> None:
         'type="revolute"', 'type="fixed"'
     )
     found = hybridyn.load(save(tmp_path, text))
-    q, *_ = hybridyn.assemble(found, motors={"j": 0.7}, guess=found.home)
-    assert found.mobility == 1
+    assert found.joints == ("j",)
+    q = np.array([0.7])
     p, inertia = -0.4 / (2 * np.pi), 0.25 + 2 * 0.5**2
     assert hybridyn.mass_matrix(found, q)[0, 0] == pytest.approx(inertia + 2 * p**2, rel=SOLVED)
     up = pin.rpy.rpyToMatrix(np.array([0.4, -0.5, 0.6])).T @ [0, 0, 1]
@@ -105,15 +105,9 @@ def test_trees_move_as_in_drake(name: str, tmp_path: Path) -> None:
     theirs = drake.accelerations([*x, x2], [*w, w2], efforts)
     robot_ = hybridyn.load(file)
     v, q = np.array([*(back.T @ w), w2]), np.array([*ours, x2])
-    if name == "screw":
-        q, v, _ = hybridyn.assemble(
-            robot_, motors={"j": (x[0], w[0], 0.0), "k": (x2, w2, 0.0)}, guess=robot_.home
-        )
     drake.compare_poses(robot_, q)
     a = hybridyn.ddm(robot_, q, v, efforts[n - driven :], effects="model")
-    if name == "screw":
-        a = a[[robot_.v_slices[robot_.joints.index(joint)].start for joint in ("j", "k")]]
-    elif not driven:
+    if not driven:
         spin = v[:3] if name == "ball" else np.array([0, 0, v[2]])
         a = np.array([*(back @ (a[:3] + (0 if name == "ball" else np.cross(spin, v[:3])))), a[3]])
     np.testing.assert_allclose(a, theirs, rtol=1e-10, atol=1e-10 * np.abs(theirs).max())

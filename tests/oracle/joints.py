@@ -14,6 +14,7 @@ FREEDOMS: dict[JointKind, tuple[int, int]] = {
     "revolute": (1, 1),
     "continuous": (2, 1),
     "prismatic": (1, 1),
+    "screw": (1, 1),
     "spherical": (4, 3),
     "planar": (4, 3),
     "floating": (7, 6),
@@ -37,7 +38,7 @@ def rotation_about_z(c: Any, s: Any) -> Numbers:
 
 def triad(arithmetic: Arithmetic, joint: Joint) -> Numbers:
     """Compute axes (columns) in the child frame, the third of which is the axis of a joint with one."""
-    if joint.kind not in ("revolute", "continuous", "prismatic"):
+    if joint.kind not in ("revolute", "continuous", "prismatic", "screw"):
         return arithmetic.array(np.eye(3))
     z = arithmetic.array(joint.axis)
     z = z / arithmetic.sqrt(z @ z)
@@ -46,17 +47,17 @@ def triad(arithmetic: Arithmetic, joint: Joint) -> Numbers:
     return np.array([x, cross(z, x), z]).T
 
 
-def displacement(arithmetic: Arithmetic, kind: JointKind, q: Numbers) -> tuple[Numbers, Numbers]:
+def displacement(arithmetic: Arithmetic, joint: Joint, q: Numbers) -> tuple[Numbers, Numbers]:
     """Compute rotation and position of B in A from a joint's coordinates."""
-    R, t = arithmetic.array(np.eye(3)), arithmetic.array(np.zeros(3))
-    if kind == "revolute":
+    R, t, kind = arithmetic.array(np.eye(3)), arithmetic.array(np.zeros(3)), joint.kind
+    if kind in ("revolute", "screw"):
         R = rotation_about_z(arithmetic.cos(q[0]), arithmetic.sin(q[0]))
     elif kind in ("continuous", "planar"):
         R = rotation_about_z(*(q[-2:] / arithmetic.sqrt(q[-2:] @ q[-2:])))
     elif kind in ("spherical", "floating"):
         R = quaternion_matrix(q[-4:])
-    if kind == "prismatic":
-        t[2] = q[0]
+    if kind in ("prismatic", "screw"):
+        t[2] = q[0] * (joint.pitch if kind == "screw" else 1)
     elif kind == "planar":
         t[:2] = q[:2]
     elif kind == "floating":
@@ -67,7 +68,7 @@ def displacement(arithmetic: Arithmetic, kind: JointKind, q: Numbers) -> tuple[N
 def moved(arithmetic: Arithmetic, kind: JointKind, x: Numbers, d: Numbers) -> Numbers:
     """Integrate a step d of velocity x time from positions x, to first order and on the joint's manifold."""
     out: Numbers = x.copy()
-    if kind in ("revolute", "prismatic"):
+    if kind in ("revolute", "prismatic", "screw"):
         out[:] = x + d
     if kind == "planar":
         out[:2] = x[:2] + rotation_about_z(x[2], x[3])[:2, :2] @ d[:2]

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybridyn.description.records import JointKind, RotationKind
+from hybridyn.description.records import Joint, JointKind, RotationKind
 
 from .arithmetic import Numbers, cross
 
@@ -26,6 +26,7 @@ ROWS: dict[JointKind, tuple[tuple[int, ...], RotationKind]] = {
     "revolute": ((0, 1, 2), "parallel"),
     "continuous": ((0, 1, 2), "parallel"),
     "prismatic": ((0, 1), "fixed"),
+    "screw": ((0, 1), "parallel"),
     "spherical": ((0, 1, 2), "free"),
     "planar": ((2,), "parallel"),
     "floating": ((), "free"),
@@ -104,10 +105,25 @@ def constraint_rows(A: Frame, B: Frame, translations: Sequence[int], rotation: R
     ]
 
 
+def joint_rows(A: Frame, B: Frame, joint: Joint) -> list[Row]:
+    """Build the rows that a joint holds; that of a screw's thread ties slide and turn."""
+    rows = constraint_rows(A, B, *ROWS[joint.kind])
+    if joint.kind == "screw":
+        way, angle, pitch = slide(A, B, 2), turn_rate(A, B, 2), joint.pitch
+
+        def drift(V_A: Numbers, V_B: Numbers) -> Any:
+            """Compute the second derivative of the row's value at zero accelerations."""
+            return way.drift(V_A, V_B) - pitch * angle.drift(V_A, V_B)
+
+        at_a, at_b = way.at_a - pitch * angle.at_a, way.at_b - pitch * angle.at_b
+        rows.append(Row(0, at_a, at_b, drift, slides=True))
+    return rows
+
+
 def coordinate_rows(A: Frame, B: Frame, kind: JointKind) -> list[Row]:
     """Build the rows that define the velocity coordinates of a joint, in Pinocchio's order."""
     slides = {"prismatic": [2], "planar": [0, 1], "floating": [0, 1, 2]}.get(kind, [])
-    turns = {"revolute": [2], "continuous": [2], "planar": [2]}.get(
+    turns = {"revolute": [2], "continuous": [2], "screw": [2], "planar": [2]}.get(
         kind, [0, 1, 2] if kind in ("spherical", "floating") else []
     )
     return [slide(A, B, axis, on_b=True) for axis in slides] + [turn_rate(A, B, axis) for axis in turns]

@@ -10,7 +10,7 @@ from hybridyn.description.records import Closure, Coupling, Curve, Description, 
 
 from .arithmetic import Arithmetic, Factor, Numbers
 from .joints import FREEDOMS, SLIDES, displacement, moved, triad
-from .rows import ROWS, Frame, Row, constraint_rows, coordinate_rows
+from .rows import Frame, Row, constraint_rows, coordinate_rows, joint_rows
 
 Base = Literal["fixed", "moving", "floating"]
 
@@ -157,10 +157,10 @@ class Tree:
             if joint.kind == "fixed":
                 links[joint.child] = A
                 continue
-            R, t = displacement(self.arithmetic, joint.kind, q[at_q])
+            R, t = displacement(self.arithmetic, joint, q[at_q])
             B = Frame(A.x + A.E @ t, A.E @ R, zero, len(G))
             links[joint.child] = B._replace(E=B.E @ axes.T)
-            loop = Loop(A, B, constraint_rows(A, B, *ROWS[joint.kind]) + coordinate_rows(A, B, joint.kind))
+            loop = Loop(A, B, joint_rows(A, B, joint) + coordinate_rows(A, B, joint.kind))
             rates = self.arithmetic.array(np.zeros((6, self.nv)))
             freedoms = at_v.stop - at_v.start
             rates[6 - freedoms :, at_v] = self.arithmetic.array(np.eye(freedoms))

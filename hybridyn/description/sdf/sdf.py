@@ -14,7 +14,7 @@ import numpy as np
 
 from ...joints.kinds import JointKind
 from ..closure_forms import FORMS, closure_of
-from ..joint_graph import WORLD, Chain, JointGraph, screw, span, starts, step
+from ..joint_graph import WORLD, Chain, JointGraph, span, starts, step
 from ..names import noted, unique
 from ..placement import inverse, placement_from, rotation_to_axis
 from ..plugins import refuse_holding, weld_of
@@ -43,7 +43,7 @@ CLOSED = (
 #: Kinds of joints by type; those of several axes are chains.
 KINDS: dict[str, JointKind] = {
     "revolute": JointKind.REVOLUTE, "continuous": JointKind.CONTINUOUS, "prismatic": JointKind.PRISMATIC,
-    "universal": JointKind.REVOLUTE, "revolute2": JointKind.REVOLUTE, "screw": JointKind.REVOLUTE,
+    "universal": JointKind.REVOLUTE, "revolute2": JointKind.REVOLUTE, "screw": JointKind.SCREW,
 }  # fmt: skip
 
 #: Closures by the type of the joint.
@@ -208,17 +208,12 @@ class _Builder:
         for name, axis in zip(names, joint.axes, strict=bool(joint.axes)):
             along = tidy(end[:3, :3].T @ axis.direction)
             stated = joint.rotor | axis.numbers | (ENDLESS if joint.kind == "continuous" else {})
-            steps.append(step(name, KINDS[joint.kind], along, **stated))
+            kind = KINDS[joint.kind] if joint.pitch or joint.kind != "screw" else JointKind.REVOLUTE
+            steps.append(step(name, kind, along, pitch=joint.pitch, **stated))
             if axis.initial and not math.isnan(axis.initial):
                 self.robot.home[name] = (axis.initial,)
         if joint.kind == "ball":
             steps.append(step(joint.name, JointKind.SPHERICAL))
-        if joint.kind == "screw":
-            slide = self.graph.joint_name(f"{joint.name}_slide")
-            steps, ties = screw(steps[0], slide, joint.pitch, joint.line)
-            self.robot.couplings += ties
-            if ties and joint.name in self.robot.home:
-                self.robot.home[slide] = (joint.pitch * self.robot.home[joint.name][0],)
         self.steps[joint.item] = names
         return steps if forward else steps[::-1], (inverse(start) @ end @ origin, origin)
 

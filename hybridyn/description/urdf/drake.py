@@ -18,7 +18,7 @@ import numpy as np
 from ...joints.kinds import JointKind
 from ...spatial import rotation_from_axis_angle
 from ..closure_forms import Side, closure_of
-from ..joint_graph import add_chain, screw, step
+from ..joint_graph import add_chain, step
 from ..names import did_you_mean, listed, unique
 from ..placement import placement_from
 from ..records import Array, Closure, Coupling, Joint, RobotFile
@@ -215,14 +215,12 @@ def _universal(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> l
 
 
 def _screw(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
-    """Return hinge and slide; the friction of the screw is that of the hinge."""
-    pitch = node.required_child(PITCH)
-    pitch.only(["value"], [])
-    name, (slide,) = node.text("name"), _joint_names(node, robot, "_slide")
-    turn = step(name, JointKind.REVOLUTE, axis, **numbers(node, name, JointKind.REVOLUTE))
-    chain, couplings = screw(turn, slide, pitch.number("value") / (2 * math.pi), node.line)
-    robot.couplings += couplings
-    return chain
+    """Return a screw; one of no pitch is a hinge."""
+    stated = node.required_child(PITCH)
+    stated.only(["value"], [])
+    pitch, name = stated.number("value") / (2 * math.pi), node.text("name")
+    kind = JointKind.SCREW if pitch else JointKind.REVOLUTE
+    return [step(name, kind, axis, pitch=pitch, **numbers(node, name, kind))]
 
 
 def _planar(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
