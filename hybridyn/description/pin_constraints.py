@@ -34,13 +34,15 @@ ANCHORS = {
 }
 #: Constraints that close no loop: limits and friction are taken from the model.
 OF_JOINTS = ("JointLimitConstraintModel", "JointFrictionConstraintModel")
-#: What must be zero in a constraint that closes a loop for good.
-OFFSETS = (
-    "desired_contact_velocity", "desired_contact_acceleration", "desired_constraint_velocity",
-    "desired_constraint_acceleration", "desired_constraint_offset",
+#: What a constraint may state of the place and the motion of one frame relative to the other.
+DESIRED = (
+    "desired_contact_placement", "desired_contact_velocity", "desired_contact_acceleration",
+    "desired_constraint_offset", "desired_constraint_velocity", "desired_constraint_acceleration",
 )  # fmt: skip
-#: Constraints whose offset is read: Pinocchio computes with it. It does not with those of frames.
-WITH_OFFSET = ("PointAnchorConstraintModel", "BilateralPointConstraintModel")
+#: Constraints with which Pinocchio computes these; it leaves out those of all others. An offset is read.
+WITH_OFFSET, OFFSET = (
+    ("PointAnchorConstraintModel", "BilateralPointConstraintModel"), "desired_constraint_offset"
+)  # fmt: skip
 
 
 def plain_constraints(constraints: Any) -> list[Any]:
@@ -102,7 +104,7 @@ def _closure(model: pin.Model, constraint: Any, name: str, links: Sequence[str],
     if problem := _problem(constraint, model.njoints):
         raise ModelError(f"constraint '{name}': {problem}", element=name)
     frames = [constraint.joint1_placement, constraint.joint2_placement]
-    if own == "point" and (offset := getattr(constraint, "desired_constraint_offset", None)) is not None:
+    if word in WITH_OFFSET and (offset := getattr(constraint, OFFSET, None)) is not None:
         frames[0] = frames[0] * pin.SE3(np.eye(3), np.array(offset))  # point 2 is there in frame 1
     ends = (links[number] for number in (constraint.joint1_id, constraint.joint2_id))
     sides = ((link, np.array(frame.homogeneous)) for link, frame in zip(ends, frames, strict=True))
@@ -111,16 +113,9 @@ def _closure(model: pin.Model, constraint: Any, name: str, links: Sequence[str],
 
 def _problem(constraint: Any, joints: int) -> str:
     """Return why a constraint does not hold two frames of the model together, "" if it does."""
-    placement = getattr(constraint, "desired_contact_placement", None)
-    moved = ["desired_contact_placement"] if placement is not None and not placement.isIdentity(1e-12) else []
-    words = OFFSETS[:-1] if type(constraint).__name__ in WITH_OFFSET else OFFSETS
-    values = {word: getattr(constraint, word, None) for word in words}
-    moved += [word for word, x in values.items() if x is not None and np.any(getattr(x, "vector", x))]
-    if moved:
-        return (
-            f"{listed(moved)} is not zero, so its frames do not coincide; set it to zero and put the offset "
-            "into joint1_placement"
-        )
+    moved = [word for word in _desired(constraint) if word != OFFSET]
+    if type(constraint).__name__ in WITH_OFFSET and moved:
+        return f"{listed(moved)} is not zero, so that its points do not stay together; set it to zero"
     for side in (1, 2):
         joint = getattr(constraint, f"joint{side}_id")
         if not 0 <= joint < joints:
@@ -130,6 +125,18 @@ def _problem(constraint: Any, joints: int) -> str:
     return ""
 
 
+def _desired(constraint: Any) -> list[str]:
+    """Return which of `DESIRED` a constraint states."""
+    out = []
+    for word in DESIRED:
+        value = getattr(constraint, word, None)
+        if isinstance(value, pin.SE3):
+            value = pin.log6(value)
+        if value is not None and np.any(getattr(value, "vector", value)):
+            out.append(word)
+    return out
+
+
 def notes_on(constraints: Sequence[Any]) -> dict[str, list[str]]:
     """Return what is not read of constraints, as in `noted`."""
     names = [str(getattr(one, "name", "")) or type(one).__name__ for one in constraints]
@@ -137,6 +144,9 @@ def notes_on(constraints: Sequence[Any]) -> dict[str, list[str]]:
     return {
         "constraints {} are limits or friction of joints, which are taken from the model":
             [name for name, one in pairs if type(one).__name__ in OF_JOINTS],
+        "desired places and motions of constraints {} are not read: Pinocchio's dynamics leave them out, too "
+        "(put an offset into joint1_placement)":
+            [name for name, one in pairs if type(one).__name__ not in WITH_OFFSET and _desired(one)],
         "constraints {} have Baumgarte numbers, which are not read: loops stay closed exactly":
             [name for name, one in pairs if _baumgarte(one)],
         f"{DROPS} the compliance of constraints {{}}: they hold as rigid ones":

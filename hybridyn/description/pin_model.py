@@ -188,7 +188,7 @@ def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dic
 
     Armature is what Pinocchio's algorithms add to the mass matrix. It becomes the rotor's inertia, unless
     rotor inertia and gear ratio of the model state the same armature. A joint with several freedoms has
-    damping and, if it is a ball, armature alone.
+    damping, and if it is a ball armature and friction about each axis.
 
     Args:
         freedom: Number of freedoms before this part.
@@ -200,7 +200,7 @@ def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dic
     words = ("damping", "armature", "friction", "rotorInertia", "rotorGearRatio")
     numbers = {word: np.asarray(getattr(model, word))[at : at + count] for word in words}
     for word, values in list(numbers.items())[:4]:
-        if count > 1 and values.any() and word not in words[: 2 if piece.kind == "spherical" else 1]:
+        if count > 1 and values.any() and word not in words[: 3 if piece.kind == "spherical" else 1]:
             raise joint_error(
                 model, joint, f"{word} of a joint with several freedoms is not read; set model.{word} to 0"
             )
@@ -211,7 +211,7 @@ def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dic
             raise joint_error(model, joint, f"negative {word} {values[0]:g}; set it to 0 or more")
     damping, armature, friction, inertia, ratio = (float(values[0]) for values in numbers.values())
     if count > 1:
-        return {"damping": damping, "rotor_inertia": armature}
+        return {"damping": damping, "rotor_inertia": armature, "friction": friction}
     if armature != inertia * ratio**2 and (armature or not (inertia and ratio)):
         inertia, ratio = armature, 1.0
     out: dict[str, Any] = {

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
+from hybridyn.description.pin_model import read_model
 from hybridyn.errors import ModelError
 from hybridyn.joints.kinds import JointKind
 from tests.comparing import close_to, refused
@@ -148,6 +149,38 @@ def test_the_offset_of_a_point_is_read() -> None:
     robot = hybridyn.from_pinocchio(model, anchor, home=q, motors=[])
     assert np.abs(hybridyn.closure_residual(robot, q)).max() < 1e-14
     assert not any("Baumgarte" in note for note in robot.notes)
+
+
+@pytest.mark.parametrize("kind", [pin.ContactType.CONTACT_3D, pin.ContactType.CONTACT_6D])
+def test_what_pinocchio_leaves_out_of_rigid_constraints_is_noted(kind: pin.ContactType) -> None:
+    """Desired places and motions change nothing in `constraintDynamics`, and nothing here."""
+    model, q = two_free()[0], np.array([0.1, 0.0, 0.1, 0.0])
+    lower = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.4]))
+    stated = pin.RigidConstraintModel(kind, model, 2, pin.SE3.Identity(), 4, lower, pin.LOCAL)
+    stated.setBaumgarteCorrectorParameters(pin.BaumgarteCorrectorParameters(10.0, 2.0))
+    plain = pin.RigidConstraintModel(stated)
+    stated.desired_contact_placement = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.3]))
+    stated.desired_contact_velocity = stated.desired_contact_acceleration = pin.Motion(np.full(6, 0.3))
+    theirs = []
+    for one in (plain, stated):
+        models, data = pin.StdVec_RigidConstraintModel([one]), model.createData()
+        datas = pin.StdVec_RigidConstraintData([one.createData()])
+        pin.initConstraintDynamics(model, data, models, datas)
+        theirs.append(pin.constraintDynamics(model, data, q, q, q, models, datas).copy())
+    np.testing.assert_array_equal(*theirs)
+    ours = [read_model(model, one) for one in (plain, stated)]
+    np.testing.assert_array_equal(*(robot.closures[0].frame_a for robot in ours))
+    (note,) = {*ours[1].notes} - {*ours[0].notes}
+    assert note.startswith("desired places and motions of constraints")
+
+
+def test_dry_friction_of_balls_is_read() -> None:
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    model.appendBodyToJoint(1, pin.Inertia.Random(), pin.SE3.Identity())
+    model.friction = np.full(3, 0.2)
+    (joint,) = hybridyn.from_pinocchio(model).description.joints
+    assert joint.friction == 0.2
 
 
 def test_what_constraints_say_besides_is_noted() -> None:

@@ -200,11 +200,10 @@ def changed(**values: object) -> pin.Model:
     return model
 
 
-def moving(word: str) -> pin.RigidConstraintModel:
-    """Return a constraint that asks for a motion between its frames."""
-    constraint = pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, changed(), 2)
-    motion = word != "desired_contact_placement"
-    setattr(constraint, word, pin.Motion.Random() if motion else pin.SE3.Random())
+def moving(word: str) -> pin.PointAnchorConstraintModel:
+    """Return a constraint that asks for a motion between its points."""
+    constraint = pin.PointAnchorConstraintModel(changed(), 2)
+    setattr(constraint, word, np.array([0.1, 0.2, 0.3]))
     return constraint
 
 
@@ -220,7 +219,8 @@ def alone(joint: object) -> pin.Model:
     [
         (lambda: alone(pin.JointModelEllipsoid(1.0, 2.0, 3.0)), {}, "moves on an ellipsoid"),
         (lambda: changed(armature=np.arange(4.0)), {}, "different armature"),
-        (lambda: changed(friction=0.1), {}, "friction of a joint with several freedoms"),
+        (lambda: changed(rotorInertia=0.1), {}, "rotorInertia of a joint with several freedoms"),
+        (lambda: changed(friction=np.arange(4.0)), {}, "different friction"),
         (lambda: changed(damping=np.arange(4.0)), {}, "different damping"),
         (lambda: changed(damping=-1.0), {}, "negative damping"),
         (lambda: "robot.urdf", {}, "the model is a str, not a pinocchio.Model"),
@@ -228,8 +228,8 @@ def alone(joint: object) -> pin.Model:
         (changed, {"home": [0.0]}, "5 finite coordinates"),
         (changed, {"kinds": {"knee": "revolute"}}, "no constraint is called 'knee'"),
         (changed, {"constraint_models": [3]}, "holds a int"),
-        (changed, {"constraint_models": moving("desired_contact_velocity")}, "is not zero"),
-        (changed, {"constraint_models": moving("desired_contact_placement")}, "is not zero"),
+        (changed, {"constraint_models": moving("desired_constraint_velocity")}, "is not zero"),
+        (changed, {"constraint_models": moving("desired_constraint_acceleration")}, "is not zero"),
         (
             changed,
             {"constraint_models": [pin.PointContactConstraintModel(changed(), 2, pin.SE3.Identity())]},

@@ -151,6 +151,18 @@ READ: dict[str, tuple[str, dict[str, object]]] = {
     "a mimic of two engines counts once": (
         mimic(-2), {"couplings": [{"terms": (("j_b", 1.0), ("j_a", -2.0))}]},
     ),
+    "an equality of higher order is a coupling with a curve": (
+        pair("rel mjc:target = </robot/j_a>", "double mjc:coef2 = .5", "double mjc:coef3 = -.2",
+             schemas=EQUALITY),
+        {"couplings": [{"terms": (("j_b", 1.0), ("j_a", -1.0)), "curve": {
+            "terms": (("j_a", 1.0),), "coefficients": (-0.5, 0.2),
+        }}]},
+    ),
+    "coefficients of a second engine are noted": (
+        pair("rel newton:mimicJoint = </robot/j_a>", "float newton:mimicCoef1 = 2", "double mjc:coef1 = 3",
+             schemas=EQUALITY),
+        {"notes": {"where another engine states other ones: 'newton:mimicCoef1 of /robot/j_b'"}},
+    ),
     "an equality without a leader holds a joint": (
         hinge("double mjc:coef0 = .3", schemas=EQUALITY),
         {"couplings": [{"terms": (("j", 1.0),), "offset": 0.3}]},

@@ -196,10 +196,6 @@ CASES = {
         "if the motion needs it",
     ),
     "springs of MuJoCo": (hinged("double[] mjc:springdamper = [.1, 1]"), "mjc:springdamper' = [0.1, 1"),
-    "polynomial": (
-        hinged("double mjc:coef2 = .5", schemas=("MjcEqualityJointAPI",)),
-        "'mjc:coef2' makes the equality no linear one",
-    ),
     "shifted zero": (
         hinged("double mjc:ref = .5", schemas=("MjcEqualityJointAPI",)),
         "whose 'mjc:ref' shifts its zero",

@@ -19,7 +19,7 @@ from ...spatial import quaternion_from_rotation
 from ..joint_graph import WORLD, StatedJoint, outwards, starts
 from ..names import unique
 from ..placement import inverse, placement_from
-from ..records import Array, Coupling, RobotFile
+from ..records import Array, Coupling, Curve, RobotFile
 from .schema import AXES, DEGREES, JOINTS, NUMBERS, ONE_AXIS, SINGLE_PRECISION
 from .stage import Prim, Stage
 
@@ -310,22 +310,23 @@ def coupled(stage: Stage) -> set[str]:
     return out
 
 
-def couplings(stage: Stage, joints: Mapping[str, UsdJoint]) -> list[Coupling]:
+def couplings(stage: Stage, joints: Mapping[str, UsdJoint], unread: list[str]) -> list[Coupling]:
     """Return the couplings of a stage; where two engines state the same one, it is one.
 
     Args:
         stage: The stage.
         joints: The joints of the robot by path.
+        unread: Receives numbers of Newton where MuJoCo's are other ones.
 
     Raises:
-        ModelError: A coupled joint is unknown or has several freedoms, a coupling is no linear one, or two
-            engines state different ones.
+        ModelError: A coupled joint is unknown or has several freedoms, or PhysX states another coupling than
+            Newton and MuJoCo.
     """
     out: list[Coupling] = []
     for prim in stage.prims.values():
         out += [_physx(prim, axis, joints) for axis in prim.instances(PHYSX)]
         if prim.has(NEWTON, MUJOCO) and prim.flag("newton:mimicEnabled", True):
-            of_newton = _newton(prim, joints)
+            of_newton = _newton(prim, joints, unread)
             known = [one for one in out if one.name == of_newton.name]
             if not all(_same(one, of_newton) for one in known):
                 raise prim.error(f"{PHYSX} couples it otherwise than {NEWTON} or {MUJOCO} does; remove one")
@@ -337,7 +338,8 @@ def _same(one: Coupling, other: Coupling) -> bool:
     """Return whether two couplings of a joint are one, to the single precision of files."""
     (ours, a), (theirs, b) = (zip(*of.terms, strict=True) for of in (one, other))
     numbers = [*a, one.offset], [*b, other.offset]
-    return ours == theirs and np.allclose(*numbers, rtol=SINGLE_PRECISION, atol=SINGLE_PRECISION)
+    alike = np.allclose(*numbers, rtol=SINGLE_PRECISION, atol=SINGLE_PRECISION)
+    return ours == theirs and alike and not (one.curve or other.curve)
 
 
 def _physx(prim: Prim, axis: str, joints: Mapping[str, UsdJoint]) -> Coupling:
@@ -350,27 +352,38 @@ def _physx(prim: Prim, axis: str, joints: Mapping[str, UsdJoint]) -> Coupling:
     return Coupling(own, ((own, 1.0), (other, factor)), -prim.number(f"{space}:offset", 0.0) * unit)
 
 
-def _newton(prim: Prim, joints: Mapping[str, UsdJoint]) -> Coupling:
-    """Return position = coefficient 0 + coefficient 1 x position of the other.
+def _newton(prim: Prim, joints: Mapping[str, UsdJoint], unread: list[str]) -> Coupling:
+    """Return position = coefficient 0 + coefficient 1 x position of the other + ..., of order four at most.
 
     Newton's coefficients are in the units of the file; MuJoCo's, which rank above, know no degrees.
+
+    Args:
+        unread: Receives Newton's coefficients where MuJoCo's are other ones.
     """
     mujoco = prim.has(MUJOCO)
-    for number in (2, 3, 4):
-        if mujoco and prim.number(f"mjc:coef{number}", 0.0):
-            raise prim.error(f"'mjc:coef{number}' makes the equality no linear one; set it to 0")
-    own, unit, native = _axis(prim, prim.path, "", joints)
-    offset = prim.number("newton:mimicCoef0", 0.0) * unit
-    if mujoco and prim.value("mjc:coef0") is not None:
-        offset = prim.number("mjc:coef0", 0.0) * native
     relation = "mjc:target" if mujoco and prim.targets("mjc:target") else "newton:mimicJoint"
-    if mujoco and not prim.targets(relation):
-        return Coupling(own, ((own, 1.0),), offset)
-    other, its_unit, its_native = _axis(prim, _leader(prim, relation), "", joints)
-    factor = prim.number("newton:mimicCoef1", 1.0) * unit / its_unit
-    if mujoco and prim.value("mjc:coef1") is not None:
-        factor = prim.number("mjc:coef1", 1.0) * native / its_native
-    return Coupling(own, ((own, 1.0), (other, -factor)), offset)
+    alone = mujoco and not prim.targets(relation)
+    own, unit, native = _axis(prim, prim.path, "", joints)
+    other, its_unit, its_native = (
+        ("", 1.0, 1.0) if alone else _axis(prim, _leader(prim, relation), "", joints)
+    )
+    factors = []
+    for order, usual in enumerate((0.0, 1.0)):
+        name, usual_unit = f"newton:mimicCoef{order}", unit / its_unit**order
+        factors.append(prim.number(name, usual) * usual_unit)
+        if mujoco and prim.value(f"mjc:coef{order}") is not None:
+            stated, factors[order] = (
+                factors[order],
+                prim.number(f"mjc:coef{order}", 0.0) * native / its_native**order,
+            )
+            if prim.value(name) is not None and not np.isclose(stated, factors[order], rtol=SINGLE_PRECISION):
+                unread.append(f"{name} of {prim.path}")
+    higher = [prim.number(f"mjc:coef{n}", 0.0) * native / its_native**n if mujoco else 0.0 for n in (2, 3, 4)]
+    if alone:
+        return Coupling(own, ((own, 1.0),), factors[0])
+    least = max((n for n, x in enumerate(higher, 1) if x), default=0)
+    curve = Curve(((other, 1.0),), tuple(-x for x in higher[:least])) if least else None
+    return Coupling(own, ((own, 1.0), (other, -factors[1])), factors[0], curve=curve)
 
 
 def _leader(prim: Prim, relation: str) -> str:

@@ -265,12 +265,12 @@ class _Builder:
         robot, stage = self.robot, self.stage
         tree = span(roots_of(stage, self.joints), self.joints)
         self._note(tree)
-        robot.notes += noted({
-            "numbers are not read where another engine states other ones: {}": [
-                f"{name} of {joint.prim.path}" for joint in self.joints for axis in joint.chain
-                for name in unread_numbers(joint.prim, axis)
-            ],
-        })  # fmt: skip
+        unread = [
+            f"{name} of {joint.prim.path}"
+            for joint in self.joints
+            for axis in joint.chain
+            for name in unread_numbers(joint.prim, axis)
+        ]
         poses = {path: prim.pose for path, prim in stage.moving.items()}
         welds = [
             joint for joint in self.joints
@@ -278,7 +278,8 @@ class _Builder:
         ]  # fmt: skip
         robot.links += links_of(stage, self.graph.links)
         self.graph.fill(tree, poses, welds, self._chain, _closing)
-        robot.couplings += couplings(stage, {joint.prim.path: joint for joint in self.joints})
+        robot.couplings += couplings(stage, {joint.prim.path: joint for joint in self.joints}, unread)
+        robot.notes += noted({"numbers are not read where another engine states other ones: {}": unread})
         if self.motors or robot.left_out:
             names, where = tuple(self.motors), "USD PhysicsDriveAPI"
             robot.motors.append(MotorStatement("actuator", where, names, robot.file))
