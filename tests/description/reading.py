@@ -1,5 +1,6 @@
 """Read a file that may be broken: it is the robot that is expected, or refused with one readable line."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from hybridyn.description import Description, read
 from hybridyn.description.bounds import BOUNDS
 from hybridyn.errors import ModelError
 from tests.files import save
+from tests.snippets import ROOT
 from tests.waiting import must_end
 
 Texts = str | bytes | Mapping[str, str | bytes]
@@ -75,6 +77,14 @@ def holds(found: Any, expected: Any) -> None:
         assert not [word for word in expected if not any(word in line for line in found)], found
     else:
         assert np.all(found == expected), (found, expected)
+
+
+def rows_of_page(heading: str) -> dict[str, str]:
+    """Return what a table of forms on the page says: the second cell of each row by the first one."""
+    page = (ROOT / "docs" / "formats.md").read_text().partition(f"### {heading}\n")[2]
+    lines = [line for line in re.split(r"\n##+ ", page)[0].splitlines() if line.startswith("| ")]
+    cells = [re.split(r"(?<!\\)\|", line)[1:-1] for line in lines]
+    return {first.strip(): second.strip() for first, second, _ in cells[1:]}
 
 
 def finite(description: Description, text: object) -> None:

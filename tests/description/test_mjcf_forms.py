@@ -1,17 +1,15 @@
 """Every row of the table of MJCF forms on the page, as files: read, noted or refused as the row says."""
 
-import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from hybridyn.description import read
-from tests.description.reading import holds, refused
+from tests.description.reading import holds, refused, rows_of_page
 from tests.extras import needs
 from tests.files import save
 from tests.mjcf_texts import BAR, HEAD, mjcf
-from tests.snippets import ROOT
 
 mujoco = needs("mjcf")
 FOUR = mujoco.mj_version() >= 400
@@ -235,23 +233,16 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
 }  # fmt: skip
 
 
-def rows() -> dict[str, str]:
-    """Return the rows of the page: what the second cell says by the first one."""
-    page = (ROOT / "docs" / "formats.md").read_text().partition("### MJCF form by form")[2]
-    table = page.partition("\n## ")[0]
-    cells = [re.split(r"(?<!\\)\|", line)[1:-1] for line in table.splitlines() if line.startswith("| ")]
-    return {first.strip(): second.strip() for first, second, _ in cells[1:]}
-
-
 def test_each_row_of_the_page_has_its_files() -> None:
-    assert [*rows()] == [*ROWS]
-    assert {*rows().values()} == {"read", "noted", "dropped", "refused"}
+    rows = rows_of_page("MJCF form by form")
+    assert [*rows] == [*ROWS]
+    assert {*rows.values()} == {"read", "noted", "dropped", "refused"}
 
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("form", [form for form, cases in ROWS.items() if cases])
 def test_a_form_is_as_its_row_says(form: str, tmp_path: Path) -> None:
-    what = rows()[form]
+    what = rows_of_page("MJCF form by form")[form]
     for text, expected in ROWS[form]:
         file = save(tmp_path, text, "robot.xml")
         if what == "refused":

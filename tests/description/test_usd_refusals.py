@@ -180,10 +180,6 @@ CASES = {
         usda(A, HELD, prim("PhysicsScene", "s"), SCENE),
         "</robot/t>: states another gravity than </robot/s>",
     ),
-    "weightless": (
-        usda(body("a", "bool physxRigidBody:disableGravity = true"), HELD),
-        "disableGravity' = True",
-    ),
     "drag": (usda(body("a", "float physxRigidBody:linearDamping = .05"), HELD), "put friction on the joints"),
     "muscle of MuJoCo": (hinged("double mjc:stiffness = 3"), "mjc:stiffness' = 3"),
     "gear": (usda(A, HELD, prim("PhysxPhysicsGearJoint", "g")), "PhysxPhysicsGearJoint is not read; couple"),

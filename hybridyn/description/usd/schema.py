@@ -85,7 +85,6 @@ OF_CONTACTS = ("Collision", "Scene", "Material", "Report", "Trigger", "Cooked")
 NEUTRAL: dict[str, tuple[tuple[float, ...], str]] = {
     "physics:breakForce": ((math.inf,), "joints do not break here; remove it"),
     "physics:breakTorque": ((math.inf,), "joints do not break here; remove it"),
-    "physxRigidBody:disableGravity": ((0,), "set it to false, or set gravity of the whole robot"),
     "physxRigidBody:linearDamping": ((0,), "set it to 0, or put friction on the joints"),
     "physxRigidBody:enableGyroscopicForces": ((1,), "set it to true"),
     "physxRigidBody:lockedPosAxis": ((0,), "set it to 0, and write a joint"),
@@ -95,7 +94,7 @@ NEUTRAL: dict[str, tuple[tuple[float, ...], str]] = {
     **dict.fromkeys(
         (
             "newton:springStiffness", "newton:springDamping", "newton:stiffness",
-            "mjc:stiffness", "mjc:springdamper", "mjc:gravcomp",
+            "mjc:stiffness", "mjc:springdamper",
         ),
         ((0,), "set it to 0; springs may stand in model.toml"),
     ),
@@ -148,7 +147,8 @@ READ = (
     "physics:principalAxes", "physics:rigidBodyEnabled", "physics:kinematicEnabled",
     "physics:simulationOwner", "physics:startsAsleep", "physics:approximation", "physics:coneAngle",
     "physics:velocity", "physics:angularVelocity", "physxJoint:enable", "physxMimicJoint:",
-    "newton:mimic", "newton:jointsAddMobility", "mjc:coef", *(attribute for _, attribute, _ in NUMBERS),
+    "newton:mimic", "newton:jointsAddMobility", "mjc:coef", "mjc:gravcomp",
+    "physxRigidBody:disableGravity", *(attribute for _, attribute, _ in NUMBERS),
     "newton:selfCollision", "physxArticulation:", "physxCollision", "physxConvex",
     "physxTriangle", "physxSDF", "physxLimit:", "physxRigidBody:sleep", "physxRigidBody:solver",
     "physxRigidBody:max", "physxRigidBody:stabilization", "physxRigidBody:enable", "physxRigidBody:cfm",

@@ -94,6 +94,23 @@ def _link(body: Prim, collider: Prim | None, name: str) -> Link:
     return Link(name, mass * body.stage.kilograms, com, np.zeros((3, 3)) if inertia is None else inertia)
 
 
+def _compensated(stage: Stage, names: Mapping[str, str], unread: list[str]) -> dict[str, float]:
+    """Return the part of its weight that each body is relieved of, by its name.
+
+    Args:
+        names: Names of the links by path.
+        unread: Receives MuJoCo's number where PhysX states another one.
+    """
+    out: dict[str, float] = {}
+    for path, body in stage.moving.items():
+        stated = body.number("mjc:gravcomp", 0.0)
+        fraction = 1.0 if body.flag("physxRigidBody:disableGravity", False) else stated
+        if stated not in (0.0, fraction):
+            unread.append(f"mjc:gravcomp of {path}")
+        out |= {names[path]: fraction} if fraction else {}
+    return out
+
+
 def _centre(body: Prim) -> Array | None:
     """Return the stated centre of mass, shape (3,), [m], or None; USD's "none" is -inf."""
     value = body.vector(CENTRE, [-np.inf] * 3, finite=False)
@@ -279,6 +296,8 @@ class _Builder:
         robot.links += links_of(stage, self.graph.links)
         self.graph.fill(tree, poses, welds, self._chain, _closing)
         robot.couplings += couplings(stage, {joint.prim.path: joint for joint in self.joints}, unread)
+        if light := _compensated(stage, self.graph.links, unread):
+            robot.effects += (("gravity_compensation", {"fraction": light}),)
         robot.notes += noted({"numbers are not read where another engine states other ones: {}": unread})
         if self.motors or robot.left_out:
             names, where = tuple(self.motors), "USD PhysicsDriveAPI"
