@@ -109,7 +109,7 @@ def test_refuses_an_absurd_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     bound(monkeypatch, file=1000)
     refused(save(tmp_path, FOUR_BAR), "larger than")
     bound(monkeypatch, XML=1000)
-    with pytest.raises(ModelError, match=r"bytes of XML, limit 0 MiB"):
+    with pytest.raises(ModelError, match="bytes of XML, limit "):
         xml_node.parse(FOUR_BAR.encode(), "four_bar.urdf")
 
 

@@ -14,9 +14,10 @@ from ..names import DROPS, NOTHING, closest, did_you_mean, listed
 from ..placement import placement_from, rotation_from_quaternion, rotation_from_rpy
 from ..plugins import is_harmless, weld_of
 from ..records import Array
+from ..rows import Row, numbers_in
 from ..urdf.drake import BALL
 from ..urdf.drake_forces import BUSHING, ENDS, SPRING, THREES
-from ..urdf.xml_node import Node, unit
+from ..urdf.xml_node import Node, OfChildren, unit
 
 #: Remarks, each with the names that it concerns (see `names.noted`).
 Notes = dict[str, list[str]]
@@ -25,26 +26,31 @@ Notes = dict[str, list[str]]
 #: on what longer and shorter ones mean.
 QUATERNION_SLACK = 1e-3
 
-#: Children of each element that are numbers, with SDFormat's defaults [SI].
-NUMBERS: dict[str, dict[str, float]] = {
-    "velocity_decay": {"linear": 0.0, "angular": 0.0},
-    "inertial": {"mass": 1.0},
-    "inertia": {"ixx": 1.0, "ixy": 0.0, "ixz": 0.0, "iyy": 1.0, "iyz": 0.0, "izz": 1.0},
-    "joint": {
-        "drake:rotor_inertia": 0.0, "drake:gear_ratio": 1.0, "screw_thread_pitch": math.nan,
-        "thread_pitch": math.nan, "gearbox_ratio": 1.0,
-    },
-    "axis": {"initial_position": math.nan, "drake:rotor_inertia": math.nan, "drake:gear_ratio": math.nan},
-    "limit": {
-        "lower": -math.inf, "upper": math.inf, "effort": math.inf, "velocity": math.inf, "stiffness": 1e8,
-        "dissipation": 1.0,
-    },
-    "dynamics": {"damping": 0.0, "friction": 0.0, "spring_reference": 0.0, "spring_stiffness": 0.0},
-    "mimic": {"multiplier": 1.0, "offset": 0.0, "reference": 0.0},
-}  # fmt: skip
+#: Size from which a limit is none: SDFormat's defaults before version 1.9 are -1e16 and 1e16.
+UNLIMITED = 1e16
+NONE, ONE, UNSTATED = Row(), Row(1.0), Row(math.nan)
+FORCE, LIMIT = Row(least=0.0), Row(math.inf, endless=UNLIMITED)
 
-#: Numbers that are not negative.
-POSITIVE = ("mass", "drake:rotor_inertia", "damping", "friction", "spring_stiffness")
+#: Children of each element that are numbers, with SDFormat's defaults.
+NUMBERS: dict[str, dict[str, Row]] = {
+    "velocity_decay": {"linear": NONE, "angular": NONE},
+    "inertial": {"mass": Row(1.0, least=0.0)},
+    "inertia": {"ixx": ONE, "ixy": NONE, "ixz": NONE, "iyy": ONE, "iyz": NONE, "izz": ONE},
+    "joint": {
+        "drake:rotor_inertia": FORCE, "drake:gear_ratio": ONE, "screw_thread_pitch": UNSTATED,
+        "thread_pitch": UNSTATED, "gearbox_ratio": ONE,
+    },
+    "axis": {
+        "initial_position": UNSTATED, "drake:rotor_inertia": Row(math.nan, least=0.0),
+        "drake:gear_ratio": UNSTATED,
+    },
+    "limit": {
+        "lower": Row(-math.inf, endless=UNLIMITED), "upper": LIMIT, "effort": LIMIT, "velocity": LIMIT,
+        "stiffness": Row(1e8, endless=math.inf), "dissipation": Row(1.0, endless=math.inf),
+    },
+    "dynamics": {"damping": FORCE, "friction": FORCE, "spring_reference": NONE, "spring_stiffness": FORCE},
+    "mimic": {"multiplier": ONE, "offset": NONE, "reference": NONE},
+}  # fmt: skip
 
 #: Attributes of each element that is read.
 ATTRIBUTES: dict[str, tuple[str, ...]] = {
@@ -194,7 +200,8 @@ def _check_attributes(node: Node, known: tuple[str, ...]) -> None:
 def _refuse_unknown(child: Node, node: Node, known: tuple[str, ...], notes: Notes) -> None:
     if child.tag in LEGACY_FORMS:
         raise child.error(f"{LEGACY_FORMS[child.tag].split(';')[0]}, which is not read in SDF; remove it")
-    if ":" in child.tag and child.tag not in NAMESPACED and not child.tag.startswith("hybridyn:"):
+    others = ":" in child.tag and child.tag not in NAMESPACED and not child.tag.startswith("hybridyn:")
+    if others and not closest(child.tag, [tag for tag in known if ":" in tag]):
         refuse_lost(child)
         notes.setdefault(CUSTOM, []).append(child.tag)
         return
@@ -249,16 +256,9 @@ def numbers(node: Node | None, tag: str) -> dict[str, float]:
     Raises:
         ModelError: A text is no number, a number is negative that may not be, or a child is stated twice.
     """
-    out = dict(NUMBERS[tag])
     if node is None:
-        return out
-    for name in out:
-        child = node.child(name)
-        if child is not None and child.content():
-            out[name] = child.number(infinite=tag == "limit")
-            if out[name] < 0 and name in POSITIVE:
-                raise node.error(f"negative {name} {out[name]:g} of {around(node).label}")
-    return out
+        return numbers_in(NUMBERS[tag], None)
+    return numbers_in(NUMBERS[tag], OfChildren(node), f" of {around(node).label}")
 
 
 def flag(node: Node, tag: str, default: bool = False) -> bool:

@@ -21,9 +21,6 @@ from .elements import Notes, direction, flag, numbers, pose, relative_to, word
 from .models import Item, Models
 from .shapes import inertia_of_shapes
 
-#: Largest limit that is one: SDFormat's defaults before version 1.9 are -1e16 and 1e16.
-UNLIMITED = 1e16
-
 #: How many axes each type of joint has.
 AXES = {
     "fixed": 0, "ball": 0, "revolute": 1, "continuous": 1, "prismatic": 1, "screw": 1, "universal": 2,
@@ -346,8 +343,7 @@ def _limits(node: Node | None) -> dict[str, float]:
     """Return position, speed and effort limits; negative speed and effort limits mean none in SDFormat."""
     stated = numbers(node, "limit")
     out = {tag: math.inf if stated[tag] < 0 else stated[tag] for tag in ("velocity", "effort")}
-    out |= {tag: stated[tag] for tag in ("lower", "upper")}
-    return {tag: math.copysign(math.inf, x) if abs(x) >= UNLIMITED else x for tag, x in out.items()}
+    return out | {tag: stated[tag] for tag in ("lower", "upper")}
 
 
 def _leader(mimic: Node, item: Item, models: Models) -> Item:

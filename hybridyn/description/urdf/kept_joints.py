@@ -40,13 +40,8 @@ def keep_joint(
         forces: What the file states of `FORCES` and `spring_reference`, [SI].
         poses: Pose of each link where all joints are at zero, shapes (4, 4); the joint is at zero there, too.
         node: The element that states the forces, for messages.
-
-    Raises:
-        ModelError: A force is negative.
     """
     stated = [word for word in FORCES if forces.get(word)]
-    if wrong := next((word for word in stated if forces[word] < 0), None):
-        raise node.error(f"negative {wrong} {forces[wrong]:g} of closure '{closure.name}'")
     known = {closure.link_a, closure.link_b} <= {*poses}  # `validate` refuses others
     if not stated or closure.kind not in KINDS or not known:
         if stated and known:

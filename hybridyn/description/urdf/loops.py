@@ -13,12 +13,13 @@ from collections.abc import Callable, Collection, Mapping
 import numpy as np
 
 from ..closure_forms import FORMS, Side, closure_of, form_of_rows
-from ..names import did_you_mean, listed
+from ..names import DROPS, did_you_mean, listed
 from ..placement import poses_at_zero, relative, rotation_to_axis
 from ..records import Array, Closure, Coupling, Joint, RobotFile
+from ..rows import Row, stated_in
 from .drake import BALL, WELD, read_ball_constraint, read_weld_constraint
 from .kept_joints import keep_joint
-from .xml_node import Node, axis_of, origin_of
+from .xml_node import Node, OfAttributes, axis_of, origin_of
 
 POSE = ("xyz", "rpy", "quat_xyzw")
 #: Alternative names of the types of `<loop_joint>`, in lower case.
@@ -49,28 +50,38 @@ def add_closures(root: Node, robot: RobotFile) -> None:
     poses = poses_at_zero(robot.joints) if any(node.children("dynamics", "parent") for node in nodes) else {}
     for node in nodes:
         closure, dynamics = CLOSURE_READERS[node.tag](node, poses), node.child("dynamics")
-        forces = {} if dynamics is None else forces_of(dynamics)
+        of = f" of closure '{closure.name}'"
+        forces = {} if dynamics is None else forces_of(dynamics, robot.notes, of)
         keep_joint(robot, closure, forces, poses, node)
         if node.child("limit"):
             robot.notes.append(f"{node.at}: the limits of closure '{closure.name}' are not read")
 
 
-def forces_of(dynamics: Node) -> dict[str, float]:
-    """Return damping, dry friction and spring that `<dynamics>` states [SI], by SDFormat's words.
+#: What `<dynamics>` states, by SDFormat's words. RaiSim and Isaac Sim write a spring as `stiffness` and
+#: `spring_mount`, its position without force; RaiSim writes an armature as `rotor_inertia`.
+DYNAMICS = {
+    "damping": Row(least=0.0), "friction": Row(least=0.0),
+    "spring_stiffness": Row(least=0.0, names={"stiffness": "", "spring_stiffness": ""}),
+    "spring_reference": Row(names={"spring_mount": "", "spring_reference": ""}),
+    "armature": Row(least=0.0), "rotor_inertia": Row(least=0.0),
+}  # fmt: skip
 
-    RaiSim and Isaac Sim write a spring as `stiffness` and `spring_mount`, its position without force.
+
+def forces_of(dynamics: Node, notes: list[str], of: str) -> dict[str, float]:
+    """Return the numbers of `DYNAMICS` that an element states.
+
+    Args:
+        dynamics: The element.
+        notes: Takes numbers that are dropped because the element states the same otherwise.
+        of: The joint, as " of joint 'elbow'".
+
+    Raises:
+        ModelError: A number is none, or is negative.
     """
-    words = {
-        "damping": ("damping",), "friction": ("friction",),
-        "spring_stiffness": ("spring_stiffness", "stiffness"),
-        "spring_reference": ("spring_reference", "spring_mount"),
-    }  # fmt: skip
-    return {
-        word: dynamics.number(name)
-        for word, names in words.items()
-        for name in names
-        if name in dynamics.xml.attrib
-    }
+    return stated_in(
+        DYNAMICS, OfAttributes(dynamics),
+        drop=lambda text: notes.append(f"{dynamics.at}: {DROPS} {text}"), of=of,
+    )  # fmt: skip
 
 
 def read_constraint(node: Node, _: object = None) -> Closure:

@@ -25,14 +25,15 @@ from ..records import (
     massless,
     spring_effect,
 )
+from ..rows import Row, names_in, numbers_in
 from .control import state_interfaces
 from .drake import PITCH, TENDON, is_drakes, read_drake_joint, read_tendon
 from .drake_forces import BUSHING, SPRING, frames_of, read_bushings, spring_effects
 from .engines import dropped
 from .gazebo import read_gazebo
-from .loops import add_closures, forces_of, pose_of, read_coupling, read_mimic
+from .loops import DYNAMICS, add_closures, forces_of, pose_of, read_coupling, read_mimic
 from .transmissions import ROTOR_TAGS, behind, read_rotor, read_transmissions
-from .xml_node import Node, axis_of
+from .xml_node import Node, OfAttributes, axis_of
 
 #: Types of joints of URDF, and PyBullet's `spherical`, a ball.
 URDF_KINDS = tuple(kind for kind in JointKind if kind is not JointKind.SCREW)
@@ -44,11 +45,13 @@ JOINT_PARTS = (
     "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "drake:mimic", "rotor_inertia",
     "gear_ratio",
 )  # fmt: skip
-#: Attributes of `<dynamics>` that are read.
-DYNAMICS = (
-    "damping", "friction", "armature", "rotor_inertia", "stiffness", "spring_stiffness", "spring_mount",
-    "spring_reference",
-)  # fmt: skip
+#: What `<limit>` states.
+LIMIT = {
+    "lower": Row(-math.inf, endless=UNLIMITED), "upper": Row(math.inf, endless=UNLIMITED),
+    "velocity": Row(math.inf, endless=UNLIMITED), "effort": Row(math.inf, endless=UNLIMITED),
+}  # fmt: skip
+#: The words of `<dynamics>` for an inertia at the joint.
+ARMATURE = {word: DYNAMICS[word] for word in ("armature", "rotor_inertia")}
 INERTIA_ATTRIBUTES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -89,8 +92,9 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
 def _add_armatures(robot: RobotFile, nodes: list[Node]) -> None:
     """Add the inertias at the joint that `<dynamics>` states, unless a rotor is stated, too."""
     stated = {
-        node.text("name"): _armature(dynamics) for node in nodes if (dynamics := node.child("dynamics"))
-    }
+        node.text("name"): max(numbers_in(ARMATURE, OfAttributes(dynamics)).values())
+        for node in nodes if (dynamics := node.child("dynamics"))
+    }  # fmt: skip
     for number, joint in enumerate(robot.joints):
         armature = stated.get(joint.name, 0.0)
         if armature and (joint.rotor_inertia or not joint.kind.single):
@@ -98,14 +102,6 @@ def _add_armatures(robot: RobotFile, nodes: list[Node]) -> None:
             robot.notes.append(f"{DROPS} the armature {armature:g} of joint '{joint.name}': {why}")
         elif armature:
             robot.joints[number] = replace(joint, rotor_inertia=armature / joint.gear_ratio**2)
-
-
-def _armature(dynamics: Node) -> float:
-    """Return the inertia at the joint, `armature` or RaiSim's `rotor_inertia` [kg or kg m^2]."""
-    stated = [dynamics.number(word, 0.0) for word in ("armature", "rotor_inertia")]
-    if min(stated) < 0:
-        raise dynamics.error(f"negative armature {min(stated):g}")
-    return max(stated)
 
 
 def _state_motors(robot: RobotFile, root: Node, independent: set[str], joints: int) -> None:
@@ -221,15 +217,12 @@ def _limits(node: Node | None, name: str, kind: str, notes: list[str]) -> dict[s
     """Return the limits that `<limit>` states; note and ignore negative limits of speed or effort."""
     if node is None:
         return {}
-    node.refuse_misspelt(["lower", "upper", "velocity", "effort"], [])
-    none = {"lower": -math.inf, "upper": math.inf, "velocity": math.inf, "effort": math.inf}
-    out = {word: node.number(word, default, infinite=True) for word, default in none.items()}
-    for word, value in out.items():
-        if word in ("velocity", "effort") and value < 0:
-            notes.append(f"{node.at}: joint '{name}': negative {word} limit {value:g} ignored")
+    node.refuse_misspelt([*LIMIT], [])
+    out = numbers_in(LIMIT, OfAttributes(node))
+    for word in ("velocity", "effort"):
+        if out[word] < 0:
+            notes.append(f"{node.at}: joint '{name}': negative {word} limit {out[word]:g} ignored")
             out[word] = math.inf
-        elif abs(value) >= UNLIMITED:
-            out[word] = math.copysign(math.inf, value)
     if kind in ("revolute", "prismatic"):
         return out
     if kind != "fixed" and any(math.isfinite(out[word]) and out[word] for word in ("lower", "upper")):
@@ -242,13 +235,10 @@ def _forces(node: Node | None, name: str, kind: JointKind, robot: RobotFile) -> 
     """Return the damping and dry friction that `<dynamics>` states, and add its spring to the robot."""
     if node is None:
         return {}
-    node.refuse_misspelt(DYNAMICS, [])
-    stated = forces_of(node)
+    node.refuse_misspelt(names_in(DYNAMICS), [])
+    stated = forces_of(node, robot.notes, f" of joint '{name}'")
     out = {word: stated.get(word, 0.0) for word in ("damping", "friction")}
     stiffness = stated.get("spring_stiffness", 0.0)
-    if min(*out.values(), stiffness) < 0:
-        numbers = f"{out['damping']:g}, {out['friction']:g}"
-        raise node.error(f"joint '{name}' has negative damping or friction ({numbers})")
     if kind == "spherical" and out["friction"]:
         robot.notes.append(
             f"{node.at}: {DROPS} the dry friction of joint '{name}', which has several freedoms"

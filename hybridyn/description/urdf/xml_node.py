@@ -310,6 +310,35 @@ class Node(NamedTuple):
         return value
 
 
+class OfAttributes(NamedTuple):
+    """An element that states numbers by its attributes, as `rows.Stating`."""
+
+    node: Node
+
+    def stated(self, name: str, infinite: bool) -> float | None:
+        """Return the number of an attribute, None if it is absent."""
+        return self.node.number(name, infinite=infinite) if name in self.node.xml.attrib else None
+
+    def error(self, message: str) -> ModelError:
+        """Return (not raise) an error that names the element."""
+        return self.node.error(message)
+
+
+class OfChildren(NamedTuple):
+    """An element that states numbers by the texts of its children, as `rows.Stating`."""
+
+    node: Node
+
+    def stated(self, name: str, infinite: bool) -> float | None:
+        """Return the number in a child, None if it is absent or empty."""
+        child = self.node.child(name)
+        return child.number(infinite=infinite) if child is not None and child.content() else None
+
+    def error(self, message: str) -> ModelError:
+        """Return (not raise) an error that names the element."""
+        return self.node.error(message)
+
+
 #: Shortest axis or quaternion with a direction; files write unit vectors with rounding, zero is a mistake.
 SMALLEST_AXIS = 1e-12
 

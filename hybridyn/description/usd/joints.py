@@ -20,6 +20,7 @@ from ..joint_graph import WORLD, StatedJoint, outwards, starts
 from ..names import unique
 from ..placement import inverse, placement_from
 from ..records import Array, Coupling, Curve, RobotFile
+from ..rows import every_in, names_in
 from .schema import AXES, DEGREES, JOINTS, NUMBERS, ONE_AXIS, SINGLE_PRECISION
 from .stage import Prim, Stage
 
@@ -234,8 +235,8 @@ def numbers_of(prim: Prim, axis: str) -> dict[str, float]:
     """
     ball = axis == "ball"
     of_one = [
-        name for word, attribute, _ in NUMBERS if ball and word in WEIGHTS and "{}" in attribute
-        for name in map(attribute.format, AXES[3:]) if prim.number(name, 0.0)
+        name for word in WEIGHTS if ball for one in names_in({word: NUMBERS[word]}) if "{}" in one
+        for name in map(one.format, AXES[3:]) if prim.number(name, 0.0)
     ]  # fmt: skip
     if of_one:
         raise prim.error(f"'{of_one[0]}' is about one axis of a ball joint, which is not read; set it to 0")
@@ -260,7 +261,7 @@ def _stated_of(prim: Prim, axis: str) -> list[tuple[str, str, float]]:
     Raises:
         ModelError: A number is negative.
     """
-    stage, out = prim.stage, []
+    stage = prim.stage
     turns = axis == "ball" or axis.startswith("rot")
     unit = unit_of(prim, axis)
     effort = stage.kilograms * (stage.meters**2 if turns else stage.meters)
@@ -270,16 +271,9 @@ def _stated_of(prim: Prim, axis: str) -> list[tuple[str, str, float]]:
         "effort at one radian or metre a second": effort / (1.0 if turns else stage.meters),
     }  # fmt: skip
     named = "" if axis == "ball" else instance(prim, axis)
-    for word, attribute, what in NUMBERS:
-        name = attribute.format(named)
-        left_out = word == "effort" and named not in prim.instances("PhysicsDriveAPI")
-        if prim.value(name) is None or left_out:
-            continue
-        value = prim.number(name, 0.0, finite=word not in ("velocity", "effort"))
-        if value < 0:
-            raise prim.error(f"'{name}' is negative")
-        out.append((word, name, value * units[what]))
-    return out
+    driven = named in prim.instances("PhysicsDriveAPI")
+    rows = {word: row.about(named) for word, row in NUMBERS.items() if word != "effort" or driven}
+    return [*every_in(rows, prim, units)]
 
 
 def unit_of(prim: Prim, axis: str) -> float:

@@ -10,6 +10,8 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from ..rows import Row, names_in
+
 if TYPE_CHECKING:
     from .stage import Prim, Stage
 
@@ -32,24 +34,26 @@ ONE_AXIS = {"PhysicsRevoluteJoint": ("rot", "angular"), "PhysicsPrismaticJoint":
 #: Types of joints that are read.
 JOINTS = (*ONE_AXIS, "PhysicsSphericalJoint", "PhysicsFixedJoint", "PhysicsJoint")
 
-#: What a joint states about an axis: the number in `records.Joint`, the attribute ("{}" is the axis), and
-#: its unit. Where several engines have their own attribute, the first that is authored counts.
-NUMBERS = (
-    ("velocity", "physxJointAxis:{}:maxJointVelocity", "speed"),
-    ("velocity", "physxJoint:maxJointVelocity", "speed"),
-    ("effort", "drive:{}:physics:maxForce", "effort"),
-    ("rotor_inertia", "physxJointAxis:{}:armature", "inertia"),
-    ("rotor_inertia", "physxJoint:armature", "inertia"),
-    ("rotor_inertia", "newton:armature", "inertia"),
-    ("rotor_inertia", "mjc:armature", "inertia"),
-    ("friction", "physxJointAxis:{}:dynamicFrictionEffort", "effort"),
-    ("friction", "physxJoint:jointFriction", "effort"),
-    ("friction", "newton:friction", "effort"),
-    ("friction", "mjc:frictionloss", "effort"),
-    ("damping", "physxJointAxis:{}:viscousFrictionCoefficient", "effort at speed"),
-    ("damping", "newton:damping", "effort at speed"),
-    ("damping", "mjc:damping", "effort at one radian or metre a second"),
-)
+#: What a joint states about an axis, as numbers of `records.Joint`. "{}" in an attribute is the axis. Several
+#: engines have attributes of their own.
+NUMBERS = {
+    "velocity": Row(math.inf, 0.0, math.inf, {
+        "physxJointAxis:{}:maxJointVelocity": "speed", "physxJoint:maxJointVelocity": "speed",
+    }),
+    "effort": Row(math.inf, 0.0, math.inf, {"drive:{}:physics:maxForce": "effort"}),
+    "rotor_inertia": Row(least=0.0, names={
+        "physxJointAxis:{}:armature": "inertia", "physxJoint:armature": "inertia",
+        "newton:armature": "inertia", "mjc:armature": "inertia",
+    }),
+    "friction": Row(least=0.0, names={
+        "physxJointAxis:{}:dynamicFrictionEffort": "effort", "physxJoint:jointFriction": "effort",
+        "newton:friction": "effort", "mjc:frictionloss": "effort",
+    }),
+    "damping": Row(least=0.0, names={
+        "physxJointAxis:{}:viscousFrictionCoefficient": "effort at speed",
+        "newton:damping": "effort at speed", "mjc:damping": "effort at one radian or metre a second",
+    }),
+}  # fmt: skip
 
 #: Beginnings of names of schemas and types of physics, and of attributes: of USD, PhysX, Newton and MuJoCo.
 PHYSICS = ("Physics", "Physx", "Newton", "Mjc")
@@ -148,7 +152,7 @@ READ = (
     "physics:simulationOwner", "physics:startsAsleep", "physics:approximation", "physics:coneAngle",
     "physics:velocity", "physics:angularVelocity", "physxJoint:enable", "physxMimicJoint:",
     "newton:mimic", "newton:jointsAddMobility", "mjc:coef", "mjc:gravcomp",
-    "physxRigidBody:disableGravity", *(attribute for _, attribute, _ in NUMBERS),
+    "physxRigidBody:disableGravity", *names_in(NUMBERS),
     "newton:selfCollision", "physxArticulation:", "physxCollision", "physxConvex",
     "physxTriangle", "physxSDF", "physxLimit:", "physxRigidBody:sleep", "physxRigidBody:solver",
     "physxRigidBody:max", "physxRigidBody:stabilization", "physxRigidBody:enable", "physxRigidBody:cfm",

@@ -113,6 +113,10 @@ class Prim:
             raise self.error(f"'{name}' is not a finite number")
         return value
 
+    def stated(self, name: str, infinite: bool) -> float | None:
+        """Return a number, None where none is authored, as `rows.Stating`."""
+        return None if self.value(name) is None else self.number(name, 0.0, finite=not infinite)
+
     def flag(self, name: str, default: bool) -> bool:
         """Return a truth value."""
         return bool(self._stated(name, default, (bool, int), "true or false"))
