@@ -76,6 +76,10 @@ ROTORS: dict[str, tuple[str, str, float, str | None]] = {
     "the same in the joint and in its transmission": (
         ROTOR, SIMPLE.format(1, "", ROTOR + REDUCTION), 2e-4 * 50**2, None,
     ),
+    "of a joint with another ratio than its transmission": (
+        ROTOR + text("gear_ratio", 160), SIMPLE.format(1, "", REDUCTION), 2e-4 * 50**2,
+        "drops the gear ratio 160 of joint 'j': a transmission states 50",
+    ),
     "none, and a reduction that is no number": (
         "", SIMPLE.format(1, "", "<mechanicalReduction>reduction</mechanicalReduction>"), 0.0,
         "<mechanicalReduction> 'reduction' is no number; no rotor needs it",

@@ -71,13 +71,16 @@ def _with(owner: Node, stated: Rotor, notes: list[str]) -> Rotor:
 
 
 def behind(rotor: Rotor, joint: Joint, root: Node, notes: list[str]) -> Joint:
-    """Return a joint with the rotor of its transmissions; note another one that the joint itself states."""
-    inertia = rotor.get("rotor_inertia", 0.0)
-    if inertia and joint.rotor_inertia not in (0.0, inertia):
-        notes.append(
-            f"{root.file}:{joint.line}: {DROPS} the rotor inertia {joint.rotor_inertia:g} of joint "
-            f"'{joint.name}': a transmission states {inertia:g}"
-        )
+    """Return a joint with the rotor of its transmissions; note other numbers that the joint itself states."""
+    inertia, ratio = rotor.get("rotor_inertia", 0.0), rotor.get("gear_ratio", joint.gear_ratio)
+    other_inertia = inertia and joint.rotor_inertia not in (0.0, inertia)
+    for word, own, other, differs in (
+        ("rotor inertia", joint.rotor_inertia, inertia, other_inertia),
+        ("gear ratio", joint.gear_ratio, ratio, joint.gear_ratio not in (1.0, ratio)),
+    ):
+        if differs:
+            what = f"{DROPS} the {word} {own:g} of joint '{joint.name}'"
+            notes.append(f"{root.file}:{joint.line}: {what}: a transmission states {other:g}")
     return replace(joint, **rotor)
 
 
