@@ -42,7 +42,7 @@ PARTS = [
     ),
     (joint("j", "screw", "base", "a", "<thread_pitch>0</thread_pitch>"), "slides without turning"),
     (joint("j", "gearbox", "a", "b", ABOUT_X), "<gearbox_reference_body> is missing"),
-    (joint("j", "gearbox", "a", "b", ABOUT_X + REFERENCE), "couples nothing"),
+    (joint("j", "gearbox", "a", "b", ABOUT_X + REFERENCE), "joint 'a_free' is between the reference body"),
     (
         joint("h", "revolute", "base", "a") + joint("g", "gearbox", "a", "b", ABOUT_X + REFERENCE)
         + joint("k", "revolute", "base", "b", axis="1 0 1"),

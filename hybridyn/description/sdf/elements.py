@@ -305,3 +305,20 @@ def relative_to(node: Node | None) -> str:
     if node is None:
         return ""
     return str(node.xml.get("relative_to", "")).strip() or str(node.xml.get(OLD_FRAME, "")).strip()
+
+
+def screw_pitch(node: Node) -> float:
+    """Return the pitch of a screw [m/rad]; `thread_pitch` is minus the angle per way [rad/m].
+
+    Without both it is 1 m per turn, as in sdformat.
+
+    Raises:
+        ModelError: The screw slides without turning.
+    """
+    stated = numbers(node, "joint")
+    pitch, rate = stated["screw_thread_pitch"], stated["thread_pitch"]
+    if rate == 0:
+        raise node.error("a <thread_pitch> of 0 rad/m slides without turning; write a prismatic joint")
+    if math.isnan(pitch) and not math.isnan(rate):
+        return -1 / rate
+    return (1.0 if math.isnan(pitch) else pitch) / (2 * math.pi)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...joints.kinds import JointKind
 from ..closure_forms import FORMS, closure_of
+from ..gearboxes import Gearbox, coupling_of
 from ..joint_graph import WORLD, Chain, JointGraph, span, starts, step
 from ..names import noted, unique
 from ..placement import inverse, placement_from, rotation_to_axis
@@ -23,7 +24,6 @@ from ..urdf.drake import BALL, read_ball_constraint
 from ..urdf.drake_forces import BUSHING, SPRING, read_bushings, spring_effects
 from ..urdf.xml_node import Node
 from .elements import Notes, flag, numbers
-from .gearboxes import couplings_of
 from .models import Item, Library, Models
 from .stated import AXES, ENDLESS, WEIGHTLESS, Stated, line_of, read_joints, read_link
 
@@ -189,9 +189,35 @@ class _Builder:
                     self.robot.couplings.append(self._coupling(name, *axis.mimic, joint.line))
                 if axis.spring[0]:
                     springs.append(StatedSpring(name, *axis.spring))
-        self.robot.couplings += couplings_of(gearboxes, tree, self.models, self.steps)
+        self.robot.couplings += [self._gearbox(box) for box in gearboxes]
         if springs:
             self.robot.effects += (spring_effect(springs),)
+
+    def _gearbox(self, box: Stated) -> Coupling:
+        """Return the coupling of a gearbox.
+
+        Raises:
+            ModelError: It ties no joints of the tree, or names a world in which nothing holds the robot.
+        """
+        node = box.item.node
+        body = node.required_child("gearbox_reference_body")
+        base = self.models.link(box.item.scope, body.content(), body)
+        names = [
+            self.graph.links.get(end, "") for end in (*box.ends, WORLD if base is None else base.full_name)
+        ]
+        if "" in names:
+            raise node.error("names the world, in which nothing holds the robot")
+        one, other = (
+            self.models.pose(link)[:3, :3].T @ axis.direction
+            for link, axis in zip(box.links, box.axes, strict=True)
+        )
+        ratio = numbers(node, "joint")["gearbox_ratio"]
+        try:
+            return coupling_of(
+                Gearbox(box.name, (names[0], names[1]), (one, other), names[2], ratio, box.line), self.robot
+            )
+        except ValueError as error:
+            raise node.error(str(error)) from None
 
     def _chain(self, joint: Stated, forward: bool) -> Chain:
         """Return a joint as a chain from the link above to that below, and its frame in both.

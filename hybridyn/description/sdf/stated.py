@@ -17,7 +17,7 @@ from ..joint_graph import WORLD, StatedJoint
 from ..names import did_you_mean, listed
 from ..records import Array, Link, massless
 from ..urdf.xml_node import Node
-from .elements import Notes, direction, flag, numbers, pose, relative_to, word
+from .elements import Notes, direction, flag, numbers, pose, relative_to, screw_pitch, word
 from .models import Item, Models
 from .shapes import inertia_of_shapes
 
@@ -262,7 +262,8 @@ def _read_joint(item: Item, models: Models, file: str, notes: Notes) -> Stated:
     first, second = (WORLD if end is None else end.full_name for end in (parent, child))
     return Stated(
         item.full_name, (first, second), (), line_of(node, file), _must_close(item), False, item, kind,
-        (parent, child), models.pose(item), axes, _rotor(node, kind), _pitch(node, kind),
+        (parent, child), models.pose(item), axes, _rotor(node, kind),
+        screw_pitch(node) if kind == "screw" else 0.0,
     )  # fmt: skip
 
 
@@ -271,22 +272,6 @@ FOREIGN = {
     "thread_pitch": ("screw",), "screw_thread_pitch": ("screw",), "gearbox_ratio": ("gearbox",),
     "gearbox_reference_body": ("gearbox",),
 }  # fmt: skip
-
-
-def _pitch(node: Node, kind: str) -> float:
-    """Return the pitch of a screw [m/rad]; `thread_pitch` is minus the angle per way [rad/m].
-
-    Without both it is 1 m per turn, as in sdformat.
-    """
-    stated = numbers(node, "joint")
-    if kind != "screw":
-        return 0.0
-    pitch, rate = stated["screw_thread_pitch"], stated["thread_pitch"]
-    if rate == 0:
-        raise node.error("a <thread_pitch> of 0 rad/m slides without turning; write a prismatic joint")
-    if math.isnan(pitch) and not math.isnan(rate):
-        return -1 / rate
-    return (1.0 if math.isnan(pitch) else pitch) / (2 * math.pi)
 
 
 def _must_close(item: Item) -> bool:

@@ -65,7 +65,8 @@ KNOWN: dict[str, str] = {
               "stopCfm stopErp stopKp stopKd provideFeedback implicitSpringDamper cfmDamping fudgeFactor "
               "initialJointPosition disableFixedJointLumping preserveFixedJoint springStiffness "
               "springReference canonicalBody genTexCoord initial_joint_position",
-    "gazebo/joint": "@name @type parent child pose sensor gearbox_ratio thread_pitch",
+    "gazebo/joint": "@name @type parent child pose sensor gearbox_ratio gearbox_reference_body "
+                    "thread_pitch screw_thread_pitch",
     "gazebo/joint/axis": "xyz limit initial_position use_parent_model_frame",
     "gazebo/joint/axis/dynamics": "damping friction spring_stiffness spring_reference",
     "gazebo/joint/axis2": "xyz limit initial_position use_parent_model_frame",

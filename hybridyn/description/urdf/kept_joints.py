@@ -1,7 +1,7 @@
 """Keep a joint that closes a loop and has damping, dry friction or a spring: these need its position.
 
 As in SDF and USD, the joint stays in the tree. A massless link becomes its child, and a fixed closure welds
-this link to the other one.
+this link to the other one. A screw is kept, too: no closure is one.
 """
 
 from __future__ import annotations
@@ -30,9 +30,14 @@ Z = np.array([0.0, 0.0, 1.0])
 
 
 def keep_joint(
-    robot: RobotFile, closure: Closure, forces: Mapping[str, float], poses: Mapping[str, Array], node: Node
+    robot: RobotFile,
+    closure: Closure,
+    forces: Mapping[str, float],
+    poses: Mapping[str, Array],
+    node: Node,
+    pitch: float = 0.0,
 ) -> None:
-    """Add a closure to a robot: as a joint of the tree if it has forces.
+    """Add a closure to a robot: as a joint of the tree if it has forces, or is a screw.
 
     Args:
         robot: The robot.
@@ -40,10 +45,11 @@ def keep_joint(
         forces: What the file states of `FORCES` and `spring_reference`, [SI].
         poses: Pose of each link where all joints are at zero, shapes (4, 4); the joint is at zero there, too.
         node: The element that states the forces, for messages.
+        pitch: Way of a screw per turn [m/rad]; its closure is cylindrical.
     """
     stated = [word for word in FORCES if forces.get(word)]
     known = {closure.link_a, closure.link_b} <= {*poses}  # `validate` refuses others
-    if not stated or closure.kind not in KINDS or not known:
+    if not known or not (pitch or (stated and closure.kind in KINDS)):
         if stated and known:
             robot.notes.append(
                 f"{node.at}: {DROPS} {listed(stated)} of closure '{closure.name}': its kind, {closure.kind}, "
@@ -52,11 +58,12 @@ def keep_joint(
         robot.closures.append(closure)
         return
     taken = {link.name for link in robot.links}
-    link, kind = unique(f"{closure.link_b}_at_{closure.name}", taken), KINDS[closure.kind]
+    kind = JointKind.SCREW if pitch else KINDS[closure.kind]
+    link = unique(f"{closure.link_b}_at_{closure.name}", taken)
     robot.links.append(massless(link, closure.line, between=True))
     robot.joints.append(Joint(
         closure.name, kind, closure.link_a, link, closure.frame_a, Z, damping=forces.get("damping", 0.0),
-        friction=forces.get("friction", 0.0), line=closure.line,
+        friction=forces.get("friction", 0.0), pitch=pitch, line=closure.line,
     ))  # fmt: skip
     robot.closing.add(closure.name)
     frame_b = closure.frame_b @ _at_zero(closure, kind, poses)
