@@ -102,6 +102,12 @@ def rotate_back(R: Array, x: Array) -> Array:
     return out
 
 
+def congruence(B: Array, M: Array) -> Array:
+    """Compute B^T M B for B of shape (..., n, N) and M of shape (..., n, n)."""
+    out: Array = np.matmul(np.swapaxes(B, -1, -2), np.matmul(M, B))
+    return out
+
+
 def hat(x: Array) -> Array:
     """Return the skew-symmetric matrix of x, shape (..., 3, 3): its product with y is x cross y."""
     out = np.zeros((*x.shape, 3), np.result_type(x, float))

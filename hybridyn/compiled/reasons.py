@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..dynamics.direct_recursion import ArticulatedModule, articulate
+from ..dynamics.articulated_module import ArticulatedModule
+from ..dynamics.direct_recursion import articulate
 from ..dynamics.forward import forward
 from ..dynamics.loads import all_loads
 from ..effects.choice import Effects

@@ -4,8 +4,8 @@ Read `forward` (Eqs. (25), (28)), `inverse_recursion` (Eqs. (30)-(33)), `backwar
 reactions), `inverse` (`hybridyn.idm`), `direct_recursion` (Eqs. (38)-(53)), `direct` (`hybridyn.ddm`, and
 joints without a motor). `loads` collects the wrenches and effects that act on the robot. `actuation`
 distributes efforts among motors. `guards` is the table of what is refused or warned of. `state_checks`
-refuses states with open loops. `inertia_solve` factors A_t and bounds what rounding feigns in it. The folder
-`quantities` has the model in independent coordinates.
+refuses states with open loops. `inertia_solve` factors A_t, and `rounding` bounds what rounding feigns in
+it. The folder `quantities` has the model in independent coordinates.
 
 May import: `effects`, `manifold`, `structure` and below.
 """

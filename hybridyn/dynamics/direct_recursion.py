@@ -6,78 +6,22 @@ A module whose base accelerates with V_dot moves with u_dot, and its outputs o w
 
 `articulate` is the backward sweep, `accelerate` the forward one. Inertias have the congruence form of
 Eqs. (45), (47), which keeps them positive semidefinite; the paper's S2, S3, K and alpha are not needed.
-`inertia_solve` bounds, from what a module keeps here, what rounding feigns in A_t; `guards` says what is
-refused.
+`rounding` bounds, from what a module keeps here, what rounding feigns in A_t; `guards` says what is refused.
 """
-
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from ..linkage.reduction import Basis
 from ..linkage.tree import Motion
-from ..spatial import Array, motion_matrix
+from ..spatial import Array, congruence, motion_matrix
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
-from .guards import FORCED, MASSLESS, check, check_closure_rank, check_digits
-from .inertia_solve import (
-    InertiaFactor,
-    congruence,
-    force_of_slips,
-    largest_term,
-    largest_term_of,
-    rounding_of,
-    seeming,
-    seeming_at_base,
-)
+from .articulated_module import ArticulatedModule
+from .guards import check_closure_rank
 from .inverse_recursion import output_jacobians
 from .loads import LegTerms, Loads
 from .possible_motions import least_norm, motions_of
-
-
-@dataclass(eq=False)
-class ArticulatedModule:
-    """One module in the backward sweep: its equation of motion, and what it was made of.
-
-    Attributes:
-        state: The module's state.
-        basis: Basis of its motions and drift.
-        unforced: Motion of its tree at x_ddot = 0.
-        legs: Inertia and forces of its legs.
-        I_star: Articulated inertias of its outputs, shape (T, outputs, 6, 6).
-        beta_star: Biases of its outputs, shape (T, outputs, 6).
-        tau: Efforts of its motors, shape (T, motors).
-        a_maps: Maps a_o of the outputs, shape (T, outputs, 6, N), Eq. (2).
-        X: Motion matrices from the base to the outputs, shape (T, outputs, 6, 6), Eq. (26).
-        c: v_dot_0 + crm(V) v of the outputs (`ModuleState.convective`), shape (T, outputs, 6).
-        b: Wrenches that the outputs need at u_dot = 0 and V_dot = 0, shape (T, outputs, 6).
-        f: Generalised force along x at x_ddot = drift, shape (T, n).
-        A_t, E, Q_0: Shapes (T, N, N), (T, N, 6), (T, N).
-        inertia: Principal motions of A_t.
-        size: Largest term in the sum Q_0, shape (T,), [N m].
-        G, y: A_t^-1 E and A_t^-1 Q_0, shapes (T, N, 6), (T, N).
-    """
-
-    state: ModuleState
-    basis: Basis
-    unforced: Motion
-    legs: LegTerms
-    I_star: Array
-    beta_star: Array
-    tau: Array
-    a_maps: Array
-    X: Array
-    c: Array
-    b: Array
-    f: Array
-    A_t: Array
-    E: Array
-    Q_0: Array
-    inertia: InertiaFactor = field(init=False)
-    size: Array = field(init=False)
-    G: Array = field(init=False)
-    y: Array = field(init=False)
+from .rounding import Rounding, check_accelerations, check_massless
 
 
 def articulate(
@@ -103,25 +47,23 @@ def articulate(
         loads.on.body_bias(s.outputs, s.mechanism.inertias) - load.on_outputs(s)  # Eq. (38)
         for s, load in zip(states, loads.modules, strict=True)
     ]
-    noise = [np.zeros_like(x) for x in I_star]  # bounds on the rounding of I_star, as inertias
+    rounding = Rounding(I_star)
     for k in reversed(range(len(states))):
         s, module = states[k], states[k].module
         basis, unforced = motions_of(s, prescribed, passing)
         check_closure_rank(module, basis)
-        noise[k] += rounding_of(I_star[k])
         legs, efforts = loads.leg_terms(k, s), tau[:, module.motor_index]
         x = _equation_of_motion(s, basis, unforced, legs, I_star[k], beta_star[k], efforts)
-        x.inertia = InertiaFactor(x.A_t, seeming(x, noise[k]))
+        x.inertia = rounding.factor(k, x)
         solved, left = x.inertia.solve(np.concatenate([x.E, x.Q_0[..., None]], axis=-1))
-        x.size = largest_term_of(x)
-        _check_massless(x, left[..., 6])
         x.G, x.y = solved[..., :6], solved[..., 6]
+        check_massless(x, left[..., 6])
         out.insert(0, x)
         if module.parent >= 0:
             inertia, bias = _onto_base(x)
             I_star[module.parent][:, module.parent_output] += inertia
             beta_star[module.parent][:, module.parent_output] += bias
-            noise[module.parent][:, module.parent_output] += seeming_at_base(x, noise[k])
+            rounding.hand_on(k, x)
     return out
 
 
@@ -181,29 +123,5 @@ def accelerate(robot: HybridRobot, modules: list[ArticulatedModule], q: Array, v
         moved = np.einsum("toij,tj->toi", x.X, V_dot) + np.einsum("toij,tj->toi", x.a_maps, u_dot)
         outputs.append(moved + x.c)  # Eq. (53)
         x_ddot = np.einsum("tij,tj->ti", x.basis.Psi, u_dot) + x.basis.drift  # Eqs. (35), (36)
-        natural = float(np.linalg.norm(robot.gravity)) / s.mechanism.length
-        size = np.abs(x_ddot / s.mechanism.reduction.col_scale).max(axis=1, initial=0.0)
-        check_digits(module, "accelerations", "rad/s^2", size, largest_term(x, carried), natural)
+        check_accelerations(x, carried, x_ddot, robot.gravity)
         a[:, module.v_index] = s.spanning_accelerations(q, v, x_ddot, x.unforced)
-
-
-def _check_massless(x: ArticulatedModule, left: Array) -> None:
-    """Raise if a force acts on a motion without inertia.
-
-    Args:
-        x: The module's equation of motion.
-        left: Forces on massless principal motions (`InertiaFactor.solve`), shape (T, N), [N m].
-
-    Raises:
-        SingularityError: The message names the motion, the force and the sample.
-    """
-    module, force = x.state.module, np.abs(left).max(axis=1, initial=0.0)
-
-    def words(t: int) -> dict[str, Any]:
-        """Name the motion and the force on it."""
-        motion = x.basis.Psi[t] @ x.inertia.motions[t, :, np.argmax(np.abs(left[t]))]
-        motion /= module.mechanism.reduction.col_scale
-        freedom = module.freedom_names()[int(np.argmax(np.abs(motion)))]
-        return {"what": "inertia", "condition": np.inf, "freedom": freedom, "force": force[t]}
-
-    check(MASSLESS, module, force, np.maximum(x.size, force_of_slips(x) / FORCED), words)

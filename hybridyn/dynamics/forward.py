@@ -7,7 +7,9 @@ nowhere else.
 import numpy as np
 
 from ..effects.terms import Gravity
+from ..linkage.tree import Motion
 from ..spatial import Array, crm, cross, motion_to_body
+from ..structure.mechanism import Mechanism
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 
@@ -73,29 +75,27 @@ def forward(
         m = module.mechanism
         below, o = states[module.parent] if module.parent >= 0 else None, module.parent_output
         V, V_dot = (below.outputs[:, o], below.outputs_dot[:, o]) if below else root
-        qk, vk = q[:, module.q_index], v[:, module.v_index]
-        ak = None if a is None else a[:, module.v_index]
-        spanning = m.spanning.sweep(qk, vk, ak)
-        x, x_dot, x_ddot = m.cut.coordinates(qk, vk, ak, spanning)
-        motion = m.cut.motion(spanning, x) if m.spec.wrists else spanning
-        locked = m.wrists.near_gimbal_lock(spanning)
-        if len(locked):
-            m.platforms_from_legs(x, x_dot, None if a is None else x_ddot, motion, locked)
-        outputs, outputs_dot, convective = np.zeros((3, len(q), len(m.spec.outputs), 6))
-        for o, body in enumerate(m.spec.outputs):
-            relative = motion.of_body(body).twist()
-            R, p = motion.R[:, body], motion.p[:, body]
-            outputs[:, o] = motion_to_body(R, p, V) + relative  # Eq. (25)
-            convective[:, o] = crm(outputs[:, o], relative)
-            if classical:
-                convective[:, o, :3] += cross(outputs[:, o, 3:], outputs[:, o, :3])
-                outputs[:, o, :3] = 0.0
-            outputs_dot[:, o] = (
-                motion_to_body(R, p, V_dot) + motion.of_body(body).acceleration() + convective[:, o]
-            )  # Eq. (28)
-        states.append(
-            ModuleState(
-                module, spanning, motion, x, x_dot, x_ddot, V, V_dot, outputs, outputs_dot, convective
-            )
+        swept = m.sweep(
+            q[:, module.q_index], v[:, module.v_index], None if a is None else a[:, module.v_index]
         )
+        states.append(ModuleState(module, *swept, V, V_dot, *_outputs(m, swept.motion, V, V_dot, classical)))
     return states
+
+
+def _outputs(
+    m: Mechanism, motion: Motion, V: Array, V_dot: Array, classical: bool
+) -> tuple[Array, Array, Array]:
+    """Compute twists and accelerations of a module's outputs, and their velocity terms (`ModuleState`)."""
+    outputs, outputs_dot, convective = np.zeros((3, len(V), len(m.spec.outputs), 6))
+    for o, body in enumerate(m.spec.outputs):
+        relative = motion.of_body(body).twist()
+        R, p = motion.R[:, body], motion.p[:, body]
+        outputs[:, o] = motion_to_body(R, p, V) + relative  # Eq. (25)
+        convective[:, o] = crm(outputs[:, o], relative)
+        if classical:
+            convective[:, o, :3] += cross(outputs[:, o, 3:], outputs[:, o, :3])
+            outputs[:, o, :3] = 0.0
+        outputs_dot[:, o] = (
+            motion_to_body(R, p, V_dot) + motion.of_body(body).acceleration() + convective[:, o]
+        )  # Eq. (28)
+    return outputs, outputs_dot, convective

@@ -74,7 +74,7 @@ def module_forces(s: ModuleState, loads: Loads, k: int, basis: Basis, received: 
     F_e = loads.modules[k].on_outputs(s)
     W = F_p - F_e + received  # Eqs. (31), (32)
     H = legs + np.einsum("toij,toi->tj", J, W)
-    Q = np.einsum("tij,ti->tj", basis.Psi, H)  # Eqs. (16), (33) before the motors
+    Q = np.einsum("tij,ti->tj", basis.Psi, H)  # Eqs. (16), (17), (33) before the motors
     F = F_b - f_base + wrench_to_base(*s.placements, W).sum(axis=1)  # Eq. (32)
     return ModuleForces(basis, H, Q, F, legs, F_p, F_e)
 

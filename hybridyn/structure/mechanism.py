@@ -51,6 +51,22 @@ class Tolerances(NamedTuple):
     closure: float
 
 
+class Swept(NamedTuple):
+    """Motion of a module at the samples of a batch.
+
+    Attributes:
+        spanning: Motion of its spanning tree.
+        motion: Motion of its tree after the cuts.
+        q, v, a: Positions, rates and accelerations of this tree, shapes (T, nq), (T, nv), (T, nv).
+    """
+
+    spanning: Motion
+    motion: Motion
+    q: Array
+    v: Array
+    a: Array
+
+
 class Mechanism:
     """The numbers of a module; equal modules share one object.
 
@@ -207,6 +223,22 @@ class Mechanism:
         Psi = self.basis(self.generic_K).Psi / self.reduction.col_scale[:, None]
         out: Mask = np.abs(Psi).max(axis=(0, 2), initial=0.0) <= STILL + self.rounding
         return out
+
+    def sweep(self, q: Array, v: Array, a: Array | None) -> Swept:
+        """Compute the motion of the module's bodies, and its coordinates after the cuts.
+
+        Args:
+            q: Positions of the spanning tree, shape (T, nq).
+            v: Rates, shape (T, nv).
+            a: Accelerations, shape (T, nv), or None if they are not needed.
+        """
+        spanning = self.spanning.sweep(q, v, a)
+        x, x_dot, x_ddot = self.cut.coordinates(q, v, a, spanning)
+        motion = self.cut.motion(spanning, x) if self.spec.wrists else spanning
+        locked = self.wrists.near_gimbal_lock(spanning)
+        if len(locked):
+            self.platforms_from_legs(x, x_dot, None if a is None else x_ddot, motion, locked)
+        return Swept(spanning, motion, x, x_dot, x_ddot)
 
     def platforms_from_legs(
         self, x: Array, x_dot: Array, x_ddot: Array | None, motion: Motion, samples: Index

@@ -10,6 +10,7 @@ import pytest
 import hybridyn
 from hybridyn.assembly.assemble import assemble_home
 from hybridyn.cli.home import _name
+from hybridyn.joints.kinds import JointKind
 from hybridyn.structure.robot import positions
 from hybridyn.studies.home import HomePosture, homes
 from tests.command_line import call
@@ -128,7 +129,7 @@ def test_postures_are_named_by_the_farthest_joints() -> None:
         return HomePosture(np.zeros(2), 0.0, True, joint, distance, 1, distances)
 
     postures = posture(a=0.0, b=0.0), posture(a=1.0, b=0.5), posture(a=1.0, b=0.2)
-    robot = SimpleNamespace(kinds=("revolute", "prismatic"), joint_index={"a": 0, "b": 1})
+    robot = SimpleNamespace(kinds=(JointKind.REVOLUTE, JointKind.PRISMATIC), joint_index={"a": 0, "b": 1})
     names = ["home", "a 1 rad, b 0.5 m from home", "a 1 rad, b 0.2 m from home"]
     assert [_name(robot, one) for one in postures] == names  # type: ignore[arg-type]
 

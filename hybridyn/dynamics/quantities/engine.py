@@ -22,11 +22,10 @@ import numpy as np
 
 from ...effects.choice import Choice, Effects, choose
 from ...errors import ModelError, SingularityError
-from ...spatial import Array, Index, crm, motion_matrix
+from ...spatial import Array, Index, congruence, crm, motion_matrix
 from ...structure.module import ModuleState
 from ...structure.robot import HybridRobot
 from ..forward import forward
-from ..inertia_solve import congruence
 from ..inverse_recursion import needed_forces, output_jacobians
 from ..loads import Loads, all_loads
 from ..state_checks import check_closed

@@ -186,7 +186,7 @@ def module_motions(
     check_closure_rank(module, basis)
     unit = m.reduction.col_scale
     Q = np.linalg.qr(basis.Psi / unit[:, None])[0]
-    P, idle = _right_inverse(s, Q, freedoms, u)
+    P, idle = _right_inverse(s, Q, freedoms, u)  # Eq. (3): J_r of motors as coordinates
     Psi = np.matmul(Q, P) * unit[:, None]
     E = _spanning_rates(s, Psi)
     drift, E_drift = np.zeros_like(basis.drift), np.zeros(E.shape[:2])
@@ -195,7 +195,7 @@ def module_motions(
         drift = (drift - np.einsum("tij,tkj,tk->ti", idle, idle, drift, optimize=True)) * unit
         E_drift = s.spanning_accelerations(q, v, drift)
         miss = E_drift[:, freedoms].copy()
-        drift = drift - np.einsum("tij,tj->ti", Psi, miss)
+        drift = drift - np.einsum("tij,tj->ti", Psi, miss)  # Eq. (4)
         E_drift = E_drift - np.einsum("tij,tj->ti", E, miss)
         E_drift[:, freedoms] = 0.0
     return Basis(Psi, drift, basis.pivot, basis.surplus), E, E_drift
