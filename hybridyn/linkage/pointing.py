@@ -12,6 +12,7 @@ from ..spatial import (
     cross,
     hat,
     in_turn,
+    rotate,
     rotate_back,
     rotation_from_vector,
 )
@@ -99,6 +100,11 @@ class DirectionTarget(NamedTuple):
         acceleration = cross(d, d_ddot) - spin * cross(d, w) - motion.w_dot[:, self.body]
         rate, acceleration = (rotate_back(axes, x)[:, self._others] for x in (cross(d, d_dot), acceleration))
         return rate, acceleration
+
+    def ahead(self, step: Array) -> DirectionTarget:
+        """Return the target after small times, shape (T,), at its present rates."""
+        turn = rotation_from_vector(step[:, None] * cross(self.value, self.rate))
+        return self._replace(value=rotate(turn, self.value))
 
     def between(self, sample: int, fractions: Array) -> DirectionTarget:
         """Interpolate from a sample to the next by the shortest turn."""
@@ -202,6 +208,13 @@ class DistanceTarget(NamedTuple):
         rate = self.levels[1][samples] + np.einsum("ti,ti->t", n, c_dot)
         acceleration = self.levels[2][samples] - turning - np.einsum("ti,ti->t", n, drift)
         return rate[:, None], acceleration[:, None]
+
+    def ahead(self, step: Array) -> DistanceTarget:
+        """Return the target after small times, shape (T,), at its present rates."""
+        levels, centre = self.levels.copy(), self.centre.copy()
+        levels[0] += step * levels[1]
+        centre[0] += step[:, None] * centre[1]
+        return self._replace(levels=levels, centre=centre)
 
     def between(self, sample: int, fractions: Array) -> DistanceTarget:
         """Interpolate distance and point linearly from a sample to the next."""

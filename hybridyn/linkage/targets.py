@@ -64,6 +64,10 @@ class PoseTarget(NamedTuple):
         acceleration = np.concatenate([self.goal.p_ddot, self.goal.w_dot], axis=1)
         return velocity[samples], acceleration[samples] - bias
 
+    def ahead(self, step: Array) -> PoseTarget:
+        """Return the target itself: its rows do not depend on what is prescribed."""
+        return self
+
     def between(self, sample: int, fractions: Array) -> PoseTarget:
         """Interpolate from a sample to the next: linear position, rotation about a fixed axis."""
         (R0, R1), (p0, p1) = self.goal.R[sample : sample + 2], self.goal.p[sample : sample + 2]
@@ -126,6 +130,10 @@ class TurnTarget(NamedTuple):
         """Compute prescribed velocities, and prescribed accelerations minus the drift, shapes (T, 3)."""
         velocity, acceleration = self._pose.rates(motion, samples)
         return velocity[:, 3:], acceleration[:, 3:]
+
+    def ahead(self, step: Array) -> TurnTarget:
+        """Return the target itself: its rows do not depend on what is prescribed."""
+        return self
 
     def between(self, sample: int, fractions: Array) -> TurnTarget:
         """Interpolate from a sample to the next: rotation about a fixed axis."""
@@ -262,6 +270,10 @@ class CoordinateTarget(NamedTuple):
             own = w_dot @ self.R - angular_drift(E, rotate(to_rates, w @ self.R))
             caused = np.concatenate([caused, rotate(to_rates, own)], axis=1)
         return self.rate[samples], self.acceleration[samples] - caused[:, self._rows]
+
+    def ahead(self, step: Array) -> CoordinateTarget:
+        """Return the target itself: its rows do not depend on what is prescribed."""
+        return self
 
     def between(self, sample: int, fractions: Array) -> CoordinateTarget:
         """Interpolate the coordinates linearly from a sample to the next, angles by the shorter way."""

@@ -18,7 +18,17 @@ from hybridyn.linkage.tree import Motion
 from hybridyn.spatial import Array, rotation_from_vector
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_angles import arm
-from tests.assembly.test_chains import ALMOST, REACHED, ends, least, spans, stacked
+from tests.assembly.test_chains import (
+    ALMOST,
+    DIFFERENCED,
+    DRIFTED,
+    REACHED,
+    STEP,
+    ends,
+    least,
+    spans,
+    stacked,
+)
 from tests.comparing import close_to, refused
 from tests.posing import far_apart, of_link
 from tests.samples import slow
@@ -84,6 +94,34 @@ def test_directions_and_distances_are_reached_by_the_least_motion(kind: str, see
         twist = np.linalg.lstsq(rows, np.append(pointed[1][i], far[1][i] + rows[3, :3] @ centre[1][i]))[0]
         motors = least(robot, q, link, other, twist, rows=rows)
         close_to(v[robot.motor_v] / spans(robot), motors, ALMOST, 1e-6)
+
+
+@pytest.mark.parametrize("what", ["direction", "distance"])
+def test_accelerations_are_those_of_the_rule_where_targets_move(what: str, tmp_path: Path) -> None:
+    """A direction that turns, and a distance from a point that moves, by differences of the rates."""
+    robot, q0 = arm(tmp_path, "zyxyzyx"), np.array([0.3, 0.8, -0.5, 0.9, 0.4, 0.7, -0.2])
+    data, frame = robot.model.createData(), robot.model.getFrameId("l6")
+    pin.framesForwardKinematics(robot.model, data, q0)
+    R, p = data.oMf[frame].rotation, data.oMf[frame].translation
+    t = STEP * np.arange(-3, 4)[:, None]
+    near = tuple(p + x for x in (t * [0.3, -0.2, 0.1] + t * t, [0.3, -0.2, 0.1] + 2 * t, 0 * t + 2.0))
+    near = near[0], near[1] - p, near[2] - p
+    turn = 0.8 * t - t * t, 0.8 - 2 * t, 0 * t - 2.0
+    along, across = np.cos(turn[0]), np.sin(turn[0])
+    d = along * R[:, 2] + across * R[:, 0]
+    e = along * R[:, 0] - across * R[:, 2]
+    pointed = d, turn[1] * e, turn[2] * e - turn[1] ** 2 * d
+    centre = tuple(x + y for x, y in zip(near, (np.array([0.1, 0.3, -0.4]), 0.0, 0.0), strict=True))
+    far = np.linalg.norm(p - centre[0][3]) + 0.2 * t[:, 0], 0 * t[:, 0] + 0.2, 0 * t[:, 0]
+    rows: list[dict[str, Array]] = []
+    for x, to, d_level, c in zip(near, pointed, far, centre, strict=True):
+        words = {"distance": d_level} | dict(zip(("cx", "cy", "cz"), c.T, strict=True))
+        if what == "direction":
+            words = dict(zip(("x", "y", "z", "zx", "zy", "zz"), [*x.T, *to.T], strict=True))
+        rows.append(words)
+    q, v, a = hybridyn.assemble(robot, platforms={"l6": tuple(rows)}, guess=q0)
+    close_to((q[4] - q[2]) / (2 * STEP), v[3], DRIFTED)
+    close_to((v[4] - v[2]) / (2 * STEP), a[3], DIFFERENCED)
 
 
 def test_an_arm_points_where_least_squares_point(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...errors import AT_SAMPLE, AssemblyError, SingularityError
 from ...linkage.elimination import least_squares
+from ...linkage.pointing import DirectionTarget, DistanceTarget
 from ...spatial import Array
 from ...structure.module import Module
 from ..module_request import ModuleRequest
@@ -184,7 +185,12 @@ class ChainRates:
         """Compute K^T mu ahead by small times, shape (T,), at the present rates, shape (T, nv)."""
         problem, samples = self.task.problem, np.arange(len(self.x))
         relatives = tuple(
-            replace(one, link=one.link.ahead(ahead), other=one.other.ahead(ahead))
+            replace(
+                one,
+                link=one.link.ahead(ahead),
+                other=one.other.ahead(ahead),
+                target=one.target.ahead(ahead),
+            )
             for one in problem.relatives
         )
         carried = Carried(tuple(base.ahead(ahead) for base in problem.carried.bases))
@@ -197,11 +203,19 @@ class ChainRates:
         ], axis=1)  # fmt: skip
 
     def _known_rates(self) -> Array:
-        """Return the largest rate of what carries the parts and the links, shape (T,), [rad/s, lengths/s]."""
+        """Return the largest rate of what carries the parts and links, and of directions and points.
+
+        Shape (T,), [rad/s, lengths/s].
+        """
         problem = self.task.problem
         places = [*problem.carried.bases, *(x for one in problem.relatives for x in (one.link, one.other))]
         length = max(float(one.target.units.max()) for one in problem.relatives)
         each = [np.maximum(np.abs(p.inner.w), np.abs(p.inner.p_dot) / length).max(axis=1) for p in places]
+        for target in (one.target for one in problem.relatives):
+            if isinstance(target, DirectionTarget):
+                each.append(np.abs(target.rate).max(axis=1))
+            if isinstance(target, DistanceTarget):
+                each.append(np.abs(target.centre[1]).max(axis=1) / length)
         return np.asarray(np.max(each, axis=0))
 
 
