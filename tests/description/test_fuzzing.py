@@ -52,7 +52,7 @@ FAULTS = {
     "ended": (lambda seed: os._exit(0), "ended its process"),
     "killed": (lambda seed: os.kill(os.getpid(), signal.SIGKILL), "ended its process"),
     "silent": (hang_outside, "ended its process, or never ended"),
-    "memory": (lambda seed: bytearray(64 * 2**20).count(1), "takes "),
+    "memory": (lambda seed: b"1" * (256 * 2**20), "takes "),
 }
 
 

@@ -148,7 +148,7 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
             {"couplings": [{"curve": {"coefficients": (0, 0, -2)}}]},
         ),
     ],
-    "couplings of two engines that differ": [
+    "couplings that differ between engines": [
         (
             pair("rel physxMimicJoint:rotZ:referenceJoint = </robot/j>",
                  "float physxMimicJoint:rotZ:gearing = 3",
