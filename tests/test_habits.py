@@ -98,6 +98,8 @@ def test_a_start_imports_what_it_needs() -> None:
 
 #: How dependencies are imported whose names are others.
 MODULES = {"pin": "pinocchio", "pyyaml": "yaml"}
+#: The extras that the extra `test` brings.
+TESTED = ("io", "plot", "compiled", "identify")
 #: What only extras install.
 OF_EXTRAS = (
     "polars", "yourdfpy", "trimesh", "viser", "PIL", "embreex", "imageio_ffmpeg", "matplotlib", "plotly",
@@ -131,6 +133,22 @@ def test_every_dependency_is_imported() -> None:
         assert any(name in imports(node) for _, node in nodes(rf"\b{name}\b")), name
     assert not base & {"polars", "yourdfpy", "trimesh"}
     assert "yourdfpy" in names_of(project()["optional-dependencies"]["view"])
+
+
+def test_a_file_of_tests_asks_for_an_extra_before_it_imports_it() -> None:
+    """Without the extra its tests are skipped; the import would end the whole run."""
+    extras = project()["optional-dependencies"]
+    brought = [*project()["dependencies"], *extras["test"], *(one for name in TESTED for one in extras[name])]
+    known = {*sys.stdlib_module_names, "hybridyn", "tests", "benchmarks", "docs"}
+    known |= {MODULES.get(name, name) for name in names_of(brought)}
+    early = set()
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        for statement in ast.parse(path.read_text(encoding="utf-8")).body:
+            if re.search(r"\b(needs|importorskip|skip)\(", ast.unparse(statement)):
+                break
+            if isinstance(statement, ast.Import | ast.ImportFrom):
+                early |= {(path.name, name) for name in imports(statement) - known}
+    assert early == set()
 
 
 def test_the_first_command_of_the_readme_needs_no_extra(tmp_path: Path) -> None:

@@ -6,11 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
-import zstandard
-from websockets.sync.client import ClientConnection, connect
 
 import hybridyn
 from hybridyn import HybridRobot
@@ -25,6 +22,10 @@ from tests.samples import slow
 from tests.waiting import wait_until
 
 viser = needs("view")
+import msgspec  # noqa: E402
+import zstandard  # noqa: E402
+from websockets.sync.client import ClientConnection, connect  # noqa: E402
+
 CLOSED = 1e-9  # relative: `assemble` closes loops to rounding
 SINGLE = 1e-6  # m: the page has numbers in single precision
 HANDLE = "/grip"
