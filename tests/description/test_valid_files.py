@@ -87,10 +87,11 @@ def plain(value: Any) -> Any:
 
 
 def told(place: Place, description: Description) -> bool:
-    """Return whether a note tells of a part: it has the word, and the name of what the part is about."""
-    part = place.part.tag if isinstance(place.part, Element) else place.part
-    last = re.sub("[A-Z]", lambda letter: f" {letter[0].lower()}", part.rpartition(":")[2]).split()[-1]
-    words = last, part, place.owner.tag, "left out"
+    """Return whether a note tells of a part: it has a word of it, and the name of what the part is about."""
+    inner = place.part if isinstance(place.part, Element) else Element(place.part, {})
+    parts = [part for one in inner.below() for part in (one.tag, *one.attributes) if part != "name"]
+    spelt = (re.sub("[A-Z]", lambda letter: f" {letter[0].lower()}", part) for part in parts)
+    words = [*parts, *(word.rpartition(":")[2].split()[-1] for word in spelt), place.owner.tag, "left out"]
     notes = [place_of(note)[2] for note in description.notes]
     return any(place.about in note and any(word.rstrip("s") in note for word in words) for note in notes)
 

@@ -384,8 +384,8 @@ def model_toml(draw: random.Random) -> Element:
         found = draw.sample(JOINTS, draw.randint(1, 3))
         return "{ " + ", ".join(f"{name} = {draw.uniform(0.1, 2):.3f}" for name in found) + " }"
 
-    def number() -> str:
-        return f"{draw.uniform(0.1, 2):.3f}"
+    def number() -> str:  # of more digits than those of the robot, none of which it may repeat
+        return f"{draw.uniform(0.1, 2):.4f}7"
 
     point = "[0.1, 0.2, 0.3]"
     tables = {
