@@ -17,7 +17,6 @@ from benchmarks.results import CHECK, GOOD, NAN, Row
 from benchmarks.timing import LEAST, Candidate, interleaved, measured, timed
 from hybridyn import HybridRobot
 from hybridyn.spatial import Index
-from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.methods import (
     MODELS,
     Method,
@@ -29,6 +28,7 @@ from hybridyn.studies.compare.methods import (
     swept,
     written,
 )
+from hybridyn.studies.compare.peer_engine import NotComparableError
 
 #: Velocities: beyond, closing loops in long double takes minutes.
 MOST_CLOSED = 100

@@ -31,8 +31,8 @@ from benchmarks.timing import ONE_THREAD
 from hybridyn.compiled.library import building
 from hybridyn.description.cache_folder import folder as cache_folder
 from hybridyn.errors import CompileError
-from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.methods import Method, Model, written
+from hybridyn.studies.compare.peer_engine import NotComparableError
 
 #: Samples of one call in a batch, and in a row of single ones: a tenth of them.
 BATCH = 200

@@ -12,7 +12,7 @@ import numpy as np
 
 import hybridyn
 from hybridyn.spatial import Array
-from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.peer_engine import NotComparableError
 
 States = tuple[Array, Array, Array]
 

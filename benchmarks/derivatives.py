@@ -28,9 +28,9 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.derivatives.sweeps import DENSE
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.spatial import Array
-from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.engines import pinocchio_engine
 from hybridyn.studies.compare.methods import MODELS, Model, Setting, grid, written
+from hybridyn.studies.compare.peer_engine import NotComparableError
 from tests.oracle import Oracle
 
 ROBOTS = ("ur5", "five_bar", "gough_stewart", "lx4")

@@ -15,8 +15,8 @@ from benchmarks.results import CHECK, NAN, Row
 from benchmarks.timing import Clock
 from hybridyn import HybridRobot, HybridynError
 from hybridyn.spatial import Array
-from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.engines import mujoco_engine
+from hybridyn.studies.compare.peer_engine import NotComparableError
 
 #: States of a run that are judged.
 SAMPLES = 200

@@ -30,7 +30,7 @@ from benchmarks.cases import case_of
 from benchmarks.peers.ours import COMPILED
 from benchmarks.results import NAN, Row
 from benchmarks.timing import timed
-from hybridyn.compiled.code.graph import Graph, Node
+from hybridyn.compiled.code.graph import Graph, Operation
 from hybridyn.compiled.code.kernels import operations_of
 from hybridyn.compiled.library.building import NATIVE, best_lanes, find_compiler
 from hybridyn.compiled.program import Add, Call, Program
@@ -65,7 +65,7 @@ double run(long length) {
 """
 
 
-def costing(graph: Graph) -> list[Node]:
+def costing(graph: Graph) -> list[Operation]:
     """Return the operations that are computed at run time."""
     constant = [node.name == "constant" for node in graph.nodes]
     return [

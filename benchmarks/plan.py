@@ -29,8 +29,8 @@ from benchmarks import (
 from benchmarks.cases import ROOT
 from benchmarks.results import Row, machine
 from benchmarks.timing import in_own_process
-from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.methods import MODELS
+from hybridyn.studies.compare.peer_engine import NotComparableError
 
 CACHE = ROOT / "build" / "benchmarks" / "cache"
 #: Files of this package that only show what was measured, or measure something else.

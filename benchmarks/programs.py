@@ -30,9 +30,9 @@ from hybridyn.compiled.programs.inverse import inverse_program
 from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.effects.choice import choose
 from hybridyn.scenes.controllers import ComputedTorque, Pd
-from hybridyn.scenes.references import MotorAxes, Point, from_points
+from hybridyn.scenes.references import MotorAxes, RestPosture, from_points
 from hybridyn.spatial import Array
-from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.peer_engine import NotComparableError
 
 #: Robots that are measured.
 ROBOTS = ("five_bar", "gough_stewart", "delta", "tanev", "lx4")
@@ -104,7 +104,7 @@ def controlled_steps(case: str, compiled: CompiledRobot) -> Iterator[Row]:
     q, still = robot.home, np.zeros(robot.nv)
     held = compiled.idm(q, still, still)
     motors = dict(zip(robot.motors, MotorAxes.of(robot).positions(q) + MOVE, strict=True))
-    reference = from_points(robot, [Point(STEP * STEPS, motors, {})], q)
+    reference = from_points(robot, [RestPosture(STEP * STEPS, motors, {})], q)
 
     def law(t: float, q: Array, v: Array) -> Array:
         """Hold the robot."""

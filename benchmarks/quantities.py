@@ -18,7 +18,7 @@ from benchmarks.results import Row
 from benchmarks.timing import Candidate, measured
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.spatial import Array
-from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.peer_engine import NotComparableError
 
 ROBOTS = ("five_bar", "gough_stewart", "lx4")
 #: Largest difference between Pinocchio's Delassus matrix and J M^-1 J^T, of the largest entry.

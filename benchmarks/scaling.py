@@ -22,8 +22,8 @@ from benchmarks.timing import MIB, forget_peak, in_own_process, interleaved, mem
 from hybridyn import HybridRobot
 from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.spatial import Array
-from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.methods import written
+from hybridyn.studies.compare.peer_engine import NotComparableError
 
 BATCH = 500
 ROUNDS = 3

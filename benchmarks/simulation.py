@@ -30,7 +30,7 @@ from benchmarks.peers import rk4
 from benchmarks.peers.ours import COMPILED, GENERAL, compiled
 from benchmarks.results import Row
 from hybridyn.scenes.controllers import ComputedTorque
-from hybridyn.scenes.references import Point, Reference, from_points
+from hybridyn.scenes.references import Reference, RestPosture, from_points
 from hybridyn.scenes.stage import stage
 from hybridyn.studies.compare.engines.mujoco_engine import MujocoEngine
 from hybridyn.studies.compare.methods import written
@@ -164,7 +164,10 @@ def scene(case: str, duration: float) -> tuple[Start, Any, Reference | None]:
         start = Start(ready.robot, ready.q0, ready.v0, duration, None, ready.effects, OUTPUTS)
         return start, hybridyn.compile(ready.robot, ready.effects, wait=True), None
     robot = hybridyn.load(ROOT / "benchmarks/robots/excavator.urdf")
-    points = [Point(0.0, {}, {}), *(Point(MOVE * (k + 1), goal, {}) for k, goal in enumerate(GOALS))]
+    points = [
+        RestPosture(0.0, {}, {}),
+        *(RestPosture(MOVE * (k + 1), goal, {}) for k, goal in enumerate(GOALS)),
+    ]
     reference = from_points(robot, points, robot.home)
     law = ComputedTorque(robot, reference, KP, KD)
     start = Start(robot, robot.home, np.zeros(robot.nv), duration, law, "default", OUTPUTS)

@@ -22,8 +22,8 @@ from benchmarks.reference import relative
 from benchmarks.results import CHECK, Row
 from hybridyn import HybridRobot, HybridynError
 from hybridyn.spatial import Array
-from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.methods import Model, Solver, written
+from hybridyn.studies.compare.peer_engine import NotComparableError
 from tests.oracle import Extended, Oracle
 
 DIGITS = 60

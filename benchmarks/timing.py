@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.results import Row
-from hybridyn.studies.compare.engine import NotComparableError
+from hybridyn.studies.compare.peer_engine import NotComparableError
 
 MIB = 2.0**20
 #: A measurement repeats a call until it takes this long [s].

@@ -16,11 +16,11 @@ from hybridyn.compiled.program import (
     Call,
     Constants,
     Each,
-    Given,
+    GivenPlace,
     Kernel,
     Own,
     Program,
-    Result,
+    ResultPlace,
     Shared,
     Start,
     Worst,
@@ -79,23 +79,30 @@ def toy(seed: int, copies: int) -> Program:
         Call(
             0,
             copies,
-            (Given(places if seed % 2 else in_a_row), Constants(rng.normal(size=(copies, 2))), Shared(0, 2)),
+            (
+                GivenPlace(places if seed % 2 else in_a_row),
+                Constants(rng.normal(size=(copies, 2))),
+                Shared(0, 2),
+            ),
             (Own(own, 3), Add(sums, 2), Worst(), Each(each, 4)),
         ),
         Call(
             1,
             1,
-            (Shared(sums, 2), Constants(rng.normal(size=(1, 2))), Given(np.array([[behind, 0, 1]]))),
+            (Shared(sums, 2), Constants(rng.normal(size=(1, 2))), GivenPlace(np.array([[behind, 0, 1]]))),
             (Shared(4, 3), Shared(0, 0), Worst()),
         ),
         Call(
-            2, copies, (Own(own, 3), Shared(4, 3), Each(each, 4), Given(twos)), (Result(twos), Each(more, 2))
+            2,
+            copies,
+            (Own(own, 3), Shared(4, 3), Each(each, 4), GivenPlace(twos)),
+            (ResultPlace(twos), Each(more, 2)),
         ),
         Call(
             3,
             1,
-            (Shared(each, 4), Result(np.array([[0, 2 * copies - 1]])), Shared(0, 2)),
-            (Result(2 * copies + np.array([[2, 0, 1]])), Shared(0, 2)),
+            (Shared(each, 4), ResultPlace(np.array([[0, 2 * copies - 1]])), Shared(0, 2)),
+            (ResultPlace(2 * copies + np.array([[2, 0, 1]])), Shared(0, 2)),
         ),
         Call(
             1, 1, (Shared(0, 2), Constants(np.ones((1, 2))), Shared(4, 3)), (Add(4, 3), Shared(0, 0), Worst())
@@ -104,7 +111,7 @@ def toy(seed: int, copies: int) -> Program:
             3,
             1,
             (Shared(4, 4), Shared(0, 2), Shared(sums, 2)),
-            (Result(2 * copies + np.array([[3, 4, 5]])), Add(7, 2)),
+            (ResultPlace(2 * copies + np.array([[3, 4, 5]])), Add(7, 2)),
         ),
     )
     steps = (Start(7, np.ones(3)), *steps)

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from hybridyn.description import Closure, read
-from hybridyn.description.loop_signs import Bodies
+from hybridyn.description.loop_signs import WeldedBodies
 from hybridyn.structure.building import build_robot
 from tests.extras import needs
 from tests.mujoco_matrices import mass_matrix
@@ -165,7 +165,7 @@ class Pair:
 
     def _frame(self, link: str, placement: np.ndarray) -> tuple[pin.SE3, np.ndarray]:
         """Return the pose of a frame on a link and its Jacobian, world axes, at its origin."""
-        bodies, description = Bodies(self.description), self.description
+        bodies, description = WeldedBodies(self.description), self.description
         above = {joint.child: joint.name for joint in description.joints}
         body = bodies.of[link]
         name = above.get(body, "root_joint" if self.robot.base != "fixed" else "universe")

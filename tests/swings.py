@@ -10,7 +10,7 @@ from hybridyn import load
 from hybridyn.effects import BaseMotion
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation.motion_law import MotionLaw
-from hybridyn.simulation.result import Result
+from hybridyn.simulation.result import SimulationResult
 from hybridyn.simulation.system import State, System
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -22,7 +22,7 @@ Swing = tuple[HybridRobot, np.ndarray, np.ndarray]
 BITS = ("t", "q", "v", "a", "tau", "kinetic", "potential", "residual", "pivot")
 
 
-def equal_bits(x: Result, y: Result) -> bool:
+def equal_bits(x: SimulationResult, y: SimulationResult) -> bool:
     """Tell whether two results are the same bit for bit."""
     return all(getattr(x, name).tobytes() == getattr(y, name).tobytes() for name in BITS)
 

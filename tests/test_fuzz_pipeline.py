@@ -22,7 +22,7 @@ import hybridyn
 from hybridyn.streams.postures import postures
 from hybridyn.studies.sweep.compiled_chunks import evaluate_chunk
 from hybridyn.studies.sweep.designs import designs_of
-from hybridyn.studies.sweep.evaluation import Chunk, Row
+from hybridyn.studies.sweep.evaluation import Chunk, DesignRow
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
@@ -251,7 +251,7 @@ def scene(number: int) -> str:
     return scaled(head + "".join(map(draw.choice, kinds)), draw)
 
 
-def first_rows(path: Path) -> tuple[Row, ...]:
+def first_rows(path: Path) -> tuple[DesignRow, ...]:
     """Evaluate the first designs of a study."""
     source = read_study(path)
     return evaluate_chunk(source, Chunk(0, designs_of(source)[:DESIGNS]), None).rows

@@ -29,7 +29,7 @@ from hybridyn.errors import (
     install_advice,
 )
 from hybridyn.scenes.scene_file import read_scene
-from hybridyn.simulation.result import Result
+from hybridyn.simulation.result import SimulationResult
 from hybridyn.streams.one_pass import samples_counted_from
 from hybridyn.tables.opening import read_columns
 from tests.command_line import call, read_table
@@ -180,11 +180,11 @@ def test_no_error_is_longer_than_a_few_lines(tmp_path: Path, capsys: pytest.Capt
 
 def test_a_film_knows_how_many_pictures_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
     from hybridyn.view import film
-    from hybridyn.view.run import Run
+    from hybridyn.view.run import ShownMotion
 
     for name in ("render", "labelled", "camera_around", "corners_of", "place_bodies"):
         monkeypatch.setattr(film, name, lambda *_, **__: None)
-    run = Run(np.linspace(0.0, 2.5, 11), np.zeros((11, 1)), None, "")
+    run = ShownMotion(np.linspace(0.0, 2.5, 11), np.zeros((11, 1)), None, "")
     count, speed = film.pictures_of(run)
     assert (count, speed) == (round(2.5 * film.RATE), 1.0)
     shot = film.Shot(hybridyn.load("five_bar"), None, (2, 2))  # type: ignore[arg-type]
@@ -220,7 +220,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str, monkeypatch: pytest
     os.mkfifo(file)
     monkeypatch.setattr("builtins.open", lambda *_, **__: pytest.fail("it was opened, and waited for"))
     readers = {
-        ".urdf": hybridyn.load, ".xacro": hybridyn.load, ".toml": read_scene, ".state": Result.load,
+        ".urdf": hybridyn.load, ".xacro": hybridyn.load, ".toml": read_scene, ".state": SimulationResult.load,
         ".csv": lambda file: read_columns(file, ["time"]),
     }  # fmt: skip
     caught = refused(lambda: readers[file.suffix](str(file)), hybridyn.HybridynError, "is not a regular file")

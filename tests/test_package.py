@@ -4,6 +4,7 @@ import ast
 import pydoc
 import re
 import tomllib
+from collections import Counter
 
 import pytest
 
@@ -74,6 +75,19 @@ def test_every_room_has_a_floor() -> None:
         path.stem for path in PACKAGE.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
     }
     assert rooms - {"__init__"} == set(LEVEL)
+
+
+def test_one_name_means_one_thing() -> None:
+    """No class name stands twice; a file name may stand for a command, its study and its figure."""
+    files = [path for path in PACKAGE.rglob("*.py") if path.name != "__init__.py"]
+    classes = Counter(
+        node.name
+        for path in files
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert [name for name, count in classes.items() if count > 1] == []
+    assert [name for name, count in Counter(path.name for path in files).items() if count > 3] == []
 
 
 def test_every_public_name_is_there_and_no_file() -> None:

@@ -8,8 +8,8 @@ from typing import Any
 
 import hybridyn
 from hybridyn import HybridRobot, HybridynError
-from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.methods import MODELS, Method, Model, Setting, Solver
+from hybridyn.studies.compare.peer_engine import NotComparableError
 from tests.oracle import Oracle
 
 GENERAL, COMPILED = "hybridyn, general", "hybridyn, compiled"

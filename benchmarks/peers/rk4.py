@@ -13,8 +13,8 @@ import pinocchio as pin
 
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
-from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.engines.pinocchio_engine import ACCURACY, PinocchioEngine, closed, loop_solver
+from hybridyn.studies.compare.peer_engine import NotComparableError
 
 #: Of the largest rate that the step allows, critically damped.
 BAUMGARTE = 0.1

@@ -12,8 +12,8 @@ from pictures import COLOURS, INK, figure, options, plain, row, save, snapshots
 
 import hybridyn
 from hybridyn.scenes.controllers import ComputedTorque
-from hybridyn.scenes.references import MotorAxes, Point, from_points
-from hybridyn.simulation.result import Result
+from hybridyn.scenes.references import MotorAxes, RestPosture, from_points
+from hybridyn.simulation.result import SimulationResult
 
 KP, KD = 400.0, 40.0  # critically damped: errors decay with 20 1/s
 REACH = {"shoulder_lift_joint": -0.7, "elbow_joint": 0.9, "wrist_1_joint": -1.2, "shoulder_pan_joint": 0.5}
@@ -28,10 +28,10 @@ def main(words: list[str] | None = None) -> None:
     robot = hybridyn.load("stewart_ur5")
     axes = MotorAxes.of(robot)
     home = dict(zip(robot.motors, axes.positions(robot.home), strict=True))
-    wanted = from_points(robot, [Point(0.0, {}, {}), Point(0.8, REACH | LEAN, {})], robot.home)
+    wanted = from_points(robot, [RestPosture(0.0, {}, {}), RestPosture(0.8, REACH | LEAN, {})], robot.home)
     q0, v0, _ = hybridyn.assemble(robot, motors={name: (OFF.get(name, x),) for name, x in home.items()})
     times = np.linspace(0.0, 0.05, 6) if asked.short else np.linspace(0.0, 1.2, 121)
-    runs: dict[str, Result] = {}
+    runs: dict[str, SimulationResult] = {}
     late: dict[str, np.ndarray] = {}
     for what, effects in KNOWN.items():
         law = ComputedTorque(robot, wanted, KP, KD, effects)

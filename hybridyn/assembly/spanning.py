@@ -4,7 +4,7 @@ import numpy as np
 
 from ..linkage.closures import Closures
 from ..linkage.newton import LoopProblem, close
-from ..linkage.reduction import Block
+from ..linkage.reduction import LegBlock
 from ..linkage.tree import Motion, Tree
 from ..spatial import Array
 from ..structure.mechanism import Mechanism
@@ -62,7 +62,7 @@ def spanning_positions(
         goal = whole_target(len(tree.joints), relative, m.length)
         free = np.ones(tree.nv, dtype=bool)
         none, units = Closures(tree, [], []), m.spanning_col_scale[m.wrists.columns(number)]
-        blocks = [Block(np.arange(6), np.arange(tree.nv))]
+        blocks = [LegBlock(np.arange(6), np.arange(tree.nv))]
         problem = LoopProblem(none, np.zeros(0), units, free, [goal], tree.nv, blocks)
         name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
         at = m.wrists.positions(number)

@@ -16,7 +16,7 @@ from ..description.groups import Groups
 from ..description.names import listed
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
-from ..linkage.reduction import Block, decide_rank
+from ..linkage.reduction import LegBlock, decide_rank
 from ..linkage.targets import CoordinateTarget, named_rows, row_measures
 from ..spatial import Array, Index, Mask, in_turn, indices
 from ..structure.module import Module
@@ -456,7 +456,7 @@ def _what_is_singular(module: Module, problem: LoopProblem, K: Array) -> tuple[s
     return "motors", kind, ", or give a platform instead of motors"
 
 
-def full_rank_blocks(generic: Array, free: Mask, tolerance: float) -> list[Block]:
+def full_rank_blocks(generic: Array, free: Mask, tolerance: float) -> list[LegBlock]:
     """Find the connected blocks of rows and free columns; empty if one lacks full column rank."""
     cols = np.flatnonzero(free)
     touched = np.abs(generic[:, :, cols]).max(axis=0, initial=0.0) > 1e-12
@@ -469,7 +469,7 @@ def full_rank_blocks(generic: Array, free: Mask, tolerance: float) -> list[Block
         K = generic[:, rows[:, None], cols[own]]
         if decide_rank(K, tolerance).rank < len(own):
             return []
-        blocks.append(Block(rows, cols[own]))
+        blocks.append(LegBlock(rows, cols[own]))
     return blocks
 
 

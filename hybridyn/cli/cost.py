@@ -19,8 +19,8 @@ from ..errors import TrajectoryError
 from ..studies.cost.points import (
     ADVISED,
     OURS,
-    Point,
-    Study,
+    CostPoint,
+    CostStudy,
     Worth,
     advice,
     cheapest,
@@ -48,7 +48,7 @@ def run(
     scene = load.robot.endswith(".toml")
     trajectory = trajectory or (None if scene else own_trajectory(load.robot))
     _refuse_misuse(load, trajectory, **given)
-    study, status = Study("", "per run" if scene and not given["engines"] else "per sample"), 0
+    study, status = CostStudy("", "per run" if scene and not given["engines"] else "per sample"), 0
     try:
         _measure(study, load, trajectory, target or ADVISED, **given)
     except KeyboardInterrupt:
@@ -101,7 +101,7 @@ def _refuse_misuse(
     )
 
 
-def _show(study: Study, started: float, result: Point | Worth) -> None:
+def _show(study: CostStudy, started: float, result: CostPoint | Worth) -> None:
     """Print a result on standard error when it is measured, if a person looks; and the time left."""
     spent = time.perf_counter() - started
     words = (
@@ -117,15 +117,15 @@ def _show(study: Study, started: float, result: Point | Worth) -> None:
 
 
 def _measure(
-    study: Study, load: RobotChoice, trajectory: str | None, target: float, *, quantity: str,
+    study: CostStudy, load: RobotChoice, trajectory: str | None, target: float, *, quantity: str,
     engines: list[str] | None, until: float | None, seconds: float, allow_python: bool,
 ) -> None:  # fmt: skip
     """Measure a scene, or a robot on a trajectory: every effect of its files, or those that engines have."""
     from ..effects.choice import choose, stated_names
     from ..scenes.stage import stage
     from ..streams.one_pass import read_postures
-    from ..studies.cost.models import Trajectory, study_models
     from ..studies.cost.runs import states_of, study_runs
+    from ..studies.cost.variants import Trajectory, study_models
 
     show = partial(_show, study, time.perf_counter())
     if trajectory is None:
@@ -157,7 +157,7 @@ def _measure(
     )  # fmt: skip
 
 
-def _report(study: Study, *, every: bool) -> Iterator[str]:
+def _report(study: CostStudy, *, every: bool) -> Iterator[str]:
     """Yield the advice, the settings worth having, and what effects are worth."""
     own, others = (front(study.chosen(uses), study.own_error) for uses in (OURS, ("comparison",)))
     worth = [*[*own, *others[-MOST_ROWS // 2 :]][-MOST_ROWS:], cheapest(study, ADVISED)]
@@ -179,7 +179,7 @@ def _report(study: Study, *, every: bool) -> Iterator[str]:
         yield f"{left} more settings were measured: --all shows them"
 
 
-def _effects(study: Study) -> list[str]:
+def _effects(study: CostStudy) -> list[str]:
     """Return a table of what effects are worth; their times follow from the operations of the model."""
     rows = [["effect", "changes", "takes", ""]]
     for one in sorted(study.worth, key=lambda one: -one.error):
@@ -190,7 +190,7 @@ def _effects(study: Study) -> list[str]:
     return aligned_rows(rows, right=(1, 2))
 
 
-def _rows(study: Study) -> list[dict[str, Any]]:
+def _rows(study: CostStudy) -> list[dict[str, Any]]:
     """Return the settings, and what each effect is worth, as rows of a report."""
     worth = front(study.chosen(OURS), study.own_error)
     rows = [asdict(p) | {"on_front": p in worth} for p in study.points]

@@ -7,17 +7,17 @@ import numpy as np
 
 from ..dynamics.direct import direct_model
 from ..effects import Effects, choose
-from ..streams.one_pass import Pass, Rows
-from ..streams.postures import Postures
+from ..streams.one_pass import BlockResults, Pass
+from ..streams.postures import TreeSamples
 from ..streams.reaction_columns import reaction_rows
 from ..structure.robot import HybridRobot
 from ..studies.check.remarks import free_motions_of
 from ..tables.columns import acceleration_columns
 from ..tables.signals import unit_of
 from ..tables.trajectory import base_acceleration
-from .common.engine import Engine, choose_engine, worth_of
+from .common.engine_choice import EngineChoice, choose_engine, worth_of
 from .common.options import RobotChoice
-from .common.tables import Plan, Summary, Tables, about, for_each_table
+from .common.tables import CommandPlan, CommandTables, Summary, about, for_each_table
 from .common.tables import run as run_pass
 
 
@@ -26,8 +26,8 @@ def run(**words: Any) -> int:
     return for_each_table(_one, words)
 
 
-def _one(load: RobotChoice, tables: Tables, effects: tuple[str, ...], engine: str | None) -> int:
-    def plan(given: Pass) -> Plan:
+def _one(load: RobotChoice, tables: CommandTables, effects: tuple[str, ...], engine: str | None) -> int:
+    def plan(given: Pass) -> CommandPlan:
         """Build the plan for a robot and a table."""
         robot, layout, on = given.robot, given.layout, choose(given.robot, effects)
         reactions = tables.reactions is not None
@@ -38,7 +38,7 @@ def _one(load: RobotChoice, tables: Tables, effects: tuple[str, ...], engine: st
         units = [unit_of(robot.records[motor].kind, "acceleration") for motor in robot.motors]
         remarks = [*about(robot, layout, on), *free_motions_of(robot)]
         model = partial(accelerations, effects=on, reactions=reactions, engine=chosen)
-        return Plan(model, columns, [Summary(robot, "acceleration", units, columns)], chosen, remarks)
+        return CommandPlan(model, columns, [Summary(robot, "acceleration", units, columns)], chosen, remarks)
 
     run_pass(tables, load, plan, efforts=True)
     return 0
@@ -46,12 +46,12 @@ def _one(load: RobotChoice, tables: Tables, effects: tuple[str, ...], engine: st
 
 def accelerations(
     robot: HybridRobot,
-    block: Postures,
+    block: TreeSamples,
     *,
     effects: Effects,
     reactions: bool,
-    engine: Engine,
-) -> Rows:
+    engine: EngineChoice,
+) -> BlockResults:
     """Compute the accelerations of a block as rows of the result, and the reactions if they are wanted.
 
     Args:
@@ -85,4 +85,4 @@ def accelerations(
     rows = a if robot.base == "fixed" else a[:, 6:]
     if robot.base == "floating":
         rows = np.hstack([base_acceleration(block.q, block.v, a), rows])
-    return Rows(rows, inner, handed_over, residual=residual)
+    return BlockResults(rows, inner, handed_over, residual=residual)

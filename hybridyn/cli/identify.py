@@ -13,7 +13,7 @@ from ..identification.excitation import excitation
 from ..identification.identify import identify
 from ..identification.result import summary, unknown
 from ..tables.opening import open_table
-from .common.engine import WORTH, choose_engine
+from .common.engine_choice import WORTH, choose_engine
 from .common.figures import save
 from .common.options import RobotChoice, refuse
 

@@ -11,13 +11,13 @@ from ..effects import Effects, choose
 from ..effects.choice import DEFAULT, FROM_FILES, stated_names
 from ..errors import ModelError
 from ..streams.departures import departures
-from ..streams.one_pass import Pass, Rows
-from ..streams.postures import Postures
+from ..streams.one_pass import BlockResults, Pass
+from ..streams.postures import TreeSamples
 from ..streams.reaction_columns import reaction_rows
 from ..structure.robot import HybridRobot
-from .common.engine import Engine, choose_engine, worth_of
+from .common.engine_choice import EngineChoice, choose_engine, worth_of
 from .common.options import RobotChoice, refuse
-from .common.tables import Observer, Plan, Summary, Tables, about, for_each_table
+from .common.tables import CommandPlan, CommandTables, Observer, Summary, about, for_each_table
 from .common.tables import run as run_pass
 
 #: Exit status where the motion exceeds a limit.
@@ -30,7 +30,7 @@ def run(**words: Any) -> int:
 
 
 def _one(
-    load: RobotChoice, tables: Tables, loads: bool, by_effect: bool, outputs: Sequence[str] | None,
+    load: RobotChoice, tables: CommandTables, loads: bool, by_effect: bool, outputs: Sequence[str] | None,
     effects: tuple[str, ...], fail_on: str | None, engine: str | None, **model: Any,
 ) -> int:  # fmt: skip
     refuse(
@@ -48,7 +48,7 @@ def _one(
         tell_effects(load, tables, wanted, engine)
         return 0
 
-    def plan(given: Pass) -> Plan:
+    def plan(given: Pass) -> CommandPlan:
         """Build the plan for a robot and a table."""
         robot, layout, on = given.robot, given.layout, choose(given.robot, wanted)
         for name in model["weights"]:
@@ -75,10 +75,10 @@ def _one(
         chosen = choose_engine(engine, robot, on, given.table.rows, worth, obstacles, alone=alone)
         inverse = partial(efforts, effects=on, reactions=reactions, engine=chosen, **model)
         if loads:
-            from .common.reports import Loads, motor_states
+            from .common.reports import LoadReport, motor_states
 
             states = partial(motor_states, efforts=inverse)
-            return Plan(states, None, [Loads(robot, tables)], chosen, about(robot, layout, on))
+            return CommandPlan(states, None, [LoadReport(robot, tables)], chosen, about(robot, layout, on))
         columns = [f"{name}/effort" for name in robot.motors]
         observers: list[Observer] = []
         if outputs:
@@ -89,7 +89,7 @@ def _one(
             inverse = partial(map_rows, joints=outputs, efforts=inverse if on.names else None)
             observers.append(MapSummary(robot, outputs))
         observers.append(Summary(robot, "effort", robot.effort_units, columns))
-        return Plan(inverse, columns, observers, chosen, about(robot, layout, on))
+        return CommandPlan(inverse, columns, observers, chosen, about(robot, layout, on))
 
     left = run_pass(tables, load, plan, outputs=outputs or ())
     fails = (fail_on or ("limit" if loads else "never")) == "limit"
@@ -98,15 +98,15 @@ def _one(
 
 def efforts(
     robot: HybridRobot,
-    block: Postures,
+    block: TreeSamples,
     *,
     effects: Effects,
     passive: str,
     on_singular: str,
     weights: Mapping[str, float],
     reactions: bool,
-    engine: Engine,
-) -> Rows:
+    engine: EngineChoice,
+) -> BlockResults:
     """Compute the efforts of a block, shape (T, motors), and the reactions if they are wanted.
 
     Args:
@@ -124,7 +124,7 @@ def efforts(
         tau = compiled.idm(block.q, block.v, block.a)
         left = departures(robot, block.q, block.v, tau)
         again = compiled.recomputed - before
-        return Rows(tau, handed_over=again, left=left, residual=compiled.closure_residual(block.q))
+        return BlockResults(tau, handed_over=again, left=left, residual=compiled.closure_residual(block.q))
     found = inverse_model(
         robot,
         block.q,
@@ -140,4 +140,4 @@ def efforts(
     )
     left = departures(robot, block.q, block.v, found.values)
     inner = None if found.reactions is None else reaction_rows(robot, found.reactions)
-    return Rows(found.values, inner, left=left, residual=found.residual)
+    return BlockResults(found.values, inner, left=left, residual=found.residual)

@@ -7,7 +7,7 @@ import click
 import numpy as np
 
 from ..figures.motion import chart_of_rows
-from ..figures.panels import Chart
+from ..figures.panels import PanelFigure
 from ..figures.reports import chart_of_report
 from ..figures.workspace import figure_of_workspace
 from ..structure.robot import HybridRobot
@@ -30,7 +30,7 @@ def run(table: str, output: str, robot: str | None, **files: Any) -> None:
         loaded = RobotChoice(robot, **files)() if robot else None
         with open_table(table) as source:
             drawn = _of_table(source, title, loaded)
-        if not isinstance(drawn, Chart):
+        if not isinstance(drawn, PanelFigure):
             ends_in(*FORMATS)(click.get_current_context(), None, output)
         save(drawn, output)
 

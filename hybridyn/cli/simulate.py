@@ -16,14 +16,14 @@ import numpy as np
 from ..errors import TrajectoryError
 from ..figures.motion import chart_of_rows
 from ..scenes.scene_file import read_scene
-from ..scenes.stage import Stage, files_of, identity, play, stage
+from ..scenes.stage import SceneStage, files_of, identity, play, stage
 from ..scenes.toml_source import naming
-from ..simulation.result import Result
+from ..simulation.result import SimulationResult
 from ..simulation.stepping import SHORTEST
 from ..simulation.table import columns_of, picked, rows_of
 from ..streams.departures import Departures, departures
 from ..tables.results import check_target, open_results
-from .common.engine import WORTH_OF_POSTURES, Engine, choose_engine, worth_in_time
+from .common.engine_choice import WORTH_OF_POSTURES, EngineChoice, choose_engine, worth_in_time
 from .common.figures import save, title_of
 from .common.files import check_targets
 from .common.options import refuse
@@ -78,7 +78,7 @@ def run(
     return _finish(result, scene, target, state, stopped=bool(stop))
 
 
-def _engine(ready: Stage, asked: str | None) -> Engine:
+def _engine(ready: SceneStage, asked: str | None) -> EngineChoice:
     """Choose the engine that computes the accelerations."""
     evaluations = _evaluations(ready) if asked is None else None
     controller = ready.source.scene.controller
@@ -90,7 +90,7 @@ def _engine(ready: Stage, asked: str | None) -> Engine:
     return choose_engine(asked, ready.robot, ready.effects, evaluations, worth, {}, alone=alone)
 
 
-def _evaluations(ready: Stage) -> int:
+def _evaluations(ready: SceneStage) -> int:
     """Estimate the number of evaluations of the direct model, from fixed steps or from a short trial run."""
     scene = ready.source.scene
     solver, controller = scene.solver, scene.controller
@@ -112,7 +112,7 @@ def _evaluations(ready: Stage) -> int:
     return rows + math.ceil(each * scene.duration / max(abs(trial.next_step), scene.duration * SHORTEST))
 
 
-def _own_target(ready: Stage) -> str | None:
+def _own_target(ready: SceneStage) -> str | None:
     """Return the result file that the scene names, or None."""
     name = ready.source.scene.output.file
     if name is None:
@@ -126,7 +126,7 @@ def _own_target(ready: Stage) -> str | None:
     return target
 
 
-def _state_of(ready: Stage, target: str | None, *, resume: bool, overwrite: bool) -> str | None:
+def _state_of(ready: SceneStage, target: str | None, *, resume: bool, overwrite: bool) -> str | None:
     """Return the file of the state of a run into a file, None where there is none; check it."""
     if target is None or target == "-" or ready.motion is not None:
         refuse((resume, "--resume continues the run in a result file: name it with -o"))
@@ -144,10 +144,10 @@ def _state_of(ready: Stage, target: str | None, *, resume: bool, overwrite: bool
     return state
 
 
-def _check_continues(ready: Stage, state: str, target: str, *, resume: bool) -> None:
+def _check_continues(ready: SceneStage, state: str, target: str, *, resume: bool) -> None:
     """Refuse a run into the file of one that was stopped, unless it continues that with the same scene."""
     try:
-        same = Result.load(state).origin.scene == identity(ready.source)
+        same = SimulationResult.load(state).origin.scene == identity(ready.source)
     except TrajectoryError:
         if resume:
             raise
@@ -184,7 +184,7 @@ def _between_steps(until: float | None) -> Iterator[tuple[Callable[[float, float
         yield after_step, marks
 
 
-def _write(ready: Stage, result: Result, target: str | None, plot: str | None) -> None:
+def _write(ready: SceneStage, result: SimulationResult, target: str | None, plot: str | None) -> None:
     """Write the table of the motion, and its figure."""
     columns, rows = columns_of(ready.robot), rows_of(ready.robot, result)
     with naming(ready.source, ("output", "columns")):
@@ -197,7 +197,7 @@ def _write(ready: Stage, result: Result, target: str | None, plot: str | None) -
         save(chart_of_rows(columns, result.t, rows, robot=ready.robot, title=title), plot)
 
 
-def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[str]:
+def _summary(ready: SceneStage, result: SimulationResult, engine: EngineChoice, wall: float) -> list[str]:
     counters = result.counters
     reached = result.t[-1] if ready.motion is not None and len(result.t) else result.state.t
     lines = [
@@ -222,7 +222,9 @@ def _summary(ready: Stage, result: Result, engine: Engine, wall: float) -> list[
     return [*lines, f"{done}{counted(len(result.t), 'row')}, wall time {wall:.2f} s"]
 
 
-def _finish(result: Result, scene: str, target: str | None, state: str | None, *, stopped: bool) -> int:
+def _finish(
+    result: SimulationResult, scene: str, target: str | None, state: str | None, *, stopped: bool
+) -> int:
     """Print how to continue a run that was stopped, and return the exit status."""
     if result.status in FAILED:
         click.echo(f"error: {scene}: {result.status} {result.message}", err=True)

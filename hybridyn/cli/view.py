@@ -12,14 +12,14 @@ from ..effects import choose
 from ..errors import HybridynError, required
 from ..spatial import Array
 from ..streams.one_pass import efforts_in_blocks, read_postures
-from ..streams.postures import Postures
+from ..streams.postures import TreeSamples
 from ..structure.robot import HybridRobot
 from ..tables.opening import open_table
 from ..view.drawing import draw
 from ..view.film import Shot, frames_around, frames_of_run, pictures_of, save_mp4, still
 from ..view.picture import Picture
 from ..view.render import Image, save_png
-from ..view.run import MOST, Run
+from ..view.run import MOST, ShownMotion
 from ..view.visuals import read_visuals
 from .common.options import RobotChoice, refuse
 from .common.progress import progress
@@ -61,17 +61,19 @@ def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:
     return draw(robot, visuals, notes)
 
 
-def _run(robot: HybridRobot, file: str, effects: tuple[str, ...]) -> Run:
+def _run(robot: HybridRobot, file: str, effects: tuple[str, ...]) -> ShownMotion:
     """Read a motion, and read or compute the efforts along it."""
     found = read_postures(robot, file)[1]
     tau, origin = _efforts(robot, file, found, effects)
     step, time = -(-len(found.q) // MOST), found.motion.time
     shown = np.arange(1.0, len(found.q) + 1) if time is None else time
-    return Run(shown[::step], found.q[::step], None if tau is None else tau[::step], origin, time is not None)
+    return ShownMotion(
+        shown[::step], found.q[::step], None if tau is None else tau[::step], origin, time is not None
+    )
 
 
 def _efforts(
-    robot: HybridRobot, file: str, found: Postures, effects: tuple[str, ...]
+    robot: HybridRobot, file: str, found: TreeSamples, effects: tuple[str, ...]
 ) -> tuple[Array | None, str]:
     """Return the efforts along a motion: the table's where it has all of them, else the inverse model's.
 
@@ -94,7 +96,7 @@ def _efforts(
     return tau, "of the inverse model"
 
 
-def _write(shot: Shot, run: Run | None, at: float | None, target: str) -> None:
+def _write(shot: Shot, run: ShownMotion | None, at: float | None, target: str) -> None:
     """Write a picture or a film, as the ending of the file says."""
     begin, end = (run.begin, run.end) if run else (0.0, 0.0)
     refuse(
@@ -121,7 +123,7 @@ def _write(shot: Shot, run: Run | None, at: float | None, target: str) -> None:
 
 
 def _serve(
-    robot: HybridRobot, picture: Picture, run: Run | None, host: str, port: int, *, browser: bool
+    robot: HybridRobot, picture: Picture, run: ShownMotion | None, host: str, port: int, *, browser: bool
 ) -> None:
     """Serve the page until Ctrl-C."""
     from ..view.page import Page  # pictures need no viser

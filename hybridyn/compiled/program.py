@@ -48,7 +48,7 @@ class Kernel:
     part: str
 
 
-class Place:
+class MemoryPlace:
     """Numbers that a call reads or writes.
 
     Attributes:
@@ -83,7 +83,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class _Listed(Place):
+class _Listed(MemoryPlace):
     """Numbers anywhere in a memory: `index[i, k]` is the place of entry k for copy i."""
 
     index: Index
@@ -103,20 +103,20 @@ class _Listed(Place):
         return str(int(first[0])) if copies == 1 else f"{tables.places(first)}[i]"
 
 
-class Given(_Listed):
+class GivenPlace(_Listed):
     """Read user inputs."""
 
     memory = "given"
 
 
-class Result(_Listed):
+class ResultPlace(_Listed):
     """Read or write user outputs."""
 
     memory = "result"
 
 
 @dataclass(frozen=True, eq=False)
-class Constants(Place):
+class Constants(MemoryPlace):
     """Read constants: `values[i, k]` is entry k for copy i."""
 
     values: Array
@@ -127,7 +127,7 @@ class Constants(Place):
 
 
 @dataclass(frozen=True)
-class _Block(Place):
+class _Block(MemoryPlace):
     """`size` numbers of a memory from `start` on; of all copies, or of each from start + i * size on."""
 
     start: int
@@ -173,7 +173,7 @@ class Add(_Block):
 
 
 @dataclass(frozen=True)
-class Worst(Place):
+class Worst(MemoryPlace):
     """Keep the largest output of all copies and calls as the sample's guard; NaN counts as largest."""
 
     def at(self, copies: int) -> Index:
@@ -181,8 +181,8 @@ class Worst(Place):
         return np.zeros((copies, 1), dtype=int)
 
 
-Source = Given | Constants | Result | Shared | Each | Own
-Target = Result | Shared | Each | Own | Add | Worst
+Source = GivenPlace | Constants | ResultPlace | Shared | Each | Own
+Target = ResultPlace | Shared | Each | Own | Add | Worst
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """`convert`: write a robot in another format, by the writer of the file's ending.
 
-A new format is one entry of `WRITERS`: a function that receives a `Request`, adds what is lost to `Losses`,
-and returns `Written`.
+A new format is one entry of `WRITERS`: a function that receives a `ConversionRequest`, adds what is lost to
+`Losses`, and returns `Written`.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from ..description.records import Description, StatedBase
 from ..description.shape_files import MeshFiles, MissingMeshError, Shape, shapes_of, urdf_root
 from ..description.shipped import find_robot
 from ..description.side_cars.model_toml import find_model_file, find_side_car
-from ..description.urdf.xml_node import Node
+from ..description.urdf.xml_node import XmlNode
 from ..description.writing import write_text
 from ..errors import HybridynError, ModelError
 from ..linkage.closures import residual_of
 from ..structure.building import build_robot
 from ..structure.robot import HybridRobot, positions
 from .mjcf import write_mjcf
-from .request import TIGHTNESS, Losses, Request, Written, home_of
+from .request import TIGHTNESS, ConversionRequest, Losses, Written, home_of
 from .sdf import write_sdf
 from .urdf import write_urdf
 from .usd import write_usd
@@ -63,7 +63,7 @@ def read_shapes(
             losses.add("visual shapes, which convert reads from URDF only")
         return ()
     try:
-        root = Node(urdf_root(d.source, xacro_args, package_dirs), d.source)
+        root = XmlNode(urdf_root(d.source, xacro_args, package_dirs), d.source)
     except ModelError:
         losses.add("visual shapes: the file needs arguments that are not given")
         return ()
@@ -91,7 +91,7 @@ def _reference(file: str, path: Path | None, target: Path) -> str:
 ROUNDING = 1e-4
 
 #: Writers by the ending of the file.
-WRITERS: dict[str, Callable[[Request, Losses], Written]] = {
+WRITERS: dict[str, Callable[[ConversionRequest, Losses], Written]] = {
     ".urdf": write_urdf,
     ".xml": write_mjcf,
     ".sdf": write_sdf,
@@ -180,11 +180,11 @@ def convert(
     description = replace(description, base=base or description.base)
     description, notes = closed_at_home(description, built)
     shapes = read_shapes(description, target, xacro_args or {}, package_dirs, losses)
-    written = write(Request(description, target, shapes, tightness), losses)
+    written = write(ConversionRequest(description, target, shapes, tightness), losses)
     return _write(target, replace(written, notes=(*notes, *written.notes)))
 
 
-def write(request: Request, losses: Losses) -> Written:
+def write(request: ConversionRequest, losses: Losses) -> Written:
     """Return the text of a robot's file, the files beside it, and what is lost.
 
     Args:
@@ -198,7 +198,7 @@ def write(request: Request, losses: Losses) -> Written:
     return replace(written, losses=losses.lines())
 
 
-def writer_of(target: Path) -> Callable[[Request, Losses], Written]:
+def writer_of(target: Path) -> Callable[[ConversionRequest, Losses], Written]:
     """Return the writer of a file.
 
     Raises:

@@ -23,10 +23,10 @@ from ..description.placement import placement_from, turned
 from ..description.records import Coupling, Curve, Description
 from ..description.shape_files import Shape
 from ..description.side_cars.model_toml import model_file
-from .mjcf_bodies import Tree, pose
+from .mjcf_bodies import MjcfTree, pose
 from .mjcf_forces import SEEN, STIFF, add_effects, add_forces, add_tendon, list_losses, with_effects
 from .parts import of_mujoco, sizes_of, without_screws
-from .request import USUAL_GRAVITY, Losses, Request, Written, add, home_of, numeral, put
+from .request import USUAL_GRAVITY, ConversionRequest, Losses, Written, add, home_of, numeral, put
 
 #: Acceleration at which closures stay as tight as asked, relative to gravity: a robot that falls freely.
 FREE_FALL = 10.0
@@ -45,7 +45,7 @@ UNREADABLE = (
 )
 
 
-def add_visuals(root: ET.Element, request: Request, tree: Tree, losses: Losses) -> None:
+def add_visuals(root: ET.Element, request: ConversionRequest, tree: MjcfTree, losses: Losses) -> None:
     """Add the shapes of a robot.
 
     Args:
@@ -85,7 +85,7 @@ def _is_readable(shape: Shape) -> bool:
     return faces > 0 and shape.path.stat().st_size == 84 + 50 * faces
 
 
-def write_mjcf(request: Request, losses: Losses) -> Written:
+def write_mjcf(request: ConversionRequest, losses: Losses) -> Written:
     """Write a robot as MJCF.
 
     Raises:
@@ -124,7 +124,7 @@ def write_mjcf(request: Request, losses: Losses) -> Written:
 
 def _add_robot(
     root: ET.Element, d: Description, losses: Losses
-) -> tuple[Tree, list[Coupling], list[tuple[str, dict[str, Any]]]]:
+) -> tuple[MjcfTree, list[Coupling], list[tuple[str, dict[str, Any]]]]:
     """Add bodies, closures, couplings, forces and motors.
 
     Returns:
@@ -132,7 +132,7 @@ def _add_robot(
     """
     sizes = sizes_of(d)
     parts = of_mujoco(with_effects(d), sizes, losses)
-    tree = Tree(parts, sizes, losses)
+    tree = MjcfTree(parts, sizes, losses)
     root.append(tree.worldbody)
     list_losses(d, tree, losses)
     effects, left = add_effects(root, parts, tree), list[Coupling]()
@@ -180,7 +180,7 @@ def _add_softness(root: ET.Element, option: ET.Element, d: Description, tightnes
 
 
 def _add_closures(
-    equality: ET.Element, d: Description, tree: Tree, arm: float, taken: set[str], losses: Losses
+    equality: ET.Element, d: Description, tree: MjcfTree, arm: float, taken: set[str], losses: Losses
 ) -> None:
     """Add sites and equalities.
 

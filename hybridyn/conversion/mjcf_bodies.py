@@ -40,7 +40,7 @@ WORDS: dict[JointKind, str] = {
 Carried = tuple[Joint, Array]
 
 
-class Tree:
+class MjcfTree:
     """The bodies of a robot of `parts`.
 
     Args:

@@ -13,13 +13,13 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from ..description.loop_signs import Bodies
+from ..description.loop_signs import WeldedBodies
 from ..description.names import unique
 from ..description.records import Description
 from ..effects.joints import WIDTH
 from ..effects.lengths import WORDS
 from ..joints.kinds import JointKind
-from .mjcf_bodies import WORLD, Tree
+from .mjcf_bodies import WORLD, MjcfTree
 from .request import FORCES, Losses, add, add_of_several, effects_on, put
 
 #: Effects whose forces MuJoCo computes, even where the model file has to hold numbers of them.
@@ -48,7 +48,7 @@ def with_effects(d: Description) -> Description:
     return replace(d, joints=tuple(joints))
 
 
-def add_forces(root: ET.Element, d: Description, tree: Tree) -> None:
+def add_forces(root: ET.Element, d: Description, tree: MjcfTree) -> None:
     """Add limits and forces to the joints of a robot of `parts`, and its motors to the root element.
 
     A motor has no gear: its control is the effort at the joint.
@@ -79,7 +79,7 @@ def add_forces(root: ET.Element, d: Description, tree: Tree) -> None:
         )
 
 
-def list_losses(d: Description, tree: Tree, losses: Losses) -> None:
+def list_losses(d: Description, tree: MjcfTree, losses: Losses) -> None:
     """List what MuJoCo cannot say of the joints of a robot as it is, without its effects."""
     springs = {spring.name for spring in d.springs if spring.stiffness}
     for old, joint in zip(d.joints, with_effects(d).joints, strict=True):
@@ -106,7 +106,7 @@ def list_losses(d: Description, tree: Tree, losses: Losses) -> None:
         add_of_several(old, losses, ("lower", "upper", "effort_limit"), forces)
 
 
-def add_effects(root: ET.Element, d: Description, tree: Tree) -> list[tuple[str, dict[str, Any]]]:
+def add_effects(root: ET.Element, d: Description, tree: MjcfTree) -> list[tuple[str, dict[str, Any]]]:
     """Add what MuJoCo has of the effects of a robot of `parts`.
 
     Returns:
@@ -129,7 +129,7 @@ def add_effects(root: ET.Element, d: Description, tree: Tree) -> list[tuple[str,
     return left
 
 
-def _in_axes_of_bodies(numbers: Mapping[str, Any], tree: Tree) -> dict[str, Any]:
+def _in_axes_of_bodies(numbers: Mapping[str, Any], tree: MjcfTree) -> dict[str, Any]:
     """Return the springs of balls, whose orientations MuJoCo counts in the axes of their bodies."""
     rest = {
         joint: [*(tree.turns[joint] @ np.array(turn[:3])).tolist(), turn[3]]
@@ -138,7 +138,7 @@ def _in_axes_of_bodies(numbers: Mapping[str, Any], tree: Tree) -> dict[str, Any]
     return {**numbers, **({"rest": rest} if rest else {})}
 
 
-def _add_ball_springs(numbers: Mapping[str, Any], tree: Tree) -> bool:
+def _add_ball_springs(numbers: Mapping[str, Any], tree: MjcfTree) -> bool:
     """Add springs of balls; return whether their rest is MuJoCo's, all joints at zero."""
     level = JointKind.SPHERICAL.zero
     turned = {joint for joint, rest in numbers.get("rest", {}).items() if tuple(rest) != level}
@@ -147,16 +147,16 @@ def _add_ball_springs(numbers: Mapping[str, Any], tree: Tree) -> bool:
     return not turned
 
 
-def _add_compensation(fractions: Mapping[str, float], d: Description, tree: Tree) -> bool:
+def _add_compensation(fractions: Mapping[str, float], d: Description, tree: MjcfTree) -> bool:
     """Add the part of its weight that each body is relieved of, which acts on bodies that move."""
-    body, masses = Bodies(d).of, {link.name: link.mass for link in d.links}
+    body, masses = WeldedBodies(d).of, {link.name: link.mass for link in d.links}
     for link, fraction in fractions.items():
         if masses[link] and (body[link] != d.root or d.base == "floating"):
             put(tree.bodies[link], gravcomp=fraction or None)
     return True
 
 
-def _add_lengths(root: ET.Element, effect: str, numbers: Mapping[str, Any], tree: Tree) -> bool:
+def _add_lengths(root: ET.Element, effect: str, numbers: Mapping[str, Any], tree: MjcfTree) -> bool:
     """Add tendons or lines with springs, dampers and dry friction; return whether the file says all."""
     arms, lines = numbers.get("arms", {}), numbers.get("ends", {})
     of_links = {element.get("name", WORLD): element for element in tree.bodies.values()}

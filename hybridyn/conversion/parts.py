@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..description.closure_forms import SIDEWAYS
-from ..description.loop_signs import Bodies
+from ..description.loop_signs import WeldedBodies
 from ..description.names import unique
 from ..description.placement import inverse, placement_from, poses_at
 from ..description.records import Array, Closure, Coupling, Description, Joint, Link, massless
@@ -85,7 +85,7 @@ PARTS: dict[JointKind, tuple[str, dict[str, JointKind]]] = {
 }
 
 
-class _Step(NamedTuple):
+class _ChainJoint(NamedTuple):
     """A joint of a chain: its kind, its axis in the chain's frame (3,), and its position at home."""
 
     kind: JointKind
@@ -108,7 +108,7 @@ def in_parts(
         behind: Returns the rotation that a closure locks behind a chain, "parallel" of a universal one; None
             for a closure that the format has.
     """
-    parts, closures = Parts(d, losses), []
+    parts, closures = RobotParts(d, losses), []
     for joint in d.joints:
         parts.split(joint) if joint.kind in kinds else parts.joints.append(joint)
     for closure in d.closures:
@@ -138,7 +138,7 @@ def without_screws(d: Description, losses: Losses) -> Description:
     return replace(d, links=tuple(links), joints=tuple(joints), couplings=tuple(couplings), home=home)
 
 
-class Parts:
+class RobotParts:
     """A robot in the making: its links by name, its joints, its home posture, and the followers of links."""
 
     def __init__(self, d: Description, losses: Losses) -> None:
@@ -172,13 +172,13 @@ class Parts:
         home, steps = home_of(self.d, joint), {}
         for i, (ending, kind) in enumerate(parts.items()):
             at = home[i:] if kind == "spherical" else home[i : i + 1]
-            steps[joint.name + ending] = _Step(kind, AXES[i % 3], at)
+            steps[joint.name + ending] = _ChainJoint(kind, AXES[i % 3], at)
         self.home.pop(joint.name, None)
         ends = joint.parent, joint.child
         self._stand_for[joint.name] = self.chain(steps, ends, joint.placement, joint.damping)
 
     def chain(
-        self, steps: dict[str, _Step], ends: tuple[str, str], at: Array, damping: float = 0.0
+        self, steps: dict[str, _ChainJoint], ends: tuple[str, str], at: Array, damping: float = 0.0
     ) -> list[str]:
         """Add joints by name from a parent to a child link, with massless links between them.
 
@@ -218,7 +218,7 @@ class Parts:
         out = replace(closure, link_a=end, frame_a=np.eye(4), translations=FULL, rotation=rotation)
         return replace(out, turn=np.eye(3)) if turning else out
 
-    def free(self, closure: Closure, first: bool) -> tuple[Array, list[_Step]]:
+    def free(self, closure: Closure, first: bool) -> tuple[Array, list[_ChainJoint]]:
         """Return the joints that a closure leaves free, from one of its frames to the other.
 
         Args:
@@ -235,32 +235,32 @@ class Parts:
         turn, turns = _turns(closure, X[:3, :3])
         free = [i for i in range(3) if i not in closure.translations]
         if first:
-            slides = [_Step(JointKind.PRISMATIC, turn.T @ AXES[i], (float(X[i, 3]),)) for i in free]
+            slides = [_ChainJoint(JointKind.PRISMATIC, turn.T @ AXES[i], (float(X[i, 3]),)) for i in free]
             return placement_from(turn, np.zeros(3)), [*slides, *turns]
         back = [
-            _Step(kind, turn @ axis, (*(-x for x in home[:3]), *home[3:]))
+            _ChainJoint(kind, turn @ axis, (*(-x for x in home[:3]), *home[3:]))
             for kind, axis, home in reversed(turns)
         ]
-        slides = [_Step(JointKind.PRISMATIC, AXES[i], (-float(X[i, 3]),)) for i in free]
+        slides = [_ChainJoint(JointKind.PRISMATIC, AXES[i], (-float(X[i, 3]),)) for i in free]
         return placement_from(turn.T, np.zeros(3)), [*back, *slides]
 
 
-def _turns(closure: Closure, R: Array) -> tuple[Array, list[_Step]]:
+def _turns(closure: Closure, R: Array) -> tuple[Array, list[_ChainJoint]]:
     """Return B's axes at zero in A, shape (3, 3), and the turns from A to B; R are B's axes at home."""
     if closure.rotation == "fixed":
         return np.eye(3), []
     if closure.rotation == "parallel":
-        return np.eye(3), [_Step(JointKind.REVOLUTE, AXES[2], (float(np.arctan2(R[1, 0], R[0, 0])),))]
+        return np.eye(3), [_ChainJoint(JointKind.REVOLUTE, AXES[2], (float(np.arctan2(R[1, 0], R[0, 0])),))]
     if closure.rotation == "free":
         w, x, y, z = quaternion_of(R)
-        return np.eye(3), [_Step(JointKind.SPHERICAL, AXES[2], (x, y, z, w))]
+        return np.eye(3), [_ChainJoint(JointKind.SPHERICAL, AXES[2], (x, y, z, w))]
     alpha = float(np.arctan2(R[1, 2], R[0, 2]))
     c, s = np.cos(alpha), np.sin(alpha)
     rest = SIDEWAYS.T @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ R
     beta = float(np.arctan2(rest[1, 0], rest[0, 0]))
     return SIDEWAYS, [
-        _Step(JointKind.REVOLUTE, SIDEWAYS.T @ AXES[2], (alpha,)),
-        _Step(JointKind.REVOLUTE, AXES[2], (beta,)),
+        _ChainJoint(JointKind.REVOLUTE, SIDEWAYS.T @ AXES[2], (alpha,)),
+        _ChainJoint(JointKind.REVOLUTE, AXES[2], (beta,)),
     ]
 
 
@@ -272,9 +272,9 @@ def of_mujoco(d: Description, sizes: Sizes, losses: Losses) -> Description:
         sizes: Its size and the least inertia of its links.
         losses: Receives what is changed.
     """
-    welded = {link for link, body in Bodies(d).of.items() if body == d.root}
+    welded = {link for link, body in WeldedBodies(d).of.items() if body == d.root}
     still = welded if d.base == "fixed" else set()
-    parts, closures, ends = Parts(d, losses), [], _weightless_ends(d, still)
+    parts, closures, ends = RobotParts(d, losses), [], _weightless_ends(d, still)
     for closure in d.closures:
         if {closure.link_a, closure.link_b} & ends or (
             closure.translations != FULL or closure.rotation == "perpendicular"
@@ -298,7 +298,7 @@ def of_mujoco(d: Description, sizes: Sizes, losses: Losses) -> Description:
     return parts.described(closures)
 
 
-def _followed(parts: Parts, closure: Closure, ends: set[str], still: set[str], sizes: Sizes) -> Closure:
+def _followed(parts: RobotParts, closure: Closure, ends: set[str], still: set[str], sizes: Sizes) -> Closure:
     """Add the follower of a closure, which takes its inertia from a link, and return its weld.
 
     Args:

@@ -45,7 +45,7 @@ PLAIN = Joint("", JointKind.FIXED, "", "", np.eye(4), np.zeros(3))
 
 
 @dataclass(frozen=True)
-class Request:
+class ConversionRequest:
     """A robot to be written.
 
     Attributes:

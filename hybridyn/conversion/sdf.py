@@ -35,8 +35,8 @@ from .request import (
     FORCES,
     FREED,
     Content,
+    ConversionRequest,
     Losses,
-    Request,
     Written,
     add_of_several,
     allowed,
@@ -135,7 +135,7 @@ VERSION = "1.11"
 DRAKE = "http://drake.mit.edu"
 
 
-def write_sdf(request: Request, losses: Losses) -> Written:
+def write_sdf(request: ConversionRequest, losses: Losses) -> Written:
     """Write a robot as SDF."""
     d = counted_from_home(allowed(request.description, losses, "SDF", _name), losses)
     d = without_joints(d, [joint.name for joint in d.joints if joint.kind == "floating"], losses)

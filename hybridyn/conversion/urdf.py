@@ -23,8 +23,8 @@ from .request import (
     LIMITS,
     USUAL_GRAVITY,
     Content,
+    ConversionRequest,
     Losses,
-    Request,
     Written,
     add_of_several,
     angles_of,
@@ -35,7 +35,7 @@ from .request import (
 )
 
 
-def write_urdf(request: Request, losses: Losses) -> Written:
+def write_urdf(request: ConversionRequest, losses: Losses) -> Written:
     """Write a robot as URDF."""
     d = without_screws(request.description, losses)
     loops = [_loop(closure, losses) for closure in d.closures]

@@ -27,8 +27,8 @@ from .request import (
     FREED,
     PLAIN,
     USUAL_GRAVITY,
+    ConversionRequest,
     Losses,
-    Request,
     Written,
     add_of_several,
     allowed,
@@ -41,7 +41,7 @@ from .request import (
 )
 
 
-class Prim:
+class UsdPrim:
     """A prim.
 
     Args:
@@ -54,13 +54,13 @@ class Prim:
         self.kind, self.name, self.path = kind, name, path
         self.schemas: dict[str, None] = {}
         self._lines: list[str] = []
-        self.children: list[Prim] = []
+        self.children: list[UsdPrim] = []
         self._taken: set[str] = set()
 
-    def child(self, kind: str, name: str) -> Prim:
+    def child(self, kind: str, name: str) -> UsdPrim:
         """Add a prim below, whose name gets a number where another one has it."""
         name = unique(name, self._taken)
-        out = Prim(kind, name, f"{self.path}/{name}")
+        out = UsdPrim(kind, name, f"{self.path}/{name}")
         self.children.append(out)
         return out
 
@@ -104,7 +104,7 @@ def _tuple(numbers: Iterable[float]) -> str:
     return parts[0] if len(parts) == 1 else f"({', '.join(parts)})"
 
 
-def add_body(parent: Prim, link: Link, placement: Array) -> Prim:
+def add_body(parent: UsdPrim, link: Link, placement: Array) -> UsdPrim:
     """Add a rigid body at a placement in the world, shape (4, 4); a mass has an inertia there."""
     body = parent.child("Xform", link.name)
     body.apply("PhysicsRigidBodyAPI")
@@ -145,13 +145,13 @@ KINDS: dict[tuple[str, ...], str] = {
 class End(NamedTuple):
     """An end of a joint: the body, None for the world, and the joint's frame in it, shape (4, 4)."""
 
-    body: Prim | None
+    body: UsdPrim | None
     frame: Array
 
 
 def start_joint(
-    parent: Prim, name: str, free: Collection[str], ends: tuple[End, End], *, closes: bool = False
-) -> Prim:
+    parent: UsdPrim, name: str, free: Collection[str], ends: tuple[End, End], *, closes: bool = False
+) -> UsdPrim:
     """Add a joint that moves along some axes, of the type that says so, and return it.
 
     Args:
@@ -183,9 +183,9 @@ def start_joint(
 
 
 def add_joint(
-    parent: Prim, joint: Joint, bodies: tuple[Prim, Prim], driven: bool, home: tuple[float, ...] | None,
-    losses: Losses,
-) -> Prim | None:  # fmt: skip
+    parent: UsdPrim, joint: Joint, bodies: tuple[UsdPrim, UsdPrim], driven: bool,
+    home: tuple[float, ...] | None, losses: Losses,
+) -> UsdPrim | None:  # fmt: skip
     """Add a joint of the tree and return it; None for a floating joint, which USD states by having none.
 
     Args:
@@ -217,7 +217,7 @@ def unit_of(joint: Joint) -> float:
 
 
 def _add_numbers(
-    prim: Prim, joint: Joint, driven: bool, home: tuple[float, ...] | None, losses: Losses
+    prim: UsdPrim, joint: Joint, driven: bool, home: tuple[float, ...] | None, losses: Losses
 ) -> None:
     """Add limits, drive, armature, friction and position of a joint with one freedom."""
     name, unit = "linear" if joint.kind == "prismatic" else "angular", unit_of(joint)
@@ -255,7 +255,7 @@ def behind(closure: Closure) -> RotationKind | None:
     return "parallel" if closure.rotation == "perpendicular" else None
 
 
-def add_closure(parent: Prim, closure: Closure, bodies: tuple[Prim, Prim], losses: Losses) -> None:
+def add_closure(parent: UsdPrim, closure: Closure, bodies: tuple[UsdPrim, UsdPrim], losses: Losses) -> None:
     """Add a closure, which is a joint of USD.
 
     Args:
@@ -270,13 +270,13 @@ def add_closure(parent: Prim, closure: Closure, bodies: tuple[Prim, Prim], losse
     start_joint(parent, closure.name, free, ends, closes=True)
 
 
-def write_usd(request: Request, losses: Losses) -> Written:
+def write_usd(request: ConversionRequest, losses: Losses) -> Written:
     """Write a robot as USD."""
     d = without_screws(allowed(request.description, losses, "USD", valid_name), losses)
     d = _with_inertias(d, losses)
     gone = [joint.name for joint in d.joints if joint.kind in ("planar", "floating")]
     d = in_parts(without_joints(d, gone, losses), losses, (), behind)
-    top = Prim("", "", "")
+    top = UsdPrim("", "", "")
     robot = top.child("Xform", valid_name(d.name))
     if robot.name != d.name:
         losses.add("the name of the robot, which USD does not allow", d.name)
@@ -326,7 +326,7 @@ def _with_inertias(d: Description, losses: Losses) -> Description:
     return replace(d, links=tuple(links))
 
 
-def _text(robot: Prim, top: Prim) -> str:
+def _text(robot: UsdPrim, top: UsdPrim) -> str:
     """Return the text of a file, whose default prim is the robot."""
     head = (
         f'#usda 1.0\n(\n    defaultPrim = "{robot.name}"\n    metersPerUnit = 1\n    kilogramsPerUnit = 1\n'
@@ -335,7 +335,9 @@ def _text(robot: Prim, top: Prim) -> str:
     return head + "".join("\n" + "\n".join(prim.lines()) + "\n" for prim in top.children)
 
 
-def _add_mimic(own: Joint, prim: Prim, leader: Joint, its_prim: Prim, factor: float, offset: float) -> None:
+def _add_mimic(
+    own: Joint, prim: UsdPrim, leader: Joint, its_prim: UsdPrim, factor: float, offset: float
+) -> None:
     """Add to a joint with one freedom that it follows another one, as a mimic joint of PhysX."""
     prim.apply("PhysxMimicJointAPI:rotZ")
     prim.line(f"rel physxMimicJoint:rotZ:referenceJoint = <{its_prim.path}>")
@@ -345,7 +347,7 @@ def _add_mimic(own: Joint, prim: Prim, leader: Joint, its_prim: Prim, factor: fl
         prim.numbers("float", "physxMimicJoint:rotZ:offset", -offset / unit_of(own))
 
 
-def _add_scene(top: Prim, d: Description) -> None:
+def _add_scene(top: UsdPrim, d: Description) -> None:
     scene = top.child("PhysicsScene", "physics_scene")
     gravity = np.array(d.gravity or USUAL_GRAVITY)
     size = float(np.linalg.norm(gravity))

@@ -59,7 +59,7 @@ J = TypeVar("J", bound=StatedJoint)
 
 
 @dataclass(frozen=True)
-class Tree(Generic[J]):
+class GraphTree(Generic[J]):
     """A spanning tree of every group of bodies that joints connect.
 
     Attributes:
@@ -88,7 +88,7 @@ def starts(bodies: Iterable[str], joints: Iterable[J], first: Collection[str]) -
     return sorted(bodies, key=lambda body: (body not in first, body in seconds))
 
 
-def span(bodies: Iterable[str], joints: Sequence[J]) -> Tree[J]:
+def span(bodies: Iterable[str], joints: Sequence[J]) -> GraphTree[J]:
     """Return the spanning trees of bodies and joints.
 
     Args:
@@ -106,7 +106,7 @@ def span(bodies: Iterable[str], joints: Sequence[J]) -> Tree[J]:
             directions[joint] = joint.ends[1] == body
     branches = [(joint, directions[joint]) for joint in joints if joint in kept]
     held = any(WORLD in joint.ends for joint in kept)
-    return Tree(branches, [joint for joint in joints if joint not in kept], roots[1:], held)
+    return GraphTree(branches, [joint for joint in joints if joint not in kept], roots[1:], held)
 
 
 def outwards(bodies: Iterable[str], joints: Iterable[J]) -> Iterator[tuple[str, J | None, str]]:
@@ -186,7 +186,7 @@ class JointGraph:
 
     def fill(
         self,
-        tree: Tree[J],
+        tree: GraphTree[J],
         poses: Mapping[str, Array],
         welds: Iterable[J],
         chain: Callable[[J, bool], Chain],
@@ -210,7 +210,9 @@ class JointGraph:
             else:
                 self.robot.closures.append(closing(joint, self._ends(joint, True)))
 
-    def _stand(self, tree: Tree[J], poses: Mapping[str, Array], welds: Iterable[J]) -> list[tuple[J, bool]]:
+    def _stand(
+        self, tree: GraphTree[J], poses: Mapping[str, Array], welds: Iterable[J]
+    ) -> list[tuple[J, bool]]:
         """Choose the root link, let bodies float that nothing holds, and return the joints that are left.
 
         A body is the root if everything hangs on it and nothing on the world, or if one of the joints that

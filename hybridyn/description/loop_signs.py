@@ -22,7 +22,7 @@ from .motors import EVERY_JOINT, moved_by
 from .names import DROPS, NOTHING, closest, listed
 from .placement import outwards
 from .records import Array, Description, Format, Joint, RobotFile
-from .urdf.xml_node import Node
+from .urdf.xml_node import XmlNode
 
 ACCEPTED_FORMS = (
     "accepted forms: <loop>, <coupling> (URDF+), <mimic>, <loop_joint>, <constraint> (urdfdom), an SDF joint "
@@ -63,7 +63,7 @@ _END_WORDS = {
 _NAMED_FRAME = re.compile(r"closed_?loop|fermeture|loop_?closure", re.IGNORECASE)
 
 
-def refuse_unread_loops(root: Node, notes: list[str]) -> None:
+def refuse_unread_loops(root: XmlNode, notes: list[str]) -> None:
     """Raise for loops in a form that is not read, or in a place where they are not read.
 
     Other unknown elements are noted.
@@ -71,7 +71,7 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
     Raises:
         ModelError: There is such a loop; the message names the form, its line, and how to write it.
     """
-    unknown: dict[str, Node] = {}
+    unknown: dict[str, XmlNode] = {}
     for node in root.children():
         if node.tag in LEGACY_FORMS:
             raise _refusal(node, LEGACY_FORMS[node.tag])
@@ -81,7 +81,7 @@ def refuse_unread_loops(root: Node, notes: list[str]) -> None:
             _refuse_if_suspicious(node)
             unknown.setdefault(node.tag, node)
     for node in root.descendants(*LOOP_TAGS, *MIMIC_TAGS, "link", "joint"):
-        above = [Node(xml, root.file) for xml in node.xml.iterancestors()]
+        above = [XmlNode(xml, root.file) for xml in node.xml.iterancestors()]
         if len(above) > 1:
             _refuse_inside(node, above[0], above[-2])
     if unknown:
@@ -109,7 +109,7 @@ def refuse_unclosed_frames(robot: RobotFile) -> None:
         )
 
 
-def _refuse_if_suspicious(node: Node) -> None:
+def _refuse_if_suspicious(node: XmlNode) -> None:
     """Raise for an unknown element below `<robot>` that may affect the dynamics."""
     intended = closest(node.tag, READ_TAGS)
     if intended:
@@ -128,7 +128,7 @@ def _refuse_if_suspicious(node: Node) -> None:
         )
 
 
-def _refuse_inside(node: Node, above: Node, top: Node) -> None:
+def _refuse_inside(node: XmlNode, above: XmlNode, top: XmlNode) -> None:
     """Raise for a loop in an element that is not read, and for tags in places where they are not read.
 
     Args:
@@ -153,7 +153,7 @@ def _refuse_inside(node: Node, above: Node, top: Node) -> None:
         raise node.error(f"is not read inside <{above.tag}>")
 
 
-def _refusal(node: Node, form: str) -> ModelError:
+def _refusal(node: XmlNode, form: str) -> ModelError:
     return node.error(f"a loop closure in a form that is not read ({form}); {ACCEPTED_FORMS}")
 
 
@@ -172,7 +172,7 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
         description: The description of the robot.
         shaped: Links that have a shape; they are parts wherever their joints are placed.
     """
-    bodies = Bodies(description)
+    bodies = WeldedBodies(description)
     exempt = {bodies.of[link.name] for link in description.links if link.mass or link.inertia.any()}
     exempt |= {link.name for link in description.links if link.between_joints}
     meeting = MEETING * max((float(np.abs(point).max()) for _, point in bodies.carried()), default=0.0)
@@ -195,7 +195,7 @@ def has_mass(description: Description) -> bool:
     )
 
 
-class Bodies:
+class WeldedBodies:
     """Rigid bodies: links welded together by fixed joints.
 
     A body has the name of its first link: the child of the movable joint above it, or the root.
@@ -325,7 +325,7 @@ def _is_suspicious(description: Description, weak: list[Joint]) -> bool:
     """
     coupled = {name for one in description.couplings for name, _ in one.terms} - {*description.motors}
     movable = [one for one in description.joints if one.kind != "fixed" and one.name not in coupled]
-    bodies = Bodies(description)
+    bodies = WeldedBodies(description)
     tips = {joint.child for joint in movable if joint.kind != "floating"}
     ends = tips - {bodies.of[joint.parent] for joint in movable}
     return len(weak) == len(description.motors) > 1 or len(ends) > 1

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 from .names import listed
-from .urdf.xml_node import Node
+from .urdf.xml_node import XmlNode
 
 #: Words in the names of plugins that exert no force of their own.
 HARMLESS = {
@@ -63,30 +63,30 @@ class Follower(NamedTuple):
         multiplier, offset: The numbers.
     """
 
-    node: Node
+    node: XmlNode
     name: str
     leader: str
     multiplier: float
     offset: float
 
 
-def name_of(plugin: Node) -> str:
+def name_of(plugin: XmlNode) -> str:
     """Return the file of a plugin, else its name."""
     return str(plugin.xml.get("filename") or plugin.xml.get("name") or "")[:80]
 
 
-def is_harmless(plugin: Node) -> bool:
+def is_harmless(plugin: XmlNode) -> bool:
     """Return whether a plugin's name says that it exerts no force and holds nothing."""
     name = name_of(plugin)
     return bool(_words(name) & HARMLESS or OF_GAZEBO.fullmatch(name))
 
 
-def is_read(plugin: Node, model: str) -> bool:
+def is_read(plugin: XmlNode, model: str) -> bool:
     """Return whether a plugin welds links of this model or makes followers."""
     return weld_of(plugin, model) is not None or any(followers(plugin))
 
 
-def weld_of(plugin: Node, model: str) -> tuple[Node, Node] | None:
+def weld_of(plugin: XmlNode, model: str) -> tuple[XmlNode, XmlNode] | None:
     """Return the elements that name the two links of this model that a plugin welds, or None.
 
     Args:
@@ -101,12 +101,12 @@ def weld_of(plugin: Node, model: str) -> tuple[Node, Node] | None:
     return plugin.required_child("parent_link"), plugin.required_child("child_link")
 
 
-def _is_weld(plugin: Node) -> bool:
+def _is_weld(plugin: XmlNode) -> bool:
     """Return whether a plugin is Gazebo's DetachableJoint."""
     return "detachable" in _words(f"{name_of(plugin)} {plugin.xml.get('name', '')}")
 
 
-def followers(plugin: Node) -> Iterator[Follower]:
+def followers(plugin: XmlNode) -> Iterator[Follower]:
     """Yield the joint that a mimic plugin moves (`<joint>` leads, `<mimicJoint>` follows)."""
     leader, follower = plugin.child("joint"), plugin.child("mimicJoint")
     if leader is not None and follower is not None:
@@ -114,7 +114,7 @@ def followers(plugin: Node) -> Iterator[Follower]:
         yield Follower(plugin, follower.content(), leader.content(), *numbers)
 
 
-def refuse_holding(plugin: Node, links: Collection[str], mend: str) -> None:
+def refuse_holding(plugin: XmlNode, links: Collection[str], mend: str) -> None:
     """Refuse a plugin that seems to join links of the robot.
 
     Args:
@@ -137,7 +137,7 @@ def refuse_holding(plugin: Node, links: Collection[str], mend: str) -> None:
         )
 
 
-def _number(node: Node, tag: str, default: float) -> float:
+def _number(node: XmlNode, tag: str, default: float) -> float:
     child = node.child(tag)
     return default if child is None or not child.content() else child.number()
 

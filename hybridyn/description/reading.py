@@ -22,7 +22,7 @@ from .notes import placed
 from .records import Description, ReadFrom, RobotFile
 from .side_cars.model_toml import find_loop_closures, find_model_file, find_side_car
 from .urdf.xacro import expand
-from .urdf.xml_node import Node, parse
+from .urdf.xml_node import XmlNode, parse
 from .validate import validate
 
 #: Readers by the name of the root element: a module here, imported only for its format, and a function.
@@ -198,7 +198,7 @@ def open_robot(
     path: str | os.PathLike[str],
     xacro_args: Mapping[str, object] | None = None,
     package_dirs: Sequence[str | os.PathLike[str]] = (),
-) -> Node:
+) -> XmlNode:
     """Return the root element of a robot file, expanded if it is xacro, with notes of XML and xacro.
 
     USD is no XML: its root is `USD`, without content.

@@ -19,7 +19,7 @@ from .reading import open_robot
 from .records import Array
 from .urdf.packages import package_folders
 from .urdf.xacro import share_dirs
-from .urdf.xml_node import Node, origin_of
+from .urdf.xml_node import XmlNode, origin_of
 
 Colour = tuple[float, float, float, float]
 #: Sizes of round shapes.
@@ -56,7 +56,7 @@ class Shape:
     wrong: str = ""
 
 
-def shapes_of(root: Node, *roles: str) -> Iterator[Shape]:
+def shapes_of(root: XmlNode, *roles: str) -> Iterator[Shape]:
     """Yield the shapes of every link that have one of these roles, in file order.
 
     Args:
@@ -73,7 +73,7 @@ def shapes_of(root: Node, *roles: str) -> Iterator[Shape]:
                 yield Shape(name, "", np.eye(4), (), role=node.tag, line=error.line, wrong=error.message)
 
 
-def _shape(link: str, shape: Node, colours: Mapping[str, Colour | None]) -> Shape:
+def _shape(link: str, shape: XmlNode, colours: Mapping[str, Colour | None]) -> Shape:
     placement, colour = origin_of(shape.child("origin")), None
     for material in shape.children("material")[:1]:  # a second one makes no other shape
         colour = _stated(material) or colours.get(material.xml.get("name", ""))
@@ -95,7 +95,7 @@ def _shape(link: str, shape: Node, colours: Mapping[str, Colour | None]) -> Shap
     raise shape.error("a shape without geometry")
 
 
-def _stated(material: Node) -> Colour | None:
+def _stated(material: XmlNode) -> Colour | None:
     """Return the colour that a material states, or None if there is none that can be read."""
     try:
         node = material.required_child("color")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import required
-from .panels import Chart, Panel
+from .panels import Panel, PanelFigure
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -50,7 +50,7 @@ def empty_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def figure_of_chart(chart: Chart) -> Figure:
+def figure_of_chart(chart: PanelFigure) -> Figure:
     """Draw a chart as a matplotlib figure.
 
     Raises:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..errors import required
-from .panels import Chart, Mark
+from .panels import Mark, PanelFigure
 
 HEIGHT, MARGIN = 250, 120  # of a panel, around all of them [pixels]
 #: How marks are drawn.
@@ -21,7 +21,7 @@ STYLES: dict[str, dict[str, Any]] = {
 }
 
 
-def page_of_chart(chart: Chart) -> str:
+def page_of_chart(chart: PanelFigure) -> str:
     """Return a chart as the text of a self-contained HTML file.
 
     Raises:

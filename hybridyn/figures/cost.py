@@ -8,8 +8,8 @@ from math import inf
 import numpy as np
 
 from ..colours import GOOD, MODULES, MOTOR
-from ..studies.cost.points import ADVISED, Study, by_line, cheapest, front
-from .panels import Chart, Mark, Panel
+from ..studies.cost.points import ADVISED, CostStudy, by_line, cheapest, front
+from .panels import Mark, Panel, PanelFigure
 
 REMARK = "Lower left is better. Pale: all settings; line: the front."
 CALLS = " Filled: one call; open: a batch."
@@ -19,7 +19,7 @@ LEAST = 1e-17
 SIZE = (4.6, 3.6)
 
 
-def chart_of_cost(study: Study, source: str) -> Chart:
+def chart_of_cost(study: CostStudy, source: str) -> PanelFigure:
     """Build the fronts of a study, and beside them what effects change against what they take."""
     each = study.time_unit == "per sample"
     unit, scale = ("us", 1e6) if each else ("s", 1.0)
@@ -49,4 +49,6 @@ def chart_of_cost(study: Study, source: str) -> Chart:
             for (name, values), colour in zip(shares.items(), (MOTOR, "#b9b9b9"), strict=True)
         ]
         panels.append(Panel("effects", "part of the whole", bars, logarithmic="y"))
-    return Chart(f"{source}: {study.question}\n{REMARK}{CALLS * each}", panels, across=len(panels), size=SIZE)
+    return PanelFigure(
+        f"{source}: {study.question}\n{REMARK}{CALLS * each}", panels, across=len(panels), size=SIZE
+    )

@@ -6,13 +6,13 @@ import numpy as np
 
 from ..colours import ALARM, GOOD, MODULES
 from ..identification.result import Identification, Residuals
-from .panels import Chart, Mark, Panel
+from .panels import Mark, Panel, PanelFigure
 
 #: Motors that are drawn.
 MOST_MOTORS = 4
 
 
-def chart_of_identification(found: Identification, *, title: str = "") -> Chart:
+def chart_of_identification(found: Identification, *, title: str = "") -> PanelFigure:
     """Build a chart, a row per motor: efforts over time, and the cumulative spectrum of the residual.
 
     The second motion is drawn where there is one. White noise follows the straight line.
@@ -20,7 +20,7 @@ def chart_of_identification(found: Identification, *, title: str = "") -> Chart:
     judged = found.validation or found.fit
     worst = np.sort(np.argsort(judged.probability, kind="stable")[:MOST_MOTORS])
     panels = [panel for i in worst for panel in _panels(found, judged, int(i))]
-    return Chart(title, panels, across=2)
+    return PanelFigure(title, panels, across=2)
 
 
 def _panels(found: Identification, judged: Residuals, i: int) -> tuple[Panel, Panel]:

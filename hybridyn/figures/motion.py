@@ -16,7 +16,7 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.columns import ENERGIES, RESIDUAL
 from ..tables.signals import UNITS, unit_of
-from .panels import Chart, Mark, Panel
+from .panels import Mark, Panel, PanelFigure
 
 #: Quantities of a joint that are drawn.
 QUANTITIES = ("position", "velocity", "acceleration", "effort")
@@ -55,7 +55,7 @@ def chart_of_rows(
     robot: HybridRobot | None = None,
     timed: bool = True,
     title: str = "",
-) -> Chart:
+) -> PanelFigure:
     """Build a chart of a table over time.
 
     If the table holds efforts, only joints with an effort (motors) are drawn.
@@ -90,7 +90,7 @@ def chart_of_rows(
         marks = [Mark("", x, np.maximum(data[RESIDUAL], SMALLEST), "solid", MODULES[0])]
         what = "closures: how far open, over the module's size"
         panels.append(Panel(what, RESIDUAL, marks, logarithmic="y"))
-    return Chart(title, panels, "time [s]" if timed else "row")
+    return PanelFigure(title, panels, "time [s]" if timed else "row")
 
 
 def _of_joints(robot: HybridRobot | None, x: Array, data: Data, quantity: str) -> list[Panel]:

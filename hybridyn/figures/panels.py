@@ -50,7 +50,7 @@ class Panel:
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
+class PanelFigure:
     """A figure.
 
     Attributes:

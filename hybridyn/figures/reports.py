@@ -15,7 +15,7 @@ from ..colours import ALARM, GOOD, MODULES, MOTOR
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..studies.sizing import MotorLoad, Sizing
-from .panels import Chart, Mark, Panel
+from .panels import Mark, Panel, PanelFigure
 
 #: Columns of panels: a module of six motors fills a row.
 COLUMNS = 6
@@ -34,7 +34,7 @@ ENDS = np.array([-1.0, 1.0])
 Row = Mapping[str, str | float | None]
 
 
-def chart_of_report(rows: Sequence[Row], *, title: str = "") -> Chart:
+def chart_of_report(rows: Sequence[Row], *, title: str = "") -> PanelFigure:
     """Build a chart of a report, a panel per quantity and unit, bars per motor.
 
     Args:
@@ -68,14 +68,14 @@ def chart_of_report(rows: Sequence[Row], *, title: str = "") -> Chart:
         ])
         for label, named in panels.items()
     ]  # fmt: skip
-    return Chart(title, drawn, across=min(len(drawn), 2))
+    return PanelFigure(title, drawn, across=min(len(drawn), 2))
 
 
-def chart_of_sizing(sizing: Sizing, *, title: str = "") -> Chart:
+def chart_of_sizing(sizing: Sizing, *, title: str = "") -> PanelFigure:
     """Build a chart, a panel per motor: effort over speed at every sample, RMS effort, peak and limits."""
     loads = sizing.loads()
     panels = [_panel(load, sizing.cloud.points[:, i]) for i, load in enumerate(loads)]
-    return Chart(title, panels, across=min(COLUMNS, max(len(panels), 1)))
+    return PanelFigure(title, panels, across=min(COLUMNS, max(len(panels), 1)))
 
 
 def _panel(load: MotorLoad, points: Array) -> Panel:

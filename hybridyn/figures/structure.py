@@ -32,7 +32,7 @@ FACTS = ("like", "closures", "motors")
 INK, FAINT = "#22262b", "#5b6068"
 
 
-class Place(NamedTuple):
+class CardPlace(NamedTuple):
     """Position and size of a card; the origin is the upper left corner of the page, y points down.
 
     Attributes:
@@ -48,7 +48,7 @@ class Place(NamedTuple):
     height: float
 
 
-def layout(cards: Sequence[Card]) -> tuple[list[Place], float, float]:
+def layout(cards: Sequence[Card]) -> tuple[list[CardPlace], float, float]:
     """Compute the place of every card in columns; cards are indented where the tree branches.
 
     Returns:
@@ -65,12 +65,12 @@ def layout(cards: Sequence[Card]) -> tuple[list[Place], float, float]:
     whole = sum(heights) + GAP * len(cards)
     columns = min(MOST_COLUMNS, max(1, round(whole / TALLEST + 0.35)))
     across = WIDTH + max(lanes) * INDENT + GUTTER
-    places: list[Place] = []
+    places: list[CardPlace] = []
     y, column = MARGIN, 0
     for height, lane in zip(heights, lanes, strict=True):
         if column + 1 < columns and y - MARGIN + height / 2 > whole / columns and places:
             y, column = MARGIN, column + 1
-        places.append(Place(MARGIN + column * across + lane * INDENT, y, WIDTH, height))
+        places.append(CardPlace(MARGIN + column * across + lane * INDENT, y, WIDTH, height))
         y += height + GAP
     bottom = max(place.y + place.height for place in places)
     return places, 2 * MARGIN + (column + 1) * across - GUTTER, bottom + MARGIN + KEY
@@ -96,7 +96,7 @@ def figure_of_cards(cards: Sequence[Card]) -> Figure:
     return figure
 
 
-def _card(ax: Axes, card: Card, place: Place, below: Place | None) -> None:
+def _card(ax: Axes, card: Card, place: CardPlace, below: CardPlace | None) -> None:
     """Draw a card, and an edge to the card below it, whose ends the cards cover."""
     from matplotlib.patches import FancyBboxPatch
 

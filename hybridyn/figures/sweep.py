@@ -8,7 +8,7 @@ import numpy as np
 
 from ..colours import ALARM, MODULES
 from ..studies.sweep.best import rows_of
-from .panels import Chart, Mark, Panel
+from .panels import Mark, Panel, PanelFigure
 
 #: Colour of designs that do not meet a condition.
 PALE = "#bfbfbf"
@@ -18,7 +18,7 @@ MOST_POINTS = 20_000
 MOST_PANELS = 24
 
 
-def chart_of_sweep(folder: str | PathLike[str], where: str | None = None) -> Chart:
+def chart_of_sweep(folder: str | PathLike[str], where: str | None = None) -> PanelFigure:
     """Build a chart of a sweep: a row of panels per measure, a column per parameter.
 
     Designs that could not be evaluated are red marks at the bottom; those that do not meet `where` are grey.
@@ -50,4 +50,4 @@ def chart_of_sweep(folder: str | PathLike[str], where: str | None = None) -> Cha
     ):  # fmt: skip
         if len(drawn) < len(there):
             title += f", the first {len(drawn)} of {len(there)} {what}"
-    return Chart(title, panels, across=len(parameters))
+    return PanelFigure(title, panels, across=len(parameters))

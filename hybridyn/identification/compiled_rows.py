@@ -26,7 +26,7 @@ from ..compiled.library.cache import Built
 from ..compiled.library.calls import Library
 from ..compiled.program import Constants, Program
 from ..compiled.programs.derivatives.columns import collect
-from ..compiled.programs.derivatives.sweeps import DENSE, Graph, Sweep, nodes_of
+from ..compiled.programs.derivatives.sweeps import DENSE, ProgramGraph, Sweep, nodes_of
 from ..compiled.programs.inverse import inverse_inputs, write_inverse_sweeps
 from ..compiled.programs.sources import robot_key
 from ..compiled.programs.writer import Writer
@@ -106,7 +106,9 @@ def regressor_program(asked: Request, columns: Index) -> Program:
     w = Writer(NAME, inverse_inputs(asked), [("tau", motors), ("Y", motors * count)])
     write_inverse_sweeps(asked, w)
     nodes = nodes_of(w, w.calls_from(0))
-    graph = Graph.between(nodes, [w.from_given("parameters", columns)], [w.result("tau", np.arange(motors))])
+    graph = ProgramGraph.between(
+        nodes, [w.from_given("parameters", columns)], [w.result("tau", np.arange(motors))]
+    )
     known: dict[Any, Any] = {}
     for module in robot.modules if count else ():
         rows = module.motor_index

@@ -24,7 +24,7 @@ from ..tables.results import open_results
 from ..threads import one_thread
 from .base_parameters import base_parameters
 from .regressor import motions_of_motors
-from .rows import Source, check_robot
+from .rows import LogSource, check_robot
 from .signals import Triple, fourier
 from .sought import linear_model
 
@@ -137,7 +137,7 @@ def excitation(
         raise ModelError("an excitation needs a period, at least three harmonics and at least one candidate")
     check_robot(robot)
     sought = linear_model(base_parameters(robot, effects=effects, symmetric=symmetric))
-    search = _Search(Source(robot, sought, compiled, every=1), period, gain)
+    search = _ExcitationSearch(LogSource(robot, sought, compiled, every=1), period, gain)
     rng = np.random.default_rng(seed)
     shape = 2, harmonics, len(robot.motors)
     spread = search.room / np.arange(1, harmonics + 1)[:, None]
@@ -155,7 +155,7 @@ def excitation(
     return Excitation(robot, period, *search.judged(best_one), search.home, *measures)
 
 
-class _Search:
+class _ExcitationSearch:
     """What candidates are judged by.
 
     Attributes:
@@ -168,7 +168,7 @@ class _Search:
         of_home: Motion of the joints per motion of the motors at home.
     """
 
-    def __init__(self, source: Source, period: float, gain: float) -> None:
+    def __init__(self, source: LogSource, period: float, gain: float) -> None:
         robot = source.robot
         self.source, self.period, self.gain = source, period, gain
         self.scale = source.sought.model.unit[source.sought.model.columns]

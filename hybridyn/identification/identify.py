@@ -19,7 +19,7 @@ from .logs import read_log
 from .parameters import with_parameters
 from .possible import DEFINITE, Possible, consistent, exists
 from .result import Identification, Residuals, residuals
-from .rows import Rows, Source, check_robot
+from .rows import LogRows, LogSource, check_robot
 from .sought import Sought, linear_model
 from .units import check_log, check_scales
 from .whitening import Whitening
@@ -82,7 +82,7 @@ def identify(
     check_robot(robot)
     base = base_parameters(robot, effects=effects, symmetric=symmetric)
     sought = linear_model(base, known, only)
-    source, model = Source(robot, sought, compiled, band, period, every), sought.model
+    source, model = LogSource(robot, sought, compiled, band, period, every), sought.model
     data = _rows(source, table)
     check_scales(source, data)
     command = None if reference is None else read_log(robot, reference, efforts=False)
@@ -115,7 +115,7 @@ def identify(
     )
 
 
-def _rows(source: Source, table: Any) -> Rows:
+def _rows(source: LogSource, table: Any) -> LogRows:
     """Return the rows of a log, in the units that it says it has."""
     log = read_log(source.robot, table)
     check_log(source, log)
@@ -148,7 +148,7 @@ def _check_words(method: str, reference: Any, prior: float, every: int | None) -
         raise ModelError(f"the prior must be above 0 and every at least 1; they are {prior:g} and {every}")
 
 
-def _judged(data: Rows, fit: Fit, constants: Array | None, weights: Array | None = None) -> Residuals:
+def _judged(data: LogRows, fit: Fit, constants: Array | None, weights: Array | None = None) -> Residuals:
     """Judge what an estimate leaves over of a motion."""
     efforts = data.measured if constants is None else data.of_each @ constants[0]
     white = Whitening.of(np.tile(fit.sigma, (len(efforts), 1)), data.together)
@@ -157,7 +157,7 @@ def _judged(data: Rows, fit: Fit, constants: Array | None, weights: Array | None
 
 
 def _estimated(
-    robot: HybridRobot, sought: Sought, data: Rows, method: str, instruments: Array | None
+    robot: HybridRobot, sought: Sought, data: LogRows, method: str, instruments: Array | None
 ) -> tuple[Fit, Array | None]:
     """Estimate the base parameters and, from currents, the constant of each motor."""
     own, together = sought.model.names, data.together

@@ -27,7 +27,7 @@ LEAST = 500
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class LogRows:
     """Thinned rows of a log; all efforts are what the motors do together.
 
     Attributes:
@@ -58,7 +58,7 @@ class Lines(NamedTuple):
     """Rows of a motion, whose efforts are not known.
 
     Attributes:
-        Y: As in `Rows`, like the next two.
+        Y: As in `LogRows`, like the next two.
         known: Shape (T, motors).
         of_file: Shape (T, motors).
         together: Pi of every sample, before they are thinned, shape (T every, motors, motors), or None.
@@ -71,7 +71,7 @@ class Lines(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class LogSource:
     """How logs become rows.
 
     Attributes:
@@ -90,7 +90,7 @@ class Source:
     period: float | None = None
     every: int | None = None
 
-    def rows(self, log: Log) -> Rows:
+    def rows(self, log: Log) -> LogRows:
         """Filter, differentiate, close the loops, and compute the rows of a log."""
         done = processed(log, band=self.band, period=self.period)
         every = self.every_of(done)
@@ -100,7 +100,7 @@ class Source:
             remarks.append("redundant motors: what they do together is compared, not what each does")
         done = replace(done, remarks=(*done.remarks, *remarks))
         time, (of_each, together) = means(done.time, every), _thinned(done.effort, found.together, every)
-        return Rows(done, time, found.Y, found.known, found.of_file, of_each, together)
+        return LogRows(done, time, found.Y, found.known, found.of_file, of_each, together)
 
     def every_of(self, log: Log) -> int:
         """Return how many samples are averaged."""
@@ -141,7 +141,7 @@ class Source:
             return self.compiled.assemble(motors=motors, guess=guess, nearest=True)
         return assemble(self.robot, motors=motors, guess=guess, nearest=True)
 
-    def instruments(self, reference: Log, data: Rows) -> Array:
+    def instruments(self, reference: Log, data: LogRows) -> Array:
         """Compute the regressor of the commanded motion at the times of the rows, shape (T, motors, rank).
 
         Raises:

@@ -26,7 +26,7 @@ SHARED = 0.5
 FEWEST = 50
 
 
-class Rows(NamedTuple):
+class SeriesRows(NamedTuple):
     """Columns that are used, in the rows in which one has a number.
 
     Attributes:
@@ -54,7 +54,7 @@ class Series(NamedTuple):
     remarks: tuple[str, ...] = ()
 
 
-def used_rows(columns: Mapping[str, Array], names: Sequence[str], file: str | None) -> Rows:
+def used_rows(columns: Mapping[str, Array], names: Sequence[str], file: str | None) -> SeriesRows:
     """Return the rows of some columns, after checks of numbers, times and gaps."""
     time, values = columns["time"], np.column_stack([columns[name] for name in names])
     there = ~np.isnan(values) & ~np.isnan(time)[:, None]
@@ -63,10 +63,10 @@ def used_rows(columns: Mapping[str, Array], names: Sequence[str], file: str | No
     time, values, there = time[used], values[used], there[used]
     for name, own in zip(names, there.T, strict=True):
         _check_gaps(time, own, used, file, name)
-    return Rows(time, values, there)
+    return SeriesRows(time, values, there)
 
 
-def motion_of(rows: Rows, count: int, rates: bool) -> Series:
+def motion_of(rows: SeriesRows, count: int, rates: bool) -> Series:
     """Return the first columns, those of the motion: as they are, or from splines at even times.
 
     Args:
@@ -92,7 +92,7 @@ def motion_of(rows: Rows, count: int, rates: bool) -> Series:
     return Series(at, np.column_stack([spline(at - start) for spline in splines]), (remark,))
 
 
-def efforts_of(rows: Rows, count: int, motion: Array) -> Series:
+def efforts_of(rows: SeriesRows, count: int, motion: Array) -> Series:
     """Return the columns after those of the motion: efforts, which are not resampled.
 
     They are those of rows in which all motors have one; or between them, where motors have clocks of their

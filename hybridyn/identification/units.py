@@ -9,7 +9,7 @@ from ..spatial import Array, Index
 from ..streams.departures import other_unit
 from ..structure.robot import HybridRobot
 from .logs import Log
-from .rows import Rows, Source
+from .rows import LogRows, LogSource
 from .signals import means, processed
 
 #: Samples on which units are tested, and correlation of measured and predicted efforts that tells a unit.
@@ -20,7 +20,7 @@ UNITS, NEAR = {3: "N mm or mN", -3: "kN"}, 0.15
 TIMES = {1e3: ("a thousand", "milliseconds"), 1e6: ("a million", "microseconds"), 1e9: ("1e9", "nanoseconds")}
 
 
-def check_log(source: Source, log: Log) -> None:
+def check_log(source: LogSource, log: Log) -> None:
     """Check the units of positions and times, before anything that depends on them.
 
     Raises:
@@ -47,7 +47,7 @@ def _ask_units(robot: HybridRobot, log: Log) -> None:
             )  # fmt: skip
 
 
-def check_scales(source: Source, data: Rows) -> None:
+def check_scales(source: LogSource, data: LogRows) -> None:
     """Check each motor's efforts for factors of a thousand and wrong signs, by the file's numbers.
 
     A factor counts only where measured and predicted efforts are alike otherwise.
@@ -76,7 +76,7 @@ def check_scales(source: Source, data: Rows) -> None:
             )  # fmt: skip
 
 
-def _check_times(source: Source, log: Log) -> None:
+def _check_times(source: LogSource, log: Log) -> None:
     """Check whether the same path in another unit of time explains the efforts better.
 
     The path is filtered and differentiated as without a band and a period, which are in seconds themselves.
@@ -103,7 +103,7 @@ def _check_times(source: Source, log: Log) -> None:
         )  # fmt: skip
 
 
-def _like(source: Source, log: Log, at: Index, measured: Array, factor: float) -> float:
+def _like(source: LogSource, log: Log, at: Index, measured: Array, factor: float) -> float:
     """Return how far measured efforts are those of the same path some times faster; 0 if unknown."""
     x, x_dot, x_ddot = (level[at] for level in log.motion)
     try:

@@ -18,7 +18,7 @@ import numpy as np
 from ..spatial import Array, Index, Mask
 from .closures import Closures
 from .elimination import back_substitute, least_squares, pivot_ratio, pivoted_qr
-from .reduction import RANK_TOLERANCE, Block
+from .reduction import RANK_TOLERANCE, LegBlock
 from .targets import Target
 from .tree import Motion, Tree
 
@@ -96,7 +96,7 @@ class LoopProblem:
     free: Mask
     targets: Sequence[Target] = ()
     rank: int | None = None
-    blocks: Sequence[Block] = ()
+    blocks: Sequence[LegBlock] = ()
     rank_tolerance: float = RANK_TOLERANCE
 
     @property
@@ -168,7 +168,7 @@ class LoopProblem:
         """
         out = np.zeros(len(before))
         cols = np.flatnonzero(self.free)
-        whole = Block(np.arange(before.shape[1]), cols, len(cols) if self.rank is None else self.rank)
+        whole = LegBlock(np.arange(before.shape[1]), cols, len(cols) if self.rank is None else self.rank)
         for block in self.blocks or [whole]:
             rank = len(block.cols) if self.blocks else block.rank
             J, J_after = (x[:, block.rows[:, None], block.cols] for x in (before, after))
@@ -178,7 +178,7 @@ class LoopProblem:
     @cached_property
     def _blocks_by_shape(self) -> list[tuple[Index, Index]]:
         """Rows and columns of the blocks, shapes (blocks, m) and (blocks, c), for each m and c."""
-        shapes: dict[tuple[int, int], list[Block]] = {}
+        shapes: dict[tuple[int, int], list[LegBlock]] = {}
         for block in self.blocks:
             shapes.setdefault((len(block.rows), len(block.cols)), []).append(block)
         groups = shapes.values()

@@ -46,7 +46,7 @@ class Basis(NamedTuple):
 
 
 @dataclass(eq=False)
-class Block:
+class LegBlock:
     """Rows and columns of one leg.
 
     Attributes:
@@ -123,7 +123,7 @@ class Reduction:
         report: How the rank was determined.
     """
 
-    def __init__(self, row_scale: Array, col_scale: Array, blocks: list[Block], shared: Index) -> None:
+    def __init__(self, row_scale: Array, col_scale: Array, blocks: list[LegBlock], shared: Index) -> None:
         self.row_scale, self.col_scale = row_scale, col_scale
         self.n = len(col_scale)
         self._blocks, self._shared = blocks, shared
@@ -133,7 +133,7 @@ class Reduction:
         self._shared_rows = np.flatnonzero(alone)
         self.rank = 0
         self.report = RankReport(0, len(row_scale), 1.0, 0.0)
-        self._groups: list[list[Block]] = []
+        self._groups: list[list[LegBlock]] = []
 
     @property
     def mobility(self) -> int:
@@ -164,7 +164,7 @@ class Reduction:
             if not report.clear:
                 self._blocks = []
                 break
-        shapes: dict[tuple[int, int, int], list[Block]] = {}
+        shapes: dict[tuple[int, int, int], list[LegBlock]] = {}
         for block in self._blocks:
             shapes.setdefault((len(block.rows), len(block.cols), block.rank), []).append(block)
         self._groups = list(shapes.values())

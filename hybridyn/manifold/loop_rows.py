@@ -16,7 +16,7 @@ from ..structure.mechanism import Mechanism
 CHART_CLOSED = 1e-11
 
 
-class LoopRows:
+class ScaledLoopRows:
     """Dimensionless closure residuals and rows on a module's spanning tree.
 
     Attributes:

@@ -25,7 +25,7 @@ from ..linkage.retraction import Retraction
 from ..spatial import Array, slices
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from .loop_rows import LoopRows
+from .loop_rows import ScaledLoopRows
 from .module_chart import ModuleChart
 
 
@@ -44,8 +44,8 @@ class Manifold:
         self.robot = robot
         self.retraction = Retraction(robot.kinds)
         self.unit = robot.unit
-        self.looped: list[tuple[Module, LoopRows]] = []
-        shared: dict[int, LoopRows] = {}
+        self.looped: list[tuple[Module, ScaledLoopRows]] = []
+        shared: dict[int, ScaledLoopRows] = {}
         free: list[int] = []
         for module in robot.modules:
             m = module.mechanism
@@ -53,7 +53,7 @@ class Manifold:
                 free += list(module.v_index)
                 continue
             if id(m) not in shared:
-                shared[id(m)] = LoopRows(m)
+                shared[id(m)] = ScaledLoopRows(m)
             self.looped.append((module, shared[id(m)]))
         self.free = np.array(sorted(free), dtype=int)
         self.position_unit = np.ones(robot.nq)

@@ -6,7 +6,7 @@ from ..errors import AssemblyError
 from ..spatial import Array
 from ..structure.module import Module
 from .branch import LOST_RATES, branch_of, derivative
-from .loop_rows import LoopRows
+from .loop_rows import ScaledLoopRows
 
 #: Newton has converged after a step of at most this (rad, module lengths); the next one would be rounding.
 LAST_STEP = 1e-12
@@ -31,7 +31,7 @@ class AmbiguousBranchError(AssemblyError):
 class ModuleChart:
     """The part of a chart that belongs to one looped module."""
 
-    def __init__(self, module: Module, rows: LoopRows, q: Array, v: Array | None) -> None:
+    def __init__(self, module: Module, rows: ScaledLoopRows, q: Array, v: Array | None) -> None:
         self.module, self.rows, self.q = module, rows, q
         _, K = self.rows.at(q)
         r = self.rows.rank

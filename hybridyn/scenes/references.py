@@ -17,14 +17,14 @@ from ..dynamics.inverse import idm
 from ..effects import Effects
 from ..errors import AssemblyError, ModelError, TrajectoryError
 from ..simulation.events import QUINTIC
-from ..simulation.result import Counters, Origin, Result
+from ..simulation.result import Counters, Origin, SimulationResult
 from ..simulation.system import State
 from ..spatial import Array, Index, Mask
 from ..streams.one_pass import rows_at_once, samples_counted_from
 from ..structure.robot import HybridRobot
 from ..tables.columns import read_layout
 from ..tables.opening import open_table
-from ..tables.trajectory import Motion, read_motions
+from ..tables.trajectory import TableMotion, read_motions
 
 if TYPE_CHECKING:
     from ..compiled.model import CompiledRobot
@@ -133,7 +133,7 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class Point:
+class RestPosture:
     """A posture at which the robot is at rest.
 
     Attributes:
@@ -147,7 +147,7 @@ class Point:
     platforms: Mapping[str, object]
 
 
-def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Reference:
+def from_points(robot: HybridRobot, points: Sequence[RestPosture], start: Array) -> Reference:
     """Build a motion from point to point in the motors' coordinates, at rest in each point.
 
     Args:
@@ -175,7 +175,7 @@ def from_points(robot: HybridRobot, points: Sequence[Point], start: Array) -> Re
     return Reference(np.array(times), x, True, start)
 
 
-def _posture(robot: HybridRobot, axes: MotorAxes, point: Point, q: Array) -> tuple[Array, Array]:
+def _posture(robot: HybridRobot, axes: MotorAxes, point: RestPosture, q: Array) -> tuple[Array, Array]:
     """Compute a point's posture near q and its motor positions; without platforms, only motors move."""
     if point.platforms:
         out = assemble(robot, motors=dict(point.joints), platforms=dict(point.platforms), guess=q)[0]
@@ -215,7 +215,7 @@ def from_table(robot: HybridRobot, path: str) -> Reference:
     return Reference(motion.time, x, False, q[0])
 
 
-def read_motion(robot: HybridRobot, path: str) -> Motion:
+def read_motion(robot: HybridRobot, path: str) -> TableMotion:
     """Read a whole table of a motion; the pose of a moving base may be left out.
 
     Raises:
@@ -227,7 +227,7 @@ def read_motion(robot: HybridRobot, path: str) -> Motion:
             table.columns, robot.description, motors=robot.motors,
             base=robot.base if posed else "fixed", file=table.file,
         )  # fmt: skip
-        return Motion.joined([*read_motions(table, layout)])
+        return TableMotion.joined([*read_motions(table, layout)])
 
 
 def follow_motion(
@@ -237,7 +237,7 @@ def follow_motion(
     effects: Effects,
     guess: Array,
     compiled: CompiledRobot | None = None,
-) -> Result:
+) -> SimulationResult:
     """Compute the motion of a robot whose motors follow a reference exactly, and the efforts, block by block.
 
     Args:
@@ -260,7 +260,7 @@ def follow_motion(
         guess = posture[-1]
         blocks.append(tuple(found))
     q, v, a, tau, kinetic, potential, residual = map(np.concatenate, zip(*blocks, strict=True))
-    return Result(
+    return SimulationResult(
         origin=Origin(robot.name, "prescribed"), t=times, q=q, v=v, a=a, tau=tau, kinetic=kinetic,
         potential=potential, residual=residual, pivot=np.zeros(0), events=(), status="finished", message="",
         counters=Counters(), state=State(float(times[-1]), q[-1], v[-1], a[-1]), next_step=0.0, on_grid=0,

@@ -19,7 +19,7 @@ from ..effects import Effects, choose, with_effects
 from ..loading import load
 from ..simulation.events import Event
 from ..simulation.motion_law import Effort
-from ..simulation.result import Result
+from ..simulation.result import SimulationResult
 from ..simulation.run import Progress
 from ..simulation.simulate import check_run_size, simulate
 from ..spatial import Array
@@ -27,7 +27,7 @@ from ..structure.parameters.xacro import text_of
 from ..structure.robot import HybridRobot, joint_position
 from . import controllers
 from .effects import check_covers, events, read_rows, units
-from .references import Point, Reference, follow_motion, from_points, from_table
+from .references import Reference, RestPosture, follow_motion, from_points, from_table
 from .scene_file import (
     EffortsTable,
     PdTable,
@@ -47,7 +47,7 @@ RATES = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class SceneStage:
     """A loaded scene, its start assembled.
 
     Attributes:
@@ -75,7 +75,7 @@ class Stage:
 def stage(
     path: str | PathLike[str] | SceneFile, *, effort: Effort | Array | None = None,
     allow_python: bool = False, robot: HybridRobot | None = None,
-) -> Stage:  # fmt: skip
+) -> SceneStage:  # fmt: skip
     """Load a scene and assemble its start.
 
     Args:
@@ -100,12 +100,12 @@ def stage(
     home = initial_state(source, robot, None)
     if scene.motion is not None:
         motion = _reference(source, ("motion",), scene.motion, robot, home[0])
-        return Stage(source, robot, on, *home, None, motion, events(source, robot), times)
+        return SceneStage(source, robot, on, *home, None, motion, events(source, robot), times)
     made, reference = (
         (effort, None) if effort is not None else _effort(source, robot, on, home[0], allow_python)
     )
     start = home if reference is None else initial_state(source, robot, reference)
-    return Stage(source, robot, on, *start, made, None, events(source, robot), times)
+    return SceneStage(source, robot, on, *start, made, None, events(source, robot), times)
 
 
 def _load(source: SceneFile) -> HybridRobot:
@@ -120,9 +120,9 @@ def _load(source: SceneFile) -> HybridRobot:
 
 
 def play(
-    ready: Stage, *, progress: Progress | None = None, checkpoint: str | PathLike[str] | None = None,
-    resume: Result | str | PathLike[str] | None = None, compiled: CompiledRobot | None = None,
-) -> Result:  # fmt: skip
+    ready: SceneStage, *, progress: Progress | None = None, checkpoint: str | PathLike[str] | None = None,
+    resume: SimulationResult | str | PathLike[str] | None = None, compiled: CompiledRobot | None = None,
+) -> SimulationResult:  # fmt: skip
     """Simulate a scene to its end; the other arguments are those of `simulate`.
 
     Raises:
@@ -201,7 +201,8 @@ def _reference(
                 source.check((*keys, "points", i, "joints", name), "motor", name, robot.motors)
         with naming(source, (*keys, "points")):
             points = [
-                Point(p.time, p.joints, {k: (pose,) for k, pose in p.platforms.items()}) for p in table.points
+                RestPosture(p.time, p.joints, {k: (pose,) for k, pose in p.platforms.items()})
+                for p in table.points
             ]
             return from_points(robot, points, start)
     assert table.table is not None

@@ -41,7 +41,7 @@ QUINTIC = np.array(
 )
 
 
-class Between:
+class StepInterpolation:
     """Interpolation of the states within one step.
 
     Attributes:
@@ -152,7 +152,9 @@ def crossed(event: Event, before: float, after: float) -> bool:
     return event.direction == 0 or bool(np.sign(after - before) == event.direction)
 
 
-def occurrences(event: Event, between: Between, t0: float, before: float, after: float) -> list[Found]:
+def occurrences(
+    event: Event, between: StepInterpolation, t0: float, before: float, after: float
+) -> list[Found]:
     """Find all zeros of an event's function in a step, in the event's direction.
 
     Besides the ends of parts of the step, the extrema of parabolas through them are evaluated, where these
@@ -186,7 +188,7 @@ def occurrences(event: Event, between: Between, t0: float, before: float, after:
     ]
 
 
-def locate(event: Event, between: Between, t0: float, t1: float, before: float) -> Found:
+def locate(event: Event, between: StepInterpolation, t0: float, t1: float, before: float) -> Found:
     """Find the first state at which an event's function has changed sign, by bisection.
 
     Args:

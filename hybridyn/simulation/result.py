@@ -23,7 +23,7 @@ from ..structure.robot import HybridRobot
 from .events import Found
 from .system import State
 
-#: Layout of the file that `Result.save` writes.
+#: Layout of the file that `SimulationResult.save` writes.
 FORMAT = 4
 
 
@@ -62,7 +62,7 @@ class Origin:
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
+class SimulationResult:
     """A simulated motion. Equal runs give the same bits, since no wall-clock time is stored.
 
     Attributes:
@@ -136,7 +136,7 @@ class Result:
             np.savez(file, digest=_content(data), **data)
 
     @staticmethod
-    def load(path: str | PathLike[str]) -> Result:
+    def load(path: str | PathLike[str]) -> SimulationResult:
         """Read a result from the file that `save` wrote.
 
         Raises:
@@ -150,7 +150,7 @@ class Result:
                 data = {name: file[name] for name in file.files}
             if str(data.pop("digest")) != _content(data):
                 raise ValueError("its numbers have changed")
-            out = Result._from(data)
+            out = SimulationResult._from(data)
         except (ValueError, TypeError, OSError, EOFError, LookupError, SyntaxError, MemoryError, RuntimeError,
                 tokenize.TokenError, struct.error, zipfile.BadZipFile, zlib.error) as error:  # fmt: skip
             raise TrajectoryError(
@@ -162,7 +162,7 @@ class Result:
         return out
 
     @staticmethod
-    def _from(data: dict[str, Array]) -> Result:
+    def _from(data: dict[str, Array]) -> SimulationResult:
         """Build a result from the arrays that `save` wrote."""
         said = json.loads(str(data["said"]))
         if said.pop("format") != FORMAT:
@@ -170,7 +170,7 @@ class Result:
         t, *state = (data[f"state_{name}"] for name in _STATE)
         found = zip(said.pop("events"), *(data[f"event_{name}"] for name in _STATE[:3]), strict=True)
         arrays: dict[str, Any] = {name: data[name] for name in _ARRAYS} | said
-        return Result(**arrays | {
+        return SimulationResult(**arrays | {
             "origin": Origin(**said["origin"]), "counters": Counters(**said["counters"]),
             "state": State(float(t), *state),
             "events": tuple(Found(name, float(t), q, v) for name, t, q, v in found),
@@ -209,10 +209,10 @@ def _content(data: Mapping[str, Any]) -> str:
 
 
 _STATE = [f.name for f in fields(State)]
-_ARRAYS = [f.name for f in fields(Result) if f.type == "Array"]
+_ARRAYS = [f.name for f in fields(SimulationResult) if f.type == "Array"]
 
 
-def joined(first: Result, then: Result) -> Result:
+def joined(first: SimulationResult, then: SimulationResult) -> SimulationResult:
     """Return the result of a run and its continuation as one."""
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(first, name), getattr(then, name)]) for name in _ARRAYS

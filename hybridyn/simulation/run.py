@@ -12,9 +12,9 @@ from ..dynamics.energy import Energy, energy
 from ..errors import AssemblyError, SingularityError
 from ..spatial import Array
 from .conserving import Conserving
-from .events import Between, Event, Found, occurrences
+from .events import Event, Found, StepInterpolation, occurrences
 from .motion_law import StepError
-from .result import Counters, Origin, Result, joined
+from .result import Counters, Origin, SimulationResult, joined
 from .stepping import Leap, Stepper
 from .system import State, System
 
@@ -31,7 +31,7 @@ class Run:
 
     def __init__(
         self, system: System, stepper: Stepper, origin: Origin, events: tuple[Event, ...],
-        wanted: Array | None, state: State, earlier: Result | None,
+        wanted: Array | None, state: State, earlier: SimulationResult | None,
     ) -> None:  # fmt: skip
         self._system, self._stepper, self._origin = system, stepper, origin
         self._events, self._wanted, self._state = events, wanted, state
@@ -53,7 +53,9 @@ class Run:
             self._next += 1
         self._values = [e.function(state.t, state.q, state.v) for e in events]
 
-    def to(self, end: float, progress: Progress | None, checkpoint: str | PathLike[str] | None) -> Result:
+    def to(
+        self, end: float, progress: Progress | None, checkpoint: str | PathLike[str] | None
+    ) -> SimulationResult:
         """Run to the end, or until an event, a failure or an interrupt stops the run."""
         status, message = "finished", ""
         self._progress, self._end = progress, end
@@ -107,10 +109,10 @@ class Run:
             self._progress(self._state.t, self._end)
         return last is not None
 
-    def _between(self, before: State, after: State) -> Between:
+    def _between(self, before: State, after: State) -> StepInterpolation:
         """Return the interpolation of a step."""
         exact = not isinstance(self._stepper.method, Conserving)
-        return Between(self._system, before, after, exact=exact)
+        return StepInterpolation(self._system, before, after, exact=exact)
 
     def _shown(self, leap: Leap) -> tuple[Leap, BaseException | None]:
         """Show the progress after each step; return the steps up to an interrupt, and that."""
@@ -151,7 +153,7 @@ class Run:
                 self._progress(self._state.t, self._end)
 
     def _events_in(
-        self, between: Between, t0: float, values: list[float]
+        self, between: StepInterpolation, t0: float, values: list[float]
     ) -> tuple[list[Found], Found | None]:
         """Return the events of a step in order, and the first that ends the run."""
         sign = self._stepper.sign
@@ -163,12 +165,12 @@ class Run:
         kept = [f for _, f in found if last is None or sign * (last.t - f.t) >= 0]
         return kept, last
 
-    def result(self, status: str, message: str) -> Result:
+    def result(self, status: str, message: str) -> SimulationResult:
         """Build the result so far, and complete the samples added since the last call."""
         law, counters = self._system.law, self._stepper.counters
         counters.evaluations = law.evaluations
         new, stepper = self._complete(), self._stepper
-        result = Result(
+        result = SimulationResult(
             origin=self._origin, **new, pivot=np.array(self._pivots),
             events=tuple(self._found), status=status, message=message, counters=replace(counters),
             state=self._state, next_step=stepper.next_step, on_grid=stepper.on_grid, start=stepper.start,

@@ -21,7 +21,7 @@ from ..structure.samples import as_positions, as_rates, one_of
 from ..threads import one_thread
 from .events import Event
 from .motion_law import Effort, MotionLaw, Wrenches
-from .result import Origin, Result, digest
+from .result import Origin, SimulationResult, digest
 from .run import Progress, Run
 from .stepping import Solver, SolverOptions, Stepper, build_method, solver_of
 from .system import State, System
@@ -54,11 +54,11 @@ def simulate(
     initial_velocity: str = "refuse",
     progress: Progress | None = None,
     checkpoint: str | PathLike[str] | None = None,
-    resume: Result | str | PathLike[str] | None = None,
+    resume: SimulationResult | str | PathLike[str] | None = None,
     compiled: CompiledRobot | None = None,
     scene: str = "",
     **options: Unpack[SolverOptions],
-) -> Result:
+) -> SimulationResult:
     """Integrate a robot's motion.
 
     Args:
@@ -131,14 +131,16 @@ def _sampled(
     return times, wanted
 
 
-def _earlier(resume: Result | str | PathLike[str] | None, origin: Origin, times: Array) -> Result | None:
+def _earlier(
+    resume: SimulationResult | str | PathLike[str] | None, origin: Origin, times: Array
+) -> SimulationResult | None:
     """Return the run to continue, from its file if that is given.
 
     Raises:
         TrajectoryError: It is of another robot, method or scene, or ended before this run's start.
     """
     file = str(resume) if isinstance(resume, str | PathLike) else None
-    earlier = Result.load(resume) if isinstance(resume, str | PathLike) else resume
+    earlier = SimulationResult.load(resume) if isinstance(resume, str | PathLike) else resume
     if earlier is None:
         return None
     there = earlier.origin

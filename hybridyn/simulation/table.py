@@ -15,7 +15,7 @@ from ..structure.robot import HybridRobot
 from ..tables.columns import ENERGIES, RESIDUAL
 from ..tables.signals import POSE, RATES, TWIST, joint_columns
 from ..tables.trajectory import base_acceleration
-from .result import Result
+from .result import SimulationResult
 
 
 def columns_of(robot: HybridRobot) -> list[str]:
@@ -36,7 +36,7 @@ def state_columns(robot: HybridRobot) -> list[str]:
     return out
 
 
-def rows_of(robot: HybridRobot, result: Result) -> Array:
+def rows_of(robot: HybridRobot, result: SimulationResult) -> Array:
     """Return the rows of a result in the order of `columns_of`, shape (T, columns)."""
     energies = np.column_stack([result.kinetic, result.potential, result.energy, result.residual])
     return np.hstack([state_rows(robot, result.t, result.q, result.v, result.a), result.tau, energies])

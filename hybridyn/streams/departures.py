@@ -18,7 +18,7 @@ from ..description.records import Joint
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.signals import unit_of
-from ..tables.trajectory import Motion
+from ..tables.trajectory import TableMotion
 
 #: A speed or an effort may exceed its limit by this part of the limit, so that a motion may touch the limit.
 TOUCHING = 1e-9
@@ -179,7 +179,7 @@ def other_unit(joint: Joint, position: float, size: float) -> str:
     return "millimetres?" if slides else "degrees?"
 
 
-def question(robot: HybridRobot, motion: Motion) -> str:
+def question(robot: HybridRobot, motion: TableMotion) -> str:
     """Return the question about the unit of a motion that cannot be assembled, with a number, or ""."""
     size = robot.bodies.size
     for name, (position, *_) in motion.joints.items():

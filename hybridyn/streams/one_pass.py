@@ -28,7 +28,7 @@ from ..tables.columns import Layout, read_layout
 from ..tables.opening import Table, open_table
 from ..tables.trajectory import read_motions
 from .departures import Departure
-from .postures import Assemble, Postures, postures, rows_named
+from .postures import Assemble, TreeSamples, postures, rows_named
 from .workers import Workers
 
 #: Positions in a block, so that its arrays stay near the cache, which processes share.
@@ -37,7 +37,7 @@ NUMBERS_AT_ONCE = 84_000
 MOST_ROWS = 1_000
 
 
-class Rows(NamedTuple):
+class BlockResults(NamedTuple):
     """Results of a model at the postures of a block.
 
     Attributes:
@@ -59,10 +59,10 @@ class Rows(NamedTuple):
     time: Array | None = None
 
 
-Model = Callable[[HybridRobot, Postures], Rows]
+Model = Callable[[HybridRobot, TreeSamples], BlockResults]
 
 
-def compute(robot: HybridRobot, layout: Layout, model: Model, block: Postures) -> Rows:
+def compute(robot: HybridRobot, layout: Layout, model: Model, block: TreeSamples) -> BlockResults:
     """Compute a block.
 
     Args:
@@ -124,7 +124,7 @@ class Pass:
             efforts=efforts, passive=robot.mobility - 6 * (robot.base == "floating") - len(robot.motors),
         )  # fmt: skip
 
-    def blocks(self, model: Model, assemble: Assemble | None, workers: Workers) -> Iterator[Rows]:
+    def blocks(self, model: Model, assemble: Assemble | None, workers: Workers) -> Iterator[BlockResults]:
         """Return the results of a model, block by block.
 
         Args:
@@ -137,7 +137,7 @@ class Pass:
         work = partial(compute, self.robot, self.layout, model)
         return workers.over(work, ((block,) for block in self.postures(assemble)))
 
-    def postures(self, assemble: Assemble | None = None) -> Iterator[Postures]:
+    def postures(self, assemble: Assemble | None = None) -> Iterator[TreeSamples]:
         """Yield the postures of the rows, block by block; arguments and errors are those of `blocks`."""
         from ..compiled.programs.closing.tables import TableAssembler
 
@@ -156,11 +156,11 @@ class Pass:
                 guess = block.q[-1] if connected else None
 
 
-def read_postures(robot: HybridRobot, file: str) -> tuple[Layout, Postures]:
+def read_postures(robot: HybridRobot, file: str) -> tuple[Layout, TreeSamples]:
     """Read a whole table and compute its postures, as `Pass` does; also return the meaning of its columns."""
     with open_table(file) as table:
         whole = Pass(robot, table)
-        return whole.layout, Postures.joined([*whole.postures()])
+        return whole.layout, TreeSamples.joined([*whole.postures()])
 
 
 def efforts_in_blocks(

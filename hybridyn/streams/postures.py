@@ -14,7 +14,7 @@ from ..errors import AT_SAMPLE, AssemblyError, HybridynError, SingularityError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.columns import Layout
-from ..tables.trajectory import Motion, full_state
+from ..tables.trajectory import TableMotion, full_state
 from .departures import question
 
 HISTORY = (
@@ -27,7 +27,7 @@ INSTEAD = ", or leave the passive joints out of the table: the posture is then a
 Assemble = Callable[..., tuple[Array, Array, Array]]
 
 
-class Postures(NamedTuple):
+class TreeSamples(NamedTuple):
     """Samples on the spanning tree.
 
     Attributes:
@@ -37,21 +37,25 @@ class Postures(NamedTuple):
         a: Accelerations, shape (T, nv).
     """
 
-    motion: Motion
+    motion: TableMotion
     q: Array
     v: Array
     a: Array
 
     @staticmethod
-    def joined(parts: Sequence[Postures]) -> Postures:
+    def joined(parts: Sequence[TreeSamples]) -> TreeSamples:
         """Return the samples of consecutive parts of a table."""
         motions, *levels = zip(*parts, strict=True)
-        return Postures(motions[0].joined(motions), *map(np.concatenate, levels))
+        return TreeSamples(motions[0].joined(motions), *map(np.concatenate, levels))
 
 
 def postures(
-    robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | None, assemble: Assemble | None = None
-) -> Postures:
+    robot: HybridRobot,
+    motion: TableMotion,
+    layout: Layout,
+    guess: Array | None,
+    assemble: Assemble | None = None,
+) -> TreeSamples:
     """Compute the robot's postures: read them where the table names every joint, else assemble them.
 
     Args:
@@ -67,17 +71,17 @@ def postures(
     if not layout.full_state:
         with rows_named(layout, motion):
             try:
-                return Postures(motion, *_assembled(robot, motion, layout, guess, assemble))
+                return TreeSamples(motion, *_assembled(robot, motion, layout, guess, assemble))
             except (AssemblyError, SingularityError) as error:
                 error.advice += question(robot, motion)
                 raise
     root = robot.description.root if robot.base != "fixed" else None
     order = [robot.records[name] for name in robot.joints if name in robot.records]
-    return Postures(motion, *full_state(motion, order, root))
+    return TreeSamples(motion, *full_state(motion, order, root))
 
 
 def _assembled(
-    robot: HybridRobot, motion: Motion, layout: Layout, guess: Array | None, assemble: Assemble | None
+    robot: HybridRobot, motion: TableMotion, layout: Layout, guess: Array | None, assemble: Assemble | None
 ) -> tuple[Array, Array, Array]:
     """Assemble rows: with time as one motion, without as independent samples.
 
@@ -125,7 +129,7 @@ def check_unwrapped(robot: HybridRobot, time: Array, joints: Mapping[str, tuple[
 
 
 @contextlib.contextmanager
-def rows_named(layout: Layout, motion: Motion) -> Iterator[None]:
+def rows_named(layout: Layout, motion: TableMotion) -> Iterator[None]:
     """Give errors that have a sample the file, row and time of it as their place."""
     try:
         yield

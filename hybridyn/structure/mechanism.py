@@ -51,7 +51,7 @@ class Tolerances(NamedTuple):
     closure: float
 
 
-class Swept(NamedTuple):
+class SweptModule(NamedTuple):
     """Motion of a module at the samples of a batch.
 
     Attributes:
@@ -224,7 +224,7 @@ class Mechanism:
         out: Mask = np.abs(Psi).max(axis=(0, 2), initial=0.0) <= STILL + self.rounding
         return out
 
-    def sweep(self, q: Array, v: Array, a: Array | None) -> Swept:
+    def sweep(self, q: Array, v: Array, a: Array | None) -> SweptModule:
         """Compute the motion of the module's bodies, and its coordinates after the cuts.
 
         Args:
@@ -238,7 +238,7 @@ class Mechanism:
         locked = self.wrists.near_gimbal_lock(spanning)
         if len(locked):
             self.platforms_from_legs(x, x_dot, None if a is None else x_ddot, motion, locked)
-        return Swept(spanning, motion, x, x_dot, x_ddot)
+        return SweptModule(spanning, motion, x, x_dot, x_ddot)
 
     def platforms_from_legs(
         self, x: Array, x_dot: Array, x_ddot: Array | None, motion: Motion, samples: Index

@@ -16,7 +16,7 @@ from ..joints.kinds import JointKind
 from ..linkage.closures import Closures, TreeClosure
 from ..linkage.couplings import TreeCoupling
 from ..linkage.joints import TreeJoint
-from ..linkage.reduction import Block, Reduction
+from ..linkage.reduction import LegBlock, Reduction
 from ..linkage.tree import Tree
 from ..spatial import Array, indices
 from .bodies import Bodies, Body, first_extent
@@ -201,7 +201,7 @@ def leg_by_leg(spec: ModuleSpec, tree: Tree, closures: Closures, length: float) 
     return Reduction(*scales, _blocks(spec, tree, closures), shared)
 
 
-def _blocks(spec: ModuleSpec, tree: Tree, closures: Closures) -> list[Block]:
+def _blocks(spec: ModuleSpec, tree: Tree, closures: Closures) -> list[LegBlock]:
     """Return the rows and columns of each leg; a row belongs to the leg that it constrains."""
     leg_of = {body: i for i, leg in enumerate(spec.legs) for body in leg}
     rows: list[list[int]] = [[] for _ in spec.legs]
@@ -213,4 +213,4 @@ def _blocks(spec: ModuleSpec, tree: Tree, closures: Closures) -> list[Block]:
         at = closures.row_slices[len(closures.closures) + i]
         rows[leg_of[coupling.terms[0][0] + 1]] += range(at.start, at.stop)
     cols = [indices(tree.v_slices[b - 1] for b in leg) for leg in spec.legs]
-    return [Block(np.array(r, dtype=int), c) for r, c in zip(rows, cols, strict=True)]
+    return [LegBlock(np.array(r, dtype=int), c) for r, c in zip(rows, cols, strict=True)]

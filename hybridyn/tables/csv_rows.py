@@ -19,7 +19,7 @@ from ..errors import TrajectoryError
 NUMBERS = b"0123456789eE+-.,; \t"
 
 
-class Form(NamedTuple):
+class CsvForm(NamedTuple):
     """How the rows of a CSV file are read.
 
     Attributes:
@@ -51,7 +51,7 @@ def lines_of(text: TextIO, file: str) -> Iterator[str]:
         raise TrajectoryError("is not UTF-8 text, so it is not a CSV table", file=file) from error
 
 
-def parts_of(lines: Iterator[str], form: Form, block_rows: int) -> Iterator[Array]:
+def parts_of(lines: Iterator[str], form: CsvForm, block_rows: int) -> Iterator[Array]:
     """Yield the numbers of rows in blocks.
 
     Raises:
@@ -68,7 +68,7 @@ def parts_of(lines: Iterator[str], form: Form, block_rows: int) -> Iterator[Arra
         first_row += len(chunk)
 
 
-def _with_gaps(lines: list[str], form: Form) -> Array | None:
+def _with_gaps(lines: list[str], form: CsvForm) -> Array | None:
     """Return the chosen columns of rows, NaN in empty cells, or None where a cell holds no number."""
     rows = [form.cells(line) for line in lines]
     if any(len(row) != len(form.columns) for row in rows):
@@ -99,7 +99,7 @@ def _numbers(lines: list[str], width: int, separator: str) -> Array | None:
         return None
 
 
-def _faults(lines: list[str], first_row: int, form: Form) -> Iterator[TrajectoryError]:
+def _faults(lines: list[str], first_row: int, form: CsvForm) -> Iterator[TrajectoryError]:
     """Yield the errors of rows with a wrong number of cells, or with a cell that is no number."""
     columns = form.columns
     chosen = range(len(columns)) if form.chosen is None else form.chosen

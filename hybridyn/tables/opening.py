@@ -25,7 +25,7 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..description.records import Array
 from ..errors import TrajectoryError, required
-from .csv_rows import Form, as_number, lines_of, parts_of
+from .csv_rows import CsvForm, as_number, lines_of, parts_of
 
 #: Rows per block: enough for an efficient batch, few enough for the memory of any robot.
 BLOCK_ROWS = 2_000
@@ -207,5 +207,5 @@ def _csv(
     at = None if choose is None else [columns.index(name) for name in chosen]
     first = [*itertools.islice(lines, FIRST_ROWS if size else 0)]  # do not wait for the rows of a pipe
     rows = size * len(first) // sum(len(line) + 1 for line in first) if first else None
-    form = Form(file, columns, separator, at)
+    form = CsvForm(file, columns, separator, at)
     return chosen, parts_of(itertools.chain(first, lines), form, block_rows), rows

@@ -36,7 +36,7 @@ Fits = dict[Signal, tuple[Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class TableMotion:
     """The motion in some consecutive rows of a table.
 
     Attributes:
@@ -57,7 +57,7 @@ class Motion:
     wrenches: dict[str, Array] = field(default_factory=dict)
     efforts: dict[str, Array] = field(default_factory=dict)
 
-    def part(self, start: int, stop: int) -> Motion:
+    def part(self, start: int, stop: int) -> TableMotion:
         """Return a copy of the rows from `start` to before `stop`, counted from 0.
 
         The copy is contiguous: NumPy's sine of strided numbers differs in the last bit from that of
@@ -66,13 +66,13 @@ class Motion:
         rows = slice(start, stop)
         size = len(range(self.size)[rows])
         content = _each(lambda x: np.array(x[rows], order="C"), self._content())
-        return Motion(self.first_row + start, size, *content)
+        return TableMotion(self.first_row + start, size, *content)
 
     @staticmethod
-    def joined(parts: Sequence[Motion]) -> Motion:
+    def joined(parts: Sequence[TableMotion]) -> TableMotion:
         """Return the rows of consecutive parts of a table."""
         content = _each(lambda *x: np.concatenate(x), *(part._content() for part in parts))
-        return Motion(parts[0].first_row, sum(part.size for part in parts), *content)
+        return TableMotion(parts[0].first_row, sum(part.size for part in parts), *content)
 
     def _content(self) -> tuple[Any, ...]:
         return self.time, self.joints, self.platforms, self.wrenches, self.efforts
@@ -88,7 +88,7 @@ def _each(function: Callable[..., Any], *trees: Any) -> Any:
     return None if first is None else function(*trees)
 
 
-def read_motions(table: Table, layout: Layout) -> Iterator[Motion]:
+def read_motions(table: Table, layout: Layout) -> Iterator[TableMotion]:
     """Convert the rows of a table to motions, block by block, and fit missing rates.
 
     Missing velocities are derivatives of a spline through the positions; missing accelerations are those of
@@ -112,7 +112,7 @@ def read_motions(table: Table, layout: Layout) -> Iterator[Motion]:
             raise TrajectoryError(f"{message}; give velocities and accelerations", file=file)
         fits = _fits(layout, window, time) if fitted else {}
         own = window.values[window.core]
-        yield Motion(
+        yield TableMotion(
             first_row=window.first_row,
             size=len(own),
             time=None if time is None else time[window.core],
@@ -253,7 +253,7 @@ def _samples(signal: Signal, values: Array) -> Array:
     return out
 
 
-def full_state(motion: Motion, joints: Sequence[Joint], root: str | None = None) -> Triple:
+def full_state(motion: TableMotion, joints: Sequence[Joint], root: str | None = None) -> Triple:
     """Return the state on the spanning tree from a motion that names every joint.
 
     Args:

@@ -18,7 +18,7 @@ from ..description.records import Closure
 from ..joints.kinds import JointKind
 from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
-from .picture import Picture, Point, Role, Shape
+from .picture import BodyPoint, Picture, PictureShape, Role
 from .placing import Placement, extent, place_bodies, stretched
 from .visuals import Visual
 
@@ -63,7 +63,7 @@ class _Pen:
 
     def __init__(self, robot: HybridRobot, shaped: set[int]) -> None:
         self.robot, self.shaped = robot, shaped
-        self.shapes: list[Shape] = []
+        self.shapes: list[PictureShape] = []
         self.home: Placement = place_bodies(robot, robot.home)
         lengths = [m.mechanism.length for m in robot.modules if m.closures]
         self.length = float(np.median(lengths)) if lengths else robot.bodies.reach
@@ -115,7 +115,9 @@ class _Pen:
             colour = self.colour(number)
             centre = own[0] if len(own) == 2 else np.mean(own, axis=0)
             for end in own[1:] if len(own) == 2 else own:
-                self._rod(body.name, "link", module, Point(number, centre), Point(number, end), colour)
+                self._rod(
+                    body.name, "link", module, BodyPoint(number, centre), BodyPoint(number, end), colour
+                )
 
     def _points_of_bodies(self) -> list[list[Array]]:
         """Return for each body the distinct positions of its joints and closures in the body's frame, [m]."""
@@ -145,7 +147,7 @@ class _Pen:
         for joint in self.robot.bodies.joints:
             record, module = joint.joint, self.module_of(joint.child)
             shaped = {joint.parent, joint.child} <= self.shaped
-            start, end = Point(joint.parent, joint.p), Point(joint.child, np.zeros(3))
+            start, end = BodyPoint(joint.parent, joint.p), BodyPoint(joint.child, np.zeros(3))
             driven = record.name in motors
             if record.kind.slides:
                 if not {joint.parent, joint.child} & self.shaped:
@@ -175,7 +177,7 @@ class _Pen:
                 last[joint.parent] = last.setdefault(joint.child, joint.child)
         return last
 
-    def _slide(self, name: str, module: int, start: Point, end: Point, driven: bool) -> None:
+    def _slide(self, name: str, module: int, start: BodyPoint, end: BodyPoint, driven: bool) -> None:
         """Add a prismatic joint: a rod from parent to child, with the motor around its first part."""
         self._rod(name, "link", module, start, end, self.colour(end.body), scale=0.75)
         if not driven:
@@ -185,12 +187,14 @@ class _Pen:
         if np.linalg.norm(high - low) <= SAME_PLACE * self.length:  # the slide is at zero
             axis = home.R[end.body] @ self.robot.bodies.joints[end.body - 1].joint.axis * self.radius(module)
             low, high = start.at - 6 * axis, start.at + 2 * axis
-        self._rod(name, "motor", module, Point(start.body, low), Point(start.body, high), MOTOR, scale=1.5)
+        self._rod(
+            name, "motor", module, BodyPoint(start.body, low), BodyPoint(start.body, high), MOTOR, scale=1.5
+        )
 
-    def _drum(self, name: str, module: int, at: Point, axis: Array, driven: bool) -> None:
+    def _drum(self, name: str, module: int, at: BodyPoint, axis: Array, driven: bool) -> None:
         scale = DRUM if driven else HUB
         half = axis * LENGTH * self.radius(module) * (1.0 if driven else 0.8)
-        ends = Point(at.body, at.at - half), Point(at.body, at.at + half)
+        ends = BodyPoint(at.body, at.at - half), BodyPoint(at.body, at.at + half)
         role: Role = "motor" if driven else "joint"
         self._rod(name, role, module, *ends, MOTOR if driven else JOINT, scale=scale)
 
@@ -204,14 +208,21 @@ class _Pen:
         if closure.rotation == "parallel":
             R = self.robot.bodies.place[closure.link_a][1]
             half = R @ frame * LENGTH * self.radius(module)
-            ends = Point(a.body, a.at - half), Point(a.body, a.at + half)
+            ends = BodyPoint(a.body, a.at - half), BodyPoint(a.body, a.at + half)
             self._rod(closure.name, "closure", module, *ends, CLOSURE, scale=BALL)
         else:
             self._ball(closure.name, "closure", module, a, BALL, CLOSURE)
         self._ball(closure.name, "closure", module, b, 0.9 * BALL, CLOSURE)
 
     def _rod(
-        self, name: str, role: Role, module: int, start: Point, end: Point, colour: str, scale: float = 1.0
+        self,
+        name: str,
+        role: Role,
+        module: int,
+        start: BodyPoint,
+        end: BodyPoint,
+        colour: str,
+        scale: float = 1.0,
     ) -> None:
         rod, radius = _unit_rod(), scale * self.radius(module)
         corners = rod.vertices * [radius, radius, 1.0]
@@ -221,16 +232,16 @@ class _Pen:
         ends = (start, end) if grows else None
         self._add(name, role, module, start.body, (corners, rod.faces), colour, ends=ends)
 
-    def _ball(self, name: str, role: Role, module: int, at: Point, scale: float, colour: str) -> None:
+    def _ball(self, name: str, role: Role, module: int, at: BodyPoint, scale: float, colour: str) -> None:
         ball = _unit_ball()
         corners = scale * self.radius(module) * ball.vertices + at.at
         self._add(name, role, module, at.body, (corners, ball.faces), colour)
 
     def _add(
         self, name: str, role: Role, module: int, body: int, mesh: tuple[Array, Index], colour: str,
-        own_colour: str | None = None, ends: tuple[Point, Point] | None = None,
+        own_colour: str | None = None, ends: tuple[BodyPoint, BodyPoint] | None = None,
     ) -> None:  # fmt: skip
-        self.shapes.append(Shape(name, role, module, body, *mesh, colour, own_colour, ends))
+        self.shapes.append(PictureShape(name, role, module, body, *mesh, colour, own_colour, ends))
 
 
 @cache
@@ -247,12 +258,12 @@ def _unit_ball() -> Any:
     return trimesh.creation.icosphere(FINE)
 
 
-def _ends(robot: HybridRobot, closure: Closure) -> tuple[Point, Point]:
+def _ends(robot: HybridRobot, closure: Closure) -> tuple[BodyPoint, BodyPoint]:
     """Return the origins of a closure's frames A and B."""
     out = []
     for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)):
         body, R, p = robot.bodies.place[link]
-        out.append(Point(body, p + R @ frame[:3, 3]))
+        out.append(BodyPoint(body, p + R @ frame[:3, 3]))
     return out[0], out[1]
 
 

@@ -15,7 +15,7 @@ from .camera import FRONT, camera_around
 from .picture import Picture
 from .placing import Placement, extent, place_bodies
 from .render import Image, labelled, render
-from .run import Run
+from .run import ShownMotion
 
 #: Frames per second.
 RATE = 25
@@ -29,7 +29,7 @@ LOOKS = 40
 QUALITY = 7
 
 
-def corners_of(robot: HybridRobot, picture: Picture, run: Run) -> Array:
+def corners_of(robot: HybridRobot, picture: Picture, run: ShownMotion) -> Array:
     """Compute the bounding box of a robot over a motion in the world, shape (2, 3), [m]."""
     samples = np.unique(np.linspace(0, len(run.q) - 1, LOOKS).round().astype(int))
     boxes = np.array([extent(picture, place_bodies(robot, run.q[i])) for i in samples])
@@ -65,7 +65,7 @@ class Shot(NamedTuple):
         return labelled(image, f"{self.robot.name}{text}")
 
 
-def still(shot: Shot, run: Run | None, at: float | None) -> Image:
+def still(shot: Shot, run: ShownMotion | None, at: float | None) -> Image:
     """Render the robot at a time of a motion, or at its start; at home without one."""
     number = 0 if run is None or at is None else run.index(at)
     placement = place_bodies(shot.robot, shot.robot.home if run is None else run.q[number])
@@ -73,7 +73,7 @@ def still(shot: Shot, run: Run | None, at: float | None) -> Image:
     return shot.image(placement, extent(shot.picture, placement), when)
 
 
-def frames_of_run(shot: Shot, run: Run) -> Iterator[Image]:
+def frames_of_run(shot: Shot, run: ShownMotion) -> Iterator[Image]:
     """Render the frames of a motion in real time, or faster if it is longer than `LONGEST`.
 
     Yields:
@@ -101,7 +101,7 @@ def frames_around(shot: Shot, q: Array) -> Iterator[Image]:
         yield shot.image(placement, around, "", float(turn) + FRONT)
 
 
-def pictures_of(run: Run | None) -> tuple[int, float]:
+def pictures_of(run: ShownMotion | None) -> tuple[int, float]:
     """Compute the number of frames of a film and its speed relative to the motion.
 
     Args:

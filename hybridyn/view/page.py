@@ -27,9 +27,9 @@ from .panel import closeness, closeness_html, efforts_html, holding, legend_html
 from .picture import Picture, Role
 from .placing import place_bodies
 from .posing import Poser
-from .run import Run
+from .run import ShownMotion
 from .sliders import Sliders, on_slide, round_step
-from .stage import Stage
+from .stage import PageStage
 
 _log = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ class Page:
         self,
         robot: HybridRobot,
         picture: Picture,
-        run: Run | None = None,
+        run: ShownMotion | None = None,
         *,
         host: str = "127.0.0.1",
         port: int = 8080,
@@ -87,7 +87,7 @@ class Page:
         self._clock = self._bars_at = 0.0
         self._span = None if run is None else run.tau
         self._set_view(picture)
-        self.stage = Stage(self.server, robot, picture)
+        self.stage = PageStage(self.server, robot, picture)
         self._add_panel(picture)
         self._show(self.q, "")
         self._thread = threading.Thread(target=self._handle_requests, daemon=True)
@@ -142,7 +142,7 @@ class Page:
             for note in picture.notes:
                 gui.add_markdown(note)
 
-    def _add_motion(self, run: Run) -> None:
+    def _add_motion(self, run: ShownMotion) -> None:
         """Add the controls of the motion: play, time and speed."""
         gui = self.server.gui
         with gui.add_folder("Motion"):

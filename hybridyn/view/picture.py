@@ -16,7 +16,7 @@ from ..spatial import Array, Index
 Role = Literal["link", "motor", "joint", "closure"]
 
 
-class Point(NamedTuple):
+class BodyPoint(NamedTuple):
     """A point of a body.
 
     Attributes:
@@ -29,7 +29,7 @@ class Point(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class PictureShape:
     """A triangle mesh fixed to a body, or a rod that grows from a body to another.
 
     Attributes:
@@ -52,7 +52,7 @@ class Shape:
     faces: Index
     colour: str
     own_colour: str | None = None
-    ends: tuple[Point, Point] | None = None
+    ends: tuple[BodyPoint, BodyPoint] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Picture:
         notes: Shapes of the files that could not be drawn, one line each.
     """
 
-    shapes: tuple[Shape, ...]
+    shapes: tuple[PictureShape, ...]
     corners: Array
     notes: tuple[str, ...] = ()
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..spatial import Array, compose, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
-from .picture import Picture, Point, Shape
+from .picture import BodyPoint, Picture, PictureShape
 
 
 class Placement(NamedTuple):
@@ -22,7 +22,7 @@ class Placement(NamedTuple):
     R: Array
     p: Array
 
-    def at(self, point: Point) -> Array:
+    def at(self, point: BodyPoint) -> Array:
         """Compute the position of a point in the world, shape (3,), [m]."""
         return np.asarray(self.p[point.body] + self.R[point.body] @ point.at)
 
@@ -31,7 +31,7 @@ class Placement(NamedTuple):
         R = self.R[body]
         return Placement(R.T @ self.R, (self.p - self.p[body]) @ R)
 
-    def of(self, shape: Shape) -> Array:
+    def of(self, shape: PictureShape) -> Array:
         """Compute the corners of a shape in the world, shape (V, 3), [m]."""
         corners = shape.vertices
         if shape.ends is not None:

@@ -13,7 +13,7 @@ MOST = 6000
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class ShownMotion:
     """A motion.
 
     Attributes:

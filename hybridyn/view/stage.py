@@ -13,27 +13,27 @@ import numpy as np
 from ..colours import rgb
 from ..spatial import Array, quaternion_from_rotation
 from ..structure.robot import HybridRobot
-from .picture import Picture, Point, Role, Shape
+from .picture import BodyPoint, Picture, PictureShape, Role
 from .placing import Placement, along
 
 
-class Stage:
+class PageStage:
     """The scene of a page."""
 
     def __init__(self, server: Any, robot: HybridRobot, picture: Picture) -> None:
         self._scene, self._robot = server.scene, robot
         self._frames: dict[tuple[int, int], Any] = {}
-        self._growing: list[tuple[Any, tuple[Point, Point]]] = []
-        self._nodes: list[tuple[Any, Shape]] = []
+        self._growing: list[tuple[Any, tuple[BodyPoint, BodyPoint]]] = []
+        self._nodes: list[tuple[Any, PictureShape]] = []
         self._names = {body.joint + 1: body.name for body in robot.bodies.bodies}
-        groups: dict[object, list[Shape]] = {}
+        groups: dict[object, list[PictureShape]] = {}
         for shape in picture.shapes:
             alike = shape.module, shape.body, shape.role, shape.colour, shape.own_colour
             groups.setdefault(id(shape) if shape.ends else alike, []).append(shape)
         for shapes in groups.values():
             self._add(shapes)
 
-    def _add(self, shapes: list[Shape]) -> None:
+    def _add(self, shapes: list[PictureShape]) -> None:
         """Add shapes of one module, body, role and colour as one mesh in the frame of their body."""
         first = shapes[0]
         counts = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
@@ -49,7 +49,7 @@ class Stage:
         if first.ends is not None:
             self._growing.append((node, first.ends))
 
-    def _frame(self, shape: Shape) -> str:
+    def _frame(self, shape: PictureShape) -> str:
         """Return the path of a body's frame among the shapes of a module; add the frame if it is missing."""
         module, body = shape.module, shape.body
         part = "ground" if module < 0 else f"{module + 1} {_clean(self._robot.modules[module].name)}"

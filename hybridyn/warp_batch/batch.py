@@ -21,7 +21,7 @@ from .drawing import Draw
 from .fallback import Fallback, General
 from .functions import Functions, InWarp, in_warp, wp
 from .maps import BatchMap
-from .models import LAWS, Models
+from .native_models import LAWS, NativeModels
 
 
 class Batch:
@@ -48,7 +48,7 @@ class Batch:
         self.dtype, self.device = dtype, device
         self._designs = DesignsInSlots(robot, parameters)
         self._arrays = Arrays(device, dtype)
-        self._models = Models(robot, effects, parameters.slots, dtype)
+        self._models = NativeModels(robot, effects, parameters.slots, dtype)
         self._general = General(robot, effects, self._designs, dtype)
         self._made: dict[str, InWarp] = {}
         self._counters = defaultdict[str, Any](partial(self._arrays.empty, 1, number=wp.int32))

@@ -25,7 +25,7 @@ from ..simulation.simulate import simulate
 from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
 from .functions import Native
-from .models import LAWS
+from .native_models import LAWS
 
 #: Computes some samples by the general path: numbers of the samples and all inputs, to rows of the outputs.
 Fallback = Callable[[Index, dict[str, Array]], Sequence[Array]]

@@ -10,7 +10,7 @@ import pytest
 import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.conversion.convert import write
-from hybridyn.conversion.request import Losses, Request
+from hybridyn.conversion.request import ConversionRequest, Losses
 from tests.aims import Aim, Array, random_aims
 from tests.as_written import WRITTEN
 from tests.extras import needs
@@ -34,7 +34,7 @@ class Sites:
 
     def __init__(self, robot: HybridRobot, links: set[str]) -> None:
         description = replace(robot.description, closures=(), couplings=())  # states are closed
-        out = write(Request(description, Path("robot.xml")), Losses())
+        out = write(ConversionRequest(description, Path("robot.xml")), Losses())
         spec = mujoco.MjSpec.from_string(out.text)
         root = spec.body(description.root)
         if robot.base != "fixed":

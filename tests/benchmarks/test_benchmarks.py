@@ -41,8 +41,8 @@ from benchmarks.simulation import MOTIONS, start
 from benchmarks.singular import APPROACHES, load
 from benchmarks.timing import in_own_process, interleaved
 from hybridyn.compiled.programs.whole_robot import programs
-from hybridyn.studies.compare.engine import NotComparableError
 from hybridyn.studies.compare.engines import mujoco_engine
+from hybridyn.studies.compare.peer_engine import NotComparableError
 from hybridyn.studies.cost.points import pareto_front
 from tests import ROOT
 from tests.clocks import Clock

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-import hybridyn.cli.common.engine as engine
+import hybridyn.cli.common.engine_choice as engine
 import hybridyn.compiled.programs.closing.assembling as assembling
 import hybridyn.streams.one_pass as blocks
 from hybridyn.description.shipped import shipped_robots

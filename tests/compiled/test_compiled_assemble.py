@@ -14,7 +14,7 @@ from hybridyn.compiled.equations.expressions import Folding, pack, unpack
 from hybridyn.compiled.programs.closing import libraries
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.extended import extended
-from hybridyn.compiled.programs.closing.given import Coordinates, Given
+from hybridyn.compiled.programs.closing.given import Given, GivenCoordinates
 from hybridyn.compiled.programs.closing.kernels import Unknowns
 from hybridyn.compiled.programs.closing.rows import rows_at
 from hybridyn.linkage import targets
@@ -113,7 +113,7 @@ def test_rows_of_coordinates_are_those_of_the_general_path() -> None:
     target = CoordinateTarget(
         number, (link, module.base), targets.COORDINATES, R, p, place, zero, zero, zero, units
     )
-    given = Given((), (), (), (Coordinates.of(target),))
+    given = Given((), (), (), (GivenCoordinates.of(target),))
     loops = Unknowns([module], given, (), (robot.bodies.place,) * 2).loops
     x = ca.SX.sym("x", tree.nq + 6)
     folding = Folding()

@@ -14,7 +14,7 @@ from hybridyn.compiled.derivatives import Derivatives, ddm_jacobian, idm_jacobia
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Constants, Shared
 from hybridyn.compiled.programs.derivatives.motor_motion import brackets
-from hybridyn.compiled.programs.derivatives.sweeps import Graph, Node, Sweep
+from hybridyn.compiled.programs.derivatives.sweeps import ProgramGraph, StageNode, Sweep
 from hybridyn.compiled.programs.writer import Writer
 from hybridyn.description.records import Description
 from hybridyn.joints.kinds import JointKind
@@ -187,8 +187,8 @@ def test_only_numbers_that_results_need_get_derivatives() -> None:
     """The second output and the entry that it alone reads are left out, forwards and back."""
     x, w = ca.SX.sym("x", 3), Writer("derivatives", [], [])
     function = ca.Function("f", [x], [ca.vertcat(x[0] * x[1], ca.sin(x[2]) * x[1])])
-    node = Node("node", function, 1, (Shared(0, 3),), (Shared(3, 2),))
-    graph = Graph.between([node], [Shared(0, 3)], [Shared(3, 1)])
+    node = StageNode("node", function, 1, (Shared(0, 3),), (Shared(3, 2),))
+    graph = ProgramGraph.between([node], [Shared(0, 3)], [Shared(3, 1)])
     assert graph.needed == {("shared", k) for k in (0, 1, 3)}
     for back, seeded, wanted in ((False, Shared(0, 3), {3}), (True, Shared(3, 2), {0, 1})):
         sweep, n = Sweep(w, 3), seeded.size

@@ -19,7 +19,7 @@ from hybridyn.compiled.equations.expressions import dot, numbers, pack, plain
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import load
-from hybridyn.compiled.program import Call, Given, Kernel, Program, Result, Worst
+from hybridyn.compiled.program import Call, GivenPlace, Kernel, Program, ResultPlace, Worst
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
@@ -130,7 +130,8 @@ def rooted(first: int) -> Program:
     x = ca.SX.sym("x", 1)
     kernel = Kernel("root", ca.Function("root", [x], [1.0 + 0.0 * x * x, ca.sqrt(x)]), "module")
     calls = tuple(
-        Call(0, 1, (Given(np.array([[k]])),), (Result(np.array([[k]])), Worst())) for k in (first, 1 - first)
+        Call(0, 1, (GivenPlace(np.array([[k]])),), (ResultPlace(np.array([[k]])), Worst()))
+        for k in (first, 1 - first)
     )
     return Program(f"rooted_{first}", (("x", 2),), (("one", 2),), (kernel,), calls, 0, 0)
 

@@ -14,9 +14,9 @@ from hybridyn.compiled.library.steps import Steps, Taken
 from hybridyn.compiled.programs.control import closing_of_motors
 from hybridyn.effects import Limits
 from hybridyn.scenes import controllers
-from hybridyn.scenes.references import MotorAxes, Point, Reference, follow_motion, from_points
+from hybridyn.scenes.references import MotorAxes, Reference, RestPosture, follow_motion, from_points
 from hybridyn.simulation import stepping
-from hybridyn.simulation.result import Result
+from hybridyn.simulation.result import SimulationResult
 from hybridyn.simulation.runge_kutta import RK4, Explicit
 from tests.comparing import close_to, refused, same_bits
 
@@ -27,7 +27,7 @@ LIMIT = 1e3  # above what the five-bar needs [N m], as in test_compiled_steps.py
 BOUND = 3.0  # clips some efforts [N m]
 FIXED: dict[str, Any] = {"method": "rk4", "step": 1e-3}
 ADAPTIVE: dict[str, Any] = {"method": "dopri5", "rtol": 1e-8, "atol": 1e-10}
-Run = Callable[..., Result]
+Run = Callable[..., SimulationResult]
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,11 @@ def model() -> hybridyn.CompiledRobot:
 @pytest.fixture(scope="module")
 def reference(model: hybridyn.CompiledRobot) -> Reference:
     left, right = model.robot.motors
-    points = [Point(0.0, {}, {}), Point(0.05, {left: 0.3}, {}), Point(0.08, {left: 0.1, right: -0.2}, {})]
+    points = [
+        RestPosture(0.0, {}, {}),
+        RestPosture(0.05, {left: 0.3}, {}),
+        RestPosture(0.08, {left: 0.1, right: -0.2}, {}),
+    ]
     return from_points(model.robot, points, model.robot.home)
 
 
@@ -57,7 +61,7 @@ def laws(model: hybridyn.CompiledRobot, reference: Reference) -> dict[str, Any]:
 def flown(model: hybridyn.CompiledRobot) -> Run:
     """A run from rest beside the reference."""
 
-    def fly(law: Any, end: float = 0.1, **options: Any) -> Result:
+    def fly(law: Any, end: float = 0.1, **options: Any) -> SimulationResult:
         robot = model.robot
         q, v, _ = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, 0.05))
         options = FIXED | options
@@ -68,7 +72,7 @@ def flown(model: hybridyn.CompiledRobot) -> Run:
     return fly
 
 
-def levels(run: Result) -> tuple[np.ndarray, ...]:
+def levels(run: SimulationResult) -> tuple[np.ndarray, ...]:
     """Return what a run computes at its times."""
     return run.t, run.q, run.v, run.a, run.tau, run.pivot
 
@@ -160,7 +164,7 @@ def test_wrong_efforts_of_a_law_in_python_are_refused(flown: Run, wrong: np.ndar
 
 def test_a_law_in_python_may_keep_what_it_receives_and_may_simulate(flown: Run) -> None:
     kept: list[tuple[np.ndarray, np.ndarray]] = []
-    inner: list[Result] = []
+    inner: list[SimulationResult] = []
 
     def law(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         if len(kept) == 11:
@@ -195,7 +199,7 @@ def test_computed_torque_with_free_joints_is_that_in_python(options: dict[str, A
     q, v, _ = hybridyn.assemble(robot, motors=x)
     if robot.base == "floating":
         v[:, :6] = np.linspace(-1.0, 1.0, 42).reshape(7, 6)
-    points = [Point(0.0, {}, {}), Point(0.3, {LEFT: 0.01}, {})]
+    points = [RestPosture(0.0, {}, {}), RestPosture(0.3, {LEFT: 0.01}, {})]
     law = controllers.ComputedTorque(robot, from_points(robot, points, robot.home), 900.0, 60.0)
     ours = model.library.steps.efforts(law.in_c(model), t, q, v)
     theirs = np.array([law(*state) for state in zip(t, q, v, strict=True)])

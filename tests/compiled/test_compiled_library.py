@@ -14,7 +14,7 @@ from hybridyn.compiled.code import drivers
 from hybridyn.compiled.code.rules import check
 from hybridyn.compiled.library.calls import BLOCK, Library, load
 from hybridyn.compiled.library.direct_calls import REFUSED
-from hybridyn.compiled.program import Add, Given, Own, Result, Shared
+from hybridyn.compiled.program import Add, GivenPlace, Own, ResultPlace, Shared
 from hybridyn.compiled.programs.whole_robot import function_of
 from tests import ROOT
 from tests.comparing import refused, same_bits
@@ -173,13 +173,15 @@ def test_programs_that_would_mean_two_things_are_refused() -> None:
         (lambda: check(dataclasses.replace(moved, own=program.own + 3)), "otherwise than they were written"),
         (lambda: check(dataclasses.replace(program, steps=program.steps[:-1])), "never written"),
         (
-            lambda: check(_with(program, 3, sources=(Given(np.zeros((6, 2), dtype=int)), *legs.sources[1:]))),
+            lambda: check(
+                _with(program, 3, sources=(GivenPlace(np.zeros((6, 2), dtype=int)), *legs.sources[1:]))
+            ),
             "not of shape",
         ),
         (lambda: check(dataclasses.replace(program, steps=program.steps[1:])), "not written"),
         (
             lambda: check(
-                _with(program, 4, sources=(Result(np.array([[0, 1]])), *program.steps[4].sources[1:]))
+                _with(program, 4, sources=(ResultPlace(np.array([[0, 1]])), *program.steps[4].sources[1:]))
             ),
             "reads a result that was not written",
         ),

@@ -10,7 +10,7 @@ import pytest
 from hybridyn.compiled.code.graph import graph_of
 from hybridyn.compiled.code.kernels import fused, kernel_text
 from hybridyn.compiled.library.calls import Library, load
-from hybridyn.compiled.program import Call, Given, Kernel, Program, Result
+from hybridyn.compiled.program import Call, GivenPlace, Kernel, Program, ResultPlace
 from tests.comparing import refused
 from tests.compiled_toys import single, toy
 
@@ -25,9 +25,10 @@ def one_kernel(name: str, columns: list[ca.SX], outputs: list[ca.SX]) -> Program
     function = ca.Function(name, columns, [ca.vertcat(*outputs)])
     starts = np.cumsum([0] + [x.numel() for x in columns])
     sources = tuple(
-        Given(np.arange(start, start + x.numel())[None]) for start, x in zip(starts, columns, strict=False)
+        GivenPlace(np.arange(start, start + x.numel())[None])
+        for start, x in zip(starts, columns, strict=False)
     )
-    call = Call(0, 1, sources, (Result(np.arange(len(outputs))[None]),))
+    call = Call(0, 1, sources, (ResultPlace(np.arange(len(outputs))[None]),))
     ins = tuple((f"x{i}", x.numel()) for i, x in enumerate(columns))
     return Program(name, ins, (("y", len(outputs)),), (Kernel(name, function, name),), (call,), 0, 0)
 

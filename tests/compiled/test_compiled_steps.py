@@ -11,7 +11,7 @@ from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.effects import Limits
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation import stepping
-from hybridyn.simulation.result import Result
+from hybridyn.simulation.result import SimulationResult
 from hybridyn.structure.building import build_robot
 from tests.comparing import close_to, same_bits
 from tests.mechanisms import KINDS, random_mechanism
@@ -86,7 +86,9 @@ def pushed(model: hybridyn.CompiledRobot, seed: int = 3) -> tuple[np.ndarray, np
     return q, v, np.full(len(model.robot.motors), tau) * 1.1
 
 
-def flown(model: hybridyn.CompiledRobot, compiled: bool = True, end: float = 0.02, **options: Any) -> Result:
+def flown(
+    model: hybridyn.CompiledRobot, compiled: bool = True, end: float = 0.02, **options: Any
+) -> SimulationResult:
     q, v, tau = pushed(model)
     given = FRAME | {"effort": tau, "effects": model.effects} | options
     return hybridyn.simulate(model.robot, q, v, (0, end), compiled=model if compiled else None, **given)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from hybridyn.description import Description
-from hybridyn.description.loop_signs import Bodies
+from hybridyn.description.loop_signs import WeldedBodies
 from hybridyn.structure.building import build_robot
 
 ONE_FREEDOM = ("revolute", "prismatic")
@@ -54,7 +54,7 @@ def _on_joints(d: Description, draw: np.random.Generator) -> Tables:
 
 def _on_links(d: Description, draw: np.random.Generator) -> Tables:
     """Draw effects on links; weights of those that move."""
-    place, body = build_robot(d).bodies.place, Bodies(d).of
+    place, body = build_robot(d).bodies.place, WeldedBodies(d).of
     links = [link.name for link in d.links if link.name in place]
     heavy = [link.name for link in d.links if link.mass and body[link.name] != d.root and link.name in place]
     lines = {"rope": draw.choice(links, 3).tolist(), links[-1]: [d.root, links[-1]]}  # named as a link

@@ -17,7 +17,7 @@ import pinocchio as pin
 from hybridyn import HybridRobot, assemble, ddm, idm, mass_matrix
 from hybridyn.assembly.task import closure_residual
 from hybridyn.conversion.convert import MODEL, file_beside, write
-from hybridyn.conversion.request import Losses, Request, Written
+from hybridyn.conversion.request import ConversionRequest, Losses, Written
 from hybridyn.description import Closure, Description, read
 from hybridyn.errors import HybridynError
 from hybridyn.structure.building import build_robot
@@ -77,7 +77,7 @@ def needs_reader(file: Path) -> None:
 
 def written(description: Description, target: Path) -> Written:
     """Write a robot, and the files beside it."""
-    out = write(Request(description, target), Losses())
+    out = write(ConversionRequest(description, target), Losses())
     target.write_text(out.text)
     for ending, text in out.beside.items():
         file_beside(target, ending).write_text(text)

@@ -10,7 +10,7 @@ import pytest
 
 from hybridyn import HybridRobot, ddm, idm
 from hybridyn.conversion.convert import write
-from hybridyn.conversion.request import Losses, Request
+from hybridyn.conversion.request import ConversionRequest, Losses
 from hybridyn.description import Closure, Description, Joint, Link, read
 from hybridyn.description.placement import placement_from
 from hybridyn.description.shipped import find_robot
@@ -47,7 +47,7 @@ class Model:
 
     def __init__(self, description: Description, tightness: float = 1e-4) -> None:
         target = Path("robot.xml")
-        self.out = write(Request(description, target, tightness=tightness), Losses())
+        self.out = write(ConversionRequest(description, target, tightness=tightness), Losses())
         self.robot = build_robot(description)
         self.model = mujoco.MjModel.from_xml_string(self.out.text)
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE

@@ -9,7 +9,7 @@ from lxml import etree
 
 import hybridyn
 from hybridyn.conversion.convert import write
-from hybridyn.conversion.request import Losses, Request
+from hybridyn.conversion.request import ConversionRequest, Losses
 from hybridyn.description import Closure, Description, Joint, Link, read
 from hybridyn.description.closure_forms import FORMS
 from hybridyn.description.placement import inverse, placement_from, poses_at
@@ -72,7 +72,7 @@ def test_shapes_are_visuals(tmp_path: Path) -> None:
         Shape("hand", "cylinder", np.eye(4), (0.5, 2.0)), Shape("base", "sphere", np.eye(4), (0.5,)),
         Shape("upper", "mesh", np.eye(4), (1.0, 1.0, 2.0), "part.stl"),
     )  # fmt: skip
-    text = write(Request(arm(), tmp_path / "arm.sdf", shapes), Losses()).text
+    text = write(ConversionRequest(arm(), tmp_path / "arm.sdf", shapes), Losses()).text
     root = etree.fromstring(text.encode())
     found = {
         visual.get("name"): "".join(visual.find("geometry").itertext()).split()

@@ -20,7 +20,7 @@ needs("usd")
 from pxr import Gf, Usd, UsdGeom, UsdPhysics  # noqa: E402
 
 from hybridyn.description.usd.joints import read_joints  # noqa: E402
-from hybridyn.description.usd.stage import Stage  # noqa: E402
+from hybridyn.description.usd.stage import UsdStage  # noqa: E402
 from hybridyn.description.usd.usd import open_stage  # noqa: E402
 
 #: usd-core computes in single precision.
@@ -43,9 +43,9 @@ def parsed(file: Path) -> dict[str, object]:
     }
 
 
-def stage_of(file: Path) -> Stage:
+def stage_of(file: Path) -> UsdStage:
     folders = RobotFolders(str(file), [], [])
-    return Stage(open_stage(str(file), folders), str(file))
+    return UsdStage(open_stage(str(file), folders), str(file))
 
 
 def of_quaternion(q: Gf.Quatf) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hybridyn.conversion.request import Losses, allowed
-from hybridyn.conversion.usd import End, Prim, add_body, add_closure, start_joint, valid_name
+from hybridyn.conversion.usd import End, UsdPrim, add_body, add_closure, start_joint, valid_name
 from hybridyn.description import Description, read
 from hybridyn.description.placement import placement_from, poses_at, rotation_from_rpy, rotation_to_axis
 from tests.conversion.judge import SINGLE, same_robot, states
@@ -43,7 +43,7 @@ def scrambled(d: Description, seed: int) -> str:
     draw = np.random.default_rng(seed)
     frames = {link.name: np.eye(4) if link.name == d.root else random_frame(draw) for link in d.links}
     back = {name: np.linalg.inv(frame) for name, frame in frames.items()}
-    poses, top = poses_at(d, d.home), Prim("", "", "")
+    poses, top = poses_at(d, d.home), UsdPrim("", "", "")
     robot = top.child("Xform", d.name)
     bodies = {}
     for link in d.links:

@@ -15,7 +15,7 @@ from hybridyn.description import read
 from hybridyn.errors import TrajectoryError, install_advice
 from hybridyn.figures.as_matplotlib import figure_of_chart
 from hybridyn.figures.motion import chart_of_rows, extremes
-from hybridyn.figures.panels import Chart, Panel
+from hybridyn.figures.panels import Panel, PanelFigure
 from hybridyn.figures.reports import chart_of_report
 from hybridyn.figures.workspace import figure_of_workspace
 from tests import ROOT
@@ -147,7 +147,7 @@ def test_bars_are_the_numbers_of_the_report() -> None:
     refused(lambda: chart_of_report([{"setting": "x"}]), TrajectoryError, "neither loads of motors")
 
 
-def chart(robot: hybridyn.HybridRobot, tau: np.ndarray) -> Chart:
+def chart(robot: hybridyn.HybridRobot, tau: np.ndarray) -> PanelFigure:
     columns = [f"{motor}/effort" for motor in robot.motors]
     return chart_of_rows(columns, np.linspace(0, 1, len(tau)), tau, robot=robot)
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.scenes.stage import Stage, stage
-from hybridyn.simulation.result import Result
+from hybridyn.scenes.stage import SceneStage, stage
+from hybridyn.simulation.result import SimulationResult
 from tests import ROOT
 from tests.hard.benchmark_references import (
     ANDREWS,
@@ -48,7 +48,7 @@ ALIKE = 1e-11  # loops of a row: no error of a step tells them apart, only closi
 long_run = pytest.mark.slow
 
 
-def run(ready: Stage, duration: float, **options: object) -> Result:
+def run(ready: SceneStage, duration: float, **options: object) -> SimulationResult:
     """Simulate a scene from its start on; options replace those of its solver."""
     solver = ready.source.scene.solver
     chosen = {"method": solver.method, "rtol": solver.rtol, "atol": solver.atol, **options}
@@ -68,7 +68,7 @@ def added_up(duration: float) -> float:
     return ADDED_UP[duration > 2]
 
 
-def claim_run(claim: Claim, case: str, result: Result, rtol: float | None) -> None:
+def claim_run(claim: Claim, case: str, result: SimulationResult, rtol: float | None) -> None:
     """Claim what every run must hold: it ends, loops are closed, energy stays where nothing takes it."""
     assert result.status == "finished", result.message
     claim(case, "closure residual", result.residual.max(), CLOSED)

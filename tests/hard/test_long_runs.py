@@ -5,7 +5,7 @@ import pytest
 
 import hybridyn
 from hybridyn.effects import Spring
-from hybridyn.simulation.result import Result
+from hybridyn.simulation.result import SimulationResult
 from tests.hard.claims import Claim
 from tests.posing import position
 
@@ -25,7 +25,9 @@ def on_springs(robot: hybridyn.HybridRobot, away: float = 0.0) -> list[object]:
     return ["default", Spring(dict.fromkeys(robot.motors, STIFFNESS), rest)]
 
 
-def judged(claim: Claim, case: str, robot: hybridyn.HybridRobot, result: Result, drift: float) -> None:
+def judged(
+    claim: Claim, case: str, robot: hybridyn.HybridRobot, result: SimulationResult, drift: float
+) -> None:
     """Hold a run to its claims."""
     assert result.status == "finished", result.message
     change = np.abs(result.energy - result.energy[0]).max() / result.kinetic.max()

@@ -14,7 +14,7 @@ from hybridyn.identification.base_parameters import base_parameters
 from hybridyn.identification.estimators import estimate
 from hybridyn.identification.logs import read_log
 from hybridyn.identification.possible import Possible, consistent, pseudo_inertia
-from hybridyn.identification.rows import Source
+from hybridyn.identification.rows import LogSource
 from hybridyn.identification.sought import linear_model
 from tests.extras import needs
 from tests.identification.logs import PERIOD, Case, Table, case
@@ -75,7 +75,7 @@ def test_impossible_wishes_are_refused(words: dict[str, Any], says: str) -> None
 def rows(of: Case) -> np.ndarray:
     """Return Y of the base parameters, shape (T, motors, rank)."""
     base = base_parameters(of.robot, effects="model", symmetric=True)
-    source = Source(of.robot, linear_model(base), None, every=2)
+    source = LogSource(of.robot, linear_model(base), None, every=2)
     return source.rows(read_log(of.robot, of.log(rates=True))).Y
 
 

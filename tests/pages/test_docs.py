@@ -16,7 +16,7 @@ from hybridyn.description import Description
 from hybridyn.description.side_cars.tables import EFFECTS
 from hybridyn.scenes import scene_file as scenes
 from hybridyn.scenes.stage import play, stage
-from hybridyn.studies.cost.points import Point
+from hybridyn.studies.cost.points import CostPoint
 from hybridyn.studies.sweep.evaluation import STATUSES
 from hybridyn.studies.sweep.measures import OF_MOTORS, OF_WORKSPACE, STATISTICS
 from hybridyn.studies.sweep.reading import FIXED_COLUMNS
@@ -180,7 +180,7 @@ NAMED: dict[str, tuple[set[str], tuple[str, ...]]] = {
     "sweeps.md": (
         {*OF_SWEEPS, *OF_MOTORS, *OF_WORKSPACE, *STATISTICS, *STATUSES, *FIXED_COLUMNS}, ("`", "designs."),
     ),
-    "cost.md": ({f"{column.name}`" for column in fields(Point)}, ("`",)),
+    "cost.md": ({f"{column.name}`" for column in fields(CostPoint)}, ("`",)),
 }  # fmt: skip
 
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.scenes.stage import Stage, play, stage
-from hybridyn.simulation.result import Result
+from hybridyn.scenes.stage import SceneStage, play, stage
+from hybridyn.simulation.result import SimulationResult
 from tests.robot_texts import door, save
 from tests.samples import fuzz, slow
 from tests.waiting import outcome
@@ -78,7 +78,7 @@ def scene(number: int) -> str:
     return text
 
 
-def begin(ready: Stage) -> Result:
+def begin(ready: SceneStage) -> SimulationResult:
     """Play a scene's first steps."""
     steps: list[float] = []
 
@@ -90,7 +90,7 @@ def begin(ready: Stage) -> Result:
     return play(ready, progress=progress)
 
 
-def ran_finite(case: str, run: Callable[[], Result], named: str = "") -> bool:
+def ran_finite(case: str, run: Callable[[], SimulationResult], named: str = "") -> bool:
     """Run a scene; say whether it was not refused, in words that hold a name. Its numbers must be finite."""
     result, said = outcome(case, run)
     if result is None:
@@ -105,7 +105,7 @@ def played(
     folder: Path,
     numbers: range,
     scene: Callable[[int], str],
-    run: Callable[[Stage], Result] = play,
+    run: Callable[[SceneStage], SimulationResult] = play,
     named: str = "",
 ) -> int:
     """Play scenes; return how many were not refused."""
@@ -160,7 +160,7 @@ def test_changed_bytes_of_a_state_file(seed: int, count: int, tmp_path: Path) ->
         )
         state.write_bytes(changed)
         case = f"seed {seed}, case {number}"
-        found, _ = outcome(case, lambda: Result.load(state))
+        found, _ = outcome(case, lambda: SimulationResult.load(state))
         if found is None:
             refused += 1
             continue

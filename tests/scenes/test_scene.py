@@ -10,7 +10,7 @@ import hybridyn
 from hybridyn.effects.choice import UNITS
 from hybridyn.scenes.effects import units
 from hybridyn.scenes.scene_file import SceneFile, read_scene
-from hybridyn.scenes.stage import Stage, identity, play, stage
+from hybridyn.scenes.stage import SceneStage, identity, play, stage
 from hybridyn.simulation.simulate import NUMBER_BYTES, ROW_BYTES
 from hybridyn.simulation.table import columns_of, rows_of
 from tests import ROOT
@@ -202,7 +202,7 @@ def test_a_prescribed_motion_takes_the_inverse_models_efforts(tmp_path: Path) ->
     refused(lambda: play(ready, resume=result), hybridyn.HybridynError, "nothing to resume")
 
 
-def to_point(folder: Path, samples: int) -> Stage:
+def to_point(folder: Path, samples: int) -> SceneStage:
     """Return a prescribed motion with so many samples."""
     text = "[motion]\npoints = [{ time = 0.2, joints = { m1_left_drive = 0.3 } }]\n[output]\n"
     return stage(written(folder, f"{text}rate = {samples / 0.2!r}\n"))

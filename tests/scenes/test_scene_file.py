@@ -12,7 +12,7 @@ import hybridyn
 from hybridyn.description.side_cars.toml_file import line_of
 from hybridyn.errors import HybridynError, ModelError, TrajectoryError
 from hybridyn.scenes import controllers
-from hybridyn.scenes.references import MotorAxes, Point, Reference, from_points, from_table
+from hybridyn.scenes.references import MotorAxes, Reference, RestPosture, from_points, from_table
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.scenes.stage import stage
 from tests import ROOT
@@ -158,7 +158,9 @@ def state(robot) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def reference(robot) -> Reference:
-    return from_points(robot, [Point(0.0, {}, {}), Point(0.5, {"m1_left_drive": 0.3}, {})], robot.home)
+    return from_points(
+        robot, [RestPosture(0.0, {}, {}), RestPosture(0.5, {"m1_left_drive": 0.3}, {})], robot.home
+    )
 
 
 def test_from_rest_to_rest(robot, reference) -> None:
@@ -175,7 +177,7 @@ def test_from_rest_to_rest(robot, reference) -> None:
 
 
 def test_a_first_point_that_is_later_starts_where_the_robot_is(robot, state) -> None:
-    found = from_points(robot, [Point(1.0, {"m1_left_drive": 0.3}, {})], state[0])
+    found = from_points(robot, [RestPosture(1.0, {"m1_left_drive": 0.3}, {})], state[0])
     assert found.at(0.0)[0] == pytest.approx([0.2, -0.1], abs=ROUNDING)
     assert found.at(1.0)[0] == pytest.approx([0.3, -0.1], abs=ROUNDING)
 
@@ -210,7 +212,7 @@ def test_a_start_by_an_orientation_in_the_world(tmp_path: Path) -> None:
 def test_points_by_platforms_reach_the_platform(robot) -> None:
     home = hybridyn.kinematics(robot, robot.home, np.zeros(4), np.zeros(4))["m1_tool"].pose
     goal = {"x": float(home[0]) + 0.05, "z": float(home[2]) - 0.03}
-    x = from_points(robot, [Point(0.4, {}, {"m1_tool": (goal,)})], robot.home).at(0.4)[0]
+    x = from_points(robot, [RestPosture(0.4, {}, {"m1_tool": (goal,)})], robot.home).at(0.4)[0]
     q, v, a = hybridyn.assemble(robot, motors=dict(zip(robot.motors, x, strict=True)))
     pose = hybridyn.kinematics(robot, q, v, a)["m1_tool"].pose
     assert [pose[0], pose[2]] == pytest.approx([goal["x"], goal["z"]], abs=SOLVED)
@@ -235,7 +237,7 @@ def test_endless_motors_take_the_short_way_round(tmp_path: Path) -> None:
     axes = MotorAxes.of(wheel)
     assert axes.positions(q) == pytest.approx([3.0])
     assert axes.error(np.array([-3.0]), q) == pytest.approx([2 * np.pi - 6.0])
-    x = from_points(wheel, [Point(1.0, {"hub": -3.0}, {})], q).at(1.0)[0]
+    x = from_points(wheel, [RestPosture(1.0, {"hub": -3.0}, {})], q).at(1.0)[0]
     assert x == pytest.approx([2 * np.pi - 3.0])
     law = controllers.Pd(
         wheel, Reference(np.zeros(1), np.full((3, 1, 1), -3.0) * [[[1]], [[0]], [[0]]], True, q), 2.0, 0.0

@@ -14,7 +14,7 @@ import pytest
 import hybridyn
 from hybridyn.cli import main
 from hybridyn.scenes.stage import stage
-from hybridyn.simulation.result import Result
+from hybridyn.simulation.result import SimulationResult
 from hybridyn.simulation.run import BLOCK
 from tests.command_line import ROOT
 from tests.comparing import refused
@@ -179,7 +179,7 @@ def test_a_state_file_that_is_not_as_it_was_written_is_refused(
 @pytest.mark.parametrize(("t", "text"), [(np.nan, "no run can continue"), (-5.0, "before the start")])
 def test_a_time_that_makes_no_sense_is_refused(run, stopped: tuple[Path, Path], t: float, text: str) -> None:
     state = Path(f"{stopped[1]}.state")
-    result = Result.load(state)
+    result = SimulationResult.load(state)
     replace(result, state=replace(result.state, t=t)).save(state)
     not_resumed(run, stopped, text)
 
@@ -187,7 +187,7 @@ def test_a_time_that_makes_no_sense_is_refused(run, stopped: tuple[Path, Path], 
 def test_a_state_of_a_robot_with_other_numbers_is_refused(stopped: tuple[Path, Path]) -> None:
     ready = stage(stopped[0])
     other = hybridyn.load("five_bar", gravity=(0, 0, -1.62))
-    result = Result.load(f"{stopped[1]}.state")
+    result = SimulationResult.load(f"{stopped[1]}.state")
     assert (result.origin.robot, len(result.origin.digest), len(result.origin.scene)) == ("five_bar", 64, 64)
     for robot, words in ((other, "with other numbers"), (ready.robot, "is of a scene")):
         again = partial(hybridyn.simulate, robot, None, None, (0, 2), resume=result, effort=ready.effort)
@@ -199,13 +199,13 @@ def test_a_checkpoint_of_a_killed_run_knows_its_scene(
 ) -> None:
     monkeypatch.setattr("hybridyn.simulation.run.CHECKPOINT_STEPS", 2)
     saved: list[str] = []
-    save = Result.save
+    save = SimulationResult.save
 
-    def watch(self: Result, path: str) -> None:
+    def watch(self: SimulationResult, path: str) -> None:
         save(self, path)
-        saved.append(Result.load(path).origin.scene)
+        saved.append(SimulationResult.load(path).origin.scene)
 
-    monkeypatch.setattr(Result, "save", watch)
+    monkeypatch.setattr(SimulationResult, "save", watch)
     run("simulate", written(tmp_path, "", SCENE.replace("2.0", "0.05")), "-o", tmp_path / "run.csv", "-q")
     assert len(saved) > 1
     assert len(saved[0]) == 64
@@ -270,7 +270,7 @@ def test_a_full_disk_leaves_no_part_of_a_state(
     stopped: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     state = Path(f"{stopped[1]}.state")
-    result, before = Result.load(state), state.read_bytes()
+    result, before = SimulationResult.load(state), state.read_bytes()
 
     def full(file: object, **_: object) -> None:
         file.write(b"half")  # type: ignore[attr-defined]

@@ -37,12 +37,12 @@ def swinging(name: str) -> tuple[Swing, list[object] | None]:
     return of, springs(of[0]) if name == "gough_stewart" else None
 
 
-def drift(result: hybridyn.simulation.result.Result) -> float:
+def drift(result: hybridyn.simulation.result.SimulationResult) -> float:
     """Return the worst change of energy over the peak kinetic energy."""
     return float(np.abs(result.energy - result.energy[0]).max() / result.kinetic.max())
 
 
-def swung(name: str, method: str, steps: int) -> hybridyn.simulation.result.Result:
+def swung(name: str, method: str, steps: int) -> hybridyn.simulation.result.SimulationResult:
     (robot, q, v), effects = swinging(name)
     times = STEP * np.arange(0, steps + 1, 10)
     return simulate(robot, q, v, times, method=method, step=STEP, effects=effects)

@@ -13,7 +13,7 @@ from hybridyn.assembly.task import closure_residual
 from hybridyn.effects import Damper, Spring
 from hybridyn.errors import AssemblyError
 from hybridyn.simulation.conserving import Conserving
-from hybridyn.simulation.result import Result
+from hybridyn.simulation.result import SimulationResult
 from hybridyn.simulation.runge_kutta import DOPRI5, RK4, Implicit
 from hybridyn.simulation.system import State, System
 from hybridyn.structure.building import build_robot
@@ -111,7 +111,7 @@ ENERGY = 1e-8  # of what is exchanged: a step's error is its fifth power
 
 def moved(
     case: Case, state: tuple[np.ndarray, ...], robot: HybridRobot, steps: int, **options: object
-) -> Result:
+) -> SimulationResult:
     """Simulate so many steps; a base that is prescribed rests."""
     (q, v, _, tau), more = state, {}
     if case.base == "moving":

@@ -13,7 +13,7 @@ from hybridyn.description.records import Description, Joint, Link
 from hybridyn.effects import BaseMotion
 from hybridyn.errors import AssemblyError, TrajectoryError
 from hybridyn.manifold.manifold import Manifold
-from hybridyn.simulation.result import Result
+from hybridyn.simulation.result import SimulationResult
 from hybridyn.structure.building import build_robot
 from tests.comparing import refused
 from tests.robot_texts import door, save
@@ -214,7 +214,7 @@ def test_runs_repeat_and_resume_bit_for_bit(options: dict[str, object], tmp_path
     first.save(tmp_path / "a.npz")
     resumed.save(tmp_path / "b.npz")
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-    assert equal_bits(Result.load(tmp_path / "a.npz"), first)
+    assert equal_bits(SimulationResult.load(tmp_path / "a.npz"), first)
 
 
 def test_what_is_out_of_reach_ends_the_run_with_a_message() -> None:
@@ -261,7 +261,7 @@ def test_files_that_are_no_result(tmp_path: Path) -> None:
     (tmp_path / "text.npz").write_text("no")
     np.savez(tmp_path / "other.npz", t=np.zeros(1))
     for name in ("text.npz", "other.npz"):
-        refused(partial(Result.load, tmp_path / name), TrajectoryError, "not a result")
+        refused(partial(SimulationResult.load, tmp_path / name), TrajectoryError, "not a result")
 
 
 @pytest.mark.parametrize(("word", "meant"), [("dt", "step"), ("metod", "method"), ("tau", "effort")])

@@ -78,9 +78,9 @@ def told(d: Description) -> list[Finding]:
     """Return what the checks of axes and loops say of a description alone."""
     from lxml import etree
 
-    from hybridyn.description.urdf.xml_node import Node
+    from hybridyn.description.urdf.xml_node import XmlNode
 
-    subject = Subject(Node(etree.Element("robot"), "r.urdf"), d)
+    subject = Subject(XmlNode(etree.Element("robot"), "r.urdf"), d)
     return [*check_axes(subject), *check_same_loops(subject)]
 
 

@@ -16,12 +16,11 @@ import pytest
 import hybridyn
 from hybridyn.effects import choose
 from hybridyn.effects.choice import FROM_FILES
-from hybridyn.scenes.stage import Stage, stage
-from hybridyn.studies.cost import models, points, runs
-from hybridyn.studies.cost.models import QUANTITIES, UNJUDGED, Measured, Trajectory, by_rates, study_models
+from hybridyn.scenes.stage import SceneStage, stage
+from hybridyn.studies.cost import points, runs, variants
 from hybridyn.studies.cost.points import (
-    Point,
-    Study,
+    CostPoint,
+    CostStudy,
     Use,
     Worth,
     advice,
@@ -40,6 +39,7 @@ from hybridyn.studies.cost.runs import (
     needed_effects,
     study_runs,
 )
+from hybridyn.studies.cost.variants import QUANTITIES, UNJUDGED, Measured, Trajectory, by_rates, study_models
 from hybridyn.tables.signals import WRENCH
 from tests import ROOT
 from tests.assembly.test_assembly import waves
@@ -55,8 +55,8 @@ EXACT = 1e-12
 CLOSED_IN_C = 1e-11
 
 
-def point(setting: str, error: float, seconds: float, use: Use = "command", how: str = "") -> Point:
-    return Point("line", setting, error, seconds, f"--{setting}", use, f"take {setting}", how=how)
+def point(setting: str, error: float, seconds: float, use: Use = "command", how: str = "") -> CostPoint:
+    return CostPoint("line", setting, error, seconds, f"--{setting}", use, f"take {setting}", how=how)
 
 
 POINTS = [
@@ -66,7 +66,7 @@ POINTS = [
     point("no", 0.0, 0.1, how="the first 5 %"),
     point("drifting", 0.0, 0.2, use="comparison"),
 ]
-STUDY = Study("question", "per sample", "efforts", "reference", 1e-16, POINTS)
+STUDY = CostStudy("question", "per sample", "efforts", "reference", 1e-16, POINTS)
 
 
 def test_no_point_is_better_than_the_front() -> None:
@@ -159,9 +159,9 @@ def test_the_efforts_of_a_motion_are_measured_stage_by_stage() -> None:
     needs("compiled")
     robot = hybridyn.load("five_bar")
     some, on = motion(robot), choose(robot, "model")
-    seen: list[Point | Worth] = []
+    seen: list[CostPoint | Worth] = []
     study = study_models(robot, some, on, seen.append)
-    assert [x for x in seen if isinstance(x, Point)] == study.points
+    assert [x for x in seen if isinstance(x, CostPoint)] == study.points
     assert [x for x in seen if isinstance(x, Worth)] == study.worth
     assert study.remarks == []
     assert study.done == 1.0
@@ -187,7 +187,7 @@ def test_the_efforts_of_a_motion_are_measured_stage_by_stage() -> None:
 def test_friction_matters_more_when_the_same_path_is_slower() -> None:
     robot = hybridyn.load("five_bar")
     on = choose(robot, ["gravity", "inertia", "leg_inertia", "coulomb_friction"])
-    run = Measured(Study("", ""), robot, motion(robot, 40), on, "idm")
+    run = Measured(CostStudy("", ""), robot, motion(robot, 40), on, "idm")
     left = on.only(["gravity", "inertia", "leg_inertia"])
     here, elsewhere = run.errors(partial(hybridyn.idm, robot, effects=left))
     target = float(np.sqrt(here * elsewhere))
@@ -200,8 +200,8 @@ def test_friction_matters_more_when_the_same_path_is_slower() -> None:
 
 def test_motors_that_need_no_effort_are_judged_by_the_others() -> None:
     exact, noise = np.array([[1e-16, 4.0], [0.0, -2.0]]), np.array([[-1e-16, 1e-9], [1e-16, 0.0]])
-    assert models.off(exact + noise, exact, efforts=True) == pytest.approx(1e-9 / 4.0, rel=1e-6)
-    assert models.off(exact + np.array([1.0, 0.0]), exact) == pytest.approx(1.0 / 4.0)
+    assert variants.off(exact + noise, exact, efforts=True) == pytest.approx(1e-9 / 4.0, rel=1e-6)
+    assert variants.off(exact + np.array([1.0, 0.0]), exact) == pytest.approx(1.0 / 4.0)
 
 
 def test_without_a_compiler_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -209,8 +209,8 @@ def test_without_a_compiler_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) 
         """Have no compiler."""
         raise hybridyn.CompileError("no compiler")
 
-    monkeypatch.setattr(models, "compile", absent)
-    monkeypatch.setattr(models, "exact", absent)
+    monkeypatch.setattr(variants, "compile", absent)
+    monkeypatch.setattr(variants, "exact", absent)
     monkeypatch.setattr(points, "clock", Clock(tick=1e-3))
     robot = hybridyn.load("five_bar")
     study = study_models(robot, motion(robot, 5), choose(robot, "model"))
@@ -278,7 +278,7 @@ def test_a_robot_without_motors_has_no_efforts() -> None:
 def test_rates_are_fitted_to_rows_at_known_times() -> None:
     robot = hybridyn.load("five_bar")
     some = motion(robot)
-    run = Measured(Study("", "per sample"), robot, some._replace(time=None), choose(robot, None), "idm")
+    run = Measured(CostStudy("", "per sample"), robot, some._replace(time=None), choose(robot, None), "idm")
     refused(lambda: [*by_rates(run)], hybridyn.HybridynError, "needs times, 120 rows")
 
 
@@ -286,14 +286,14 @@ SWING = ROOT / "models/five_bar/swing.toml"
 SHORT = 0.05  # s of the swing
 
 
-def end_of(ready: Stage, **options: Any) -> np.ndarray:
+def end_of(ready: SceneStage, **options: Any) -> np.ndarray:
     """Return the last posture of the beginning of a scene."""
     options = {"method": "dopri5", "rtol": 1e-12, "atol": 1e-14, "effects": ready.effects} | options
     return hybridyn.simulate(ready.robot, ready.q0, ready.v0, (0.0, SHORT), **options).q[-1]
 
 
 @pytest.fixture(scope="module")
-def swing() -> Study:
+def swing() -> CostStudy:
     """Measure the beginning of the swing once for all tests that use it."""
     needs("compiled")
     with pytest.MonkeyPatch.context() as patch:
@@ -305,7 +305,7 @@ def swing() -> Study:
 
 
 @pytest.fixture
-def measured(swing: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+def measured(swing: CostStudy, monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the measurement of the command by the one of `swing`."""
 
     def filled(*given: object) -> None:
@@ -333,7 +333,7 @@ def test_an_error_between_two_outputs_shows_in_the_path(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_the_path_of_a_setting_is_its_largest_error_at_any_time(swing: Study) -> None:
+def test_the_path_of_a_setting_is_its_largest_error_at_any_time(swing: CostStudy) -> None:
     ready = stage(SWING)
     times = np.linspace(0.0, SHORT, 1001)
     both = [
@@ -349,7 +349,7 @@ def test_the_path_of_a_setting_is_its_largest_error_at_any_time(swing: Study) ->
 
 
 @pytest.mark.slow
-def test_methods_of_a_scene_have_their_orders(swing: Study) -> None:
+def test_methods_of_a_scene_have_their_orders(swing: CostStudy) -> None:
     by_line = {
         line: [p.error for p in own] for line, own in points.by_line(swing.chosen(points.OURS)).items()
     }
@@ -362,7 +362,7 @@ def test_methods_of_a_scene_have_their_orders(swing: Study) -> None:
 
 
 @pytest.mark.slow
-def test_what_an_effect_of_a_scene_changes_is_the_way_between_two_runs(swing: Study) -> None:
+def test_what_an_effect_of_a_scene_changes_is_the_way_between_two_runs(swing: CostStudy) -> None:
     ready = stage(SWING)
     for names, effect in (
         (["default", "viscous_friction"], "viscous_friction"),
@@ -390,7 +390,7 @@ def test_a_scene_on_the_command_line(
 
 @pytest.mark.slow
 def test_ctrl_c_keeps_what_was_measured(
-    swing: Study, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    swing: CostStudy, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def interrupted(*given: object) -> None:
         """Measure two settings."""
@@ -430,7 +430,7 @@ def test_a_target_out_of_reach_prints_nothing_to_paste(
 
 def test_effects_that_a_scene_needs() -> None:
     ready = stage(ROOT / "models/lx4/sag.toml")
-    study = Study("", "per run")
+    study = CostStudy("", "per run")
     study.worth = [
         Worth("leg_inertia", 1e-2, 0.4, computed=True),
         Worth("velocity", 1e-5, 0.1, computed=True),
@@ -486,14 +486,14 @@ def test_effects_that_act_on_nothing_have_no_line(tmp_path: Path) -> None:
         robot = hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR.replace(before, stated), "bar.urdf"))
         some, names = motion(robot, 4), {"viscous_friction"} if "damping" in stated else set()
         on = choose(robot, "model")
-        study = Study("", "per sample")
+        study = CostStudy("", "per sample")
 
         def off(solve: Any, at: Trajectory = some) -> tuple[float, float]:
             """Return a change that no effect causes by itself."""
             return float(np.abs(solve(*at[:3])).max() < 0.0), 0.0
 
         run = SimpleNamespace(quantity="idm", robot=robot, effects=on, errors=off, study=study)
-        found = {one.effect for one in models.by_effects(run, -1.0) if isinstance(one, Worth)}
+        found = {one.effect for one in variants.by_effects(run, -1.0) if isinstance(one, Worth)}
         assert found & {*FROM_FILES} == names
         scene = SimpleNamespace(robot=robot, effects=on)
         assert {*every_effect(scene).names} & {*FROM_FILES} == names

@@ -22,9 +22,9 @@ from hybridyn.studies.results_folder import writing
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep.best import find_best
 from hybridyn.studies.sweep.compiled_chunks import evaluate_chunk
-from hybridyn.studies.sweep.compiled_designs import Plan
+from hybridyn.studies.sweep.compiled_designs import DesignPlan
 from hybridyn.studies.sweep.designs import designs_of
-from hybridyn.studies.sweep.evaluation import Chunk, Designer, Row, status_of
+from hybridyn.studies.sweep.evaluation import Chunk, Designer, DesignRow, status_of
 from hybridyn.studies.sweep.reading import identity, read_study
 from hybridyn.studies.sweep.shards import About, read_shards, write_shard
 from hybridyn.studies.sweep.variants import SlotNumbers, Variants, _number
@@ -93,7 +93,7 @@ def written(designs: str, parameters: str = SCALES, measure: str = '["peak_effor
     return save(Path(), text, "study.toml")
 
 
-def evaluated(study: Path, **options: bool) -> tuple[Row, ...]:
+def evaluated(study: Path, **options: bool) -> tuple[DesignRow, ...]:
     """Evaluate all designs of a study in one chunk."""
     source = read_study(study, **options)
     return evaluate_chunk(source, Chunk(0, designs_of(source)), None).rows
@@ -362,11 +362,11 @@ def test_a_design_in_two_shards_is_refused(tmp_path: Path) -> None:
     refused(lambda: read_shards(tmp_path), hybridyn.HybridynError, "designs-000000001-000000002.*: remove it")
 
 
-def made(folder: Path, x: np.ndarray, y: np.ndarray, names: list[str]) -> tuple[About, list[Row]]:
+def made(folder: Path, x: np.ndarray, y: np.ndarray, names: list[str]) -> tuple[About, list[DesignRow]]:
     """Begin the results of a sweep with a number y of each design x; return what it is and its rows."""
     about = About("study.toml", len(x), names, ["y"])
     pairs = zip(x.tolist(), y.tolist(), strict=True)
-    rows = [Row(i, tuple(design), "ok", (number,), "") for i, (design, number) in enumerate(pairs)]
+    rows = [DesignRow(i, tuple(design), "ok", (number,), "") for i, (design, number) in enumerate(pairs)]
     with writing(folder, {}, asdict(about), [], resume=False):
         return about, rows
 
@@ -474,7 +474,7 @@ def test_names_of_links_may_end_like_labels_of_numbers(folder: Path) -> None:
 
 
 def test_designs_to_compare_are_spread_evenly_however_the_work_is_divided() -> None:
-    plan = Plan("", (), 1003, 100)
+    plan = DesignPlan("", (), 1003, 100)
     whole = plan.checks(0, 1003)
     assert len(whole) == len(set(whole)) == 100
     assert set(np.diff(whole)) <= {10, 11}
@@ -623,7 +623,7 @@ def test_figures_of_a_sweep_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
 
     x = qmc.Sobol(2, seed=8).random(64)
     about, rows = made(tmp_path, x, x @ [3, 1], ["x", "z"])
-    write_shard(tmp_path, about, [Row(0, (0.0, 0.0), "unreachable", (np.nan,), ""), *rows[1:]])
+    write_shard(tmp_path, about, [DesignRow(0, (0.0, 0.0), "unreachable", (np.nan,), ""), *rows[1:]])
     panel = chart_of_sweep(tmp_path, "y > 2").panels[0]
     counts = {mark.name: len(mark.y) for mark in panel.marks}
     low = int((x[1:] @ [3, 1] <= 2).sum())

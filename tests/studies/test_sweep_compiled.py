@@ -16,7 +16,7 @@ from hybridyn.studies.sweep import compiled_chunks, compiled_designs
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep import variants as variants_module
 from hybridyn.studies.sweep.compiled_designs import _difference, seconds_to_compile
-from hybridyn.studies.sweep.evaluation import Designer, Row
+from hybridyn.studies.sweep.evaluation import Designer, DesignRow
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import about_of
 from hybridyn.studies.sweep.sweep import Swept
@@ -291,7 +291,7 @@ def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch:
     monkeypatch.setattr(
         designer.variants, "description", lambda own: scaled(robots[own["length"]], "rod", own["rod"])
     )
-    monkeypatch.setattr(Designer, "__call__", lambda _, k, own: Row(k, (), able[own[1]], (), ""))
+    monkeypatch.setattr(Designer, "__call__", lambda _, k, own: DesignRow(k, (), able[own[1]], (), ""))
     able = {1.0: "unreachable", 2.0: "ok", 3.0: "ok"}
     values = np.array([[1, 2], [2, 1], [2, 2], [2, 3], [3, 2], [1, -1], [1, 3]])  # -1 is no robot
 
@@ -304,7 +304,7 @@ def test_structures_that_occur_often_enough_are_found(folder: Path, monkeypatch:
     scales = {"mass", "inertia"}
     two, one = ([2.0, 2.0], scales, [1.0, 2.0, 3.0]), ([1.0, 2.0], scales, [2.0, 3.0])
     assert found() == [two, one]  # only one design has the third structure
-    monkeypatch.setattr(Designer, "__call__", lambda _, k, own: Row(k, (), "singular", (), ""))
+    monkeypatch.setattr(Designer, "__call__", lambda _, k, own: DesignRow(k, (), "singular", (), ""))
     refused(found, hybridyn.HybridynError, "none of 6 designs")
 
 

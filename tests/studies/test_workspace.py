@@ -10,9 +10,9 @@ import hybridyn
 from hybridyn.spatial import Array
 from hybridyn.studies.map_table import postures_on_grid
 from hybridyn.studies.sweep.evaluation import status_of
-from hybridyn.studies.workspace.closing import OUT_OF_REACH, Closing
+from hybridyn.studies.workspace.closing import OUT_OF_REACH, PoseClosing
+from hybridyn.studies.workspace.link_sweep import find_sweep
 from hybridyn.studies.workspace.measures import Measures
-from hybridyn.studies.workspace.sweep import find_sweep
 from hybridyn.studies.workspace.workspace import Workspace, workspace
 from tests.command_line import call, read_table
 from tests.comparing import ROUNDING, SOLVED, close_to, refused
@@ -180,7 +180,7 @@ def test_no_step_changes_the_branch() -> None:
     sweep = find_sweep(robot, None, "m1_tool", None, robot.home)
     inner = robot.home[robot.modules[0].q_index]
     far = sweep.home + np.array([0.0, 1.1])  # above the motors: the legs pass their dead centres on the way
-    _, state = Closing(robot, sweep, limits=False)(1, sweep.home[None], far[None], inner[None])
+    _, state = PoseClosing(robot, sweep, limits=False)(1, sweep.home[None], far[None], inner[None])
     assert state[0] == OUT_OF_REACH
 
 

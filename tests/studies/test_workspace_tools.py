@@ -10,7 +10,7 @@ from scipy.ndimage import label
 import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
-from hybridyn.studies.workspace.sweep import find_sweep
+from hybridyn.studies.workspace.link_sweep import find_sweep
 from hybridyn.studies.workspace.workspace import Workspace, workspace
 from tests.command_line import call
 from tests.comparing import close_to

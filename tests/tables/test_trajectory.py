@@ -14,7 +14,7 @@ from hybridyn.errors import TrajectoryError
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import open_results
-from hybridyn.tables.trajectory import Motion, full_state, read_motions
+from hybridyn.tables.trajectory import TableMotion, full_state, read_motions
 from tests.comparing import ROUNDING, refused
 from tests.files import save
 from tests.tables.arm import ARM, BALL
@@ -32,7 +32,7 @@ def motions(
     robot: Description = ARM,
     base: str = "fixed",
     block_rows: int = 2000,
-) -> list[Motion]:
+) -> list[TableMotion]:
     path = tmp_path / "t.csv"
     with open_results(path, list(columns)) as write:
         write(np.column_stack(list(columns.values())))
@@ -139,7 +139,7 @@ def test_an_orientation_goes_with_any_lengths_and_gives_the_rates_of_the_whole_p
     names = [*kept, "wx", "wy", "wz"]
     for rate in given:
         columns |= {f"tool/{rate}/{n}": wanted[rate][:, i] for n, i in zip(names, at, strict=True)}
-    found = Motion.joined(motions(tmp_path, {"time": time, **columns}, block_rows=block_rows))
+    found = TableMotion.joined(motions(tmp_path, {"time": time, **columns}, block_rows=block_rows))
     places, *rates = found.platforms["tool"]
     if kept == "xyz":
         places = dict(zip(("x", "y", "z", "qx", "qy", "qz", "qw"), places.T, strict=True))

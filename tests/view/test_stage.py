@@ -13,7 +13,7 @@ from hybridyn.spatial import rotation_from_quaternion
 from hybridyn.view.drawing import draw
 from hybridyn.view.picture import Picture
 from hybridyn.view.placing import Placement, place_bodies
-from hybridyn.view.stage import Stage
+from hybridyn.view.stage import PageStage
 from hybridyn.view.visuals import read_visuals
 from tests import ROOT
 from tests.extras import needs
@@ -67,9 +67,9 @@ def moved(name: str, by: float = 0.04) -> tuple[hybridyn.HybridRobot, Placement]
     return robot, place_bodies(robot, hybridyn.assemble(robot, motors=motors)[0])
 
 
-def staged(robot: hybridyn.HybridRobot, picture: Picture) -> tuple[Scene, Stage]:
+def staged(robot: hybridyn.HybridRobot, picture: Picture) -> tuple[Scene, PageStage]:
     scene = Scene()
-    stage = Stage(SimpleNamespace(scene=scene), robot, picture)
+    stage = PageStage(SimpleNamespace(scene=scene), robot, picture)
     stage.place(place_bodies(robot, robot.home))
     return scene, stage
 

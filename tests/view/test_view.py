@@ -18,11 +18,11 @@ from hybridyn.structure.building import build_robot
 from hybridyn.view.camera import Camera, camera_around
 from hybridyn.view.drawing import draw, hull
 from hybridyn.view.panel import closeness, effort_limits, efforts_html, holding, status_html
-from hybridyn.view.picture import Picture, Shape
+from hybridyn.view.picture import Picture, PictureShape
 from hybridyn.view.placing import Placement, extent, place_bodies
 from hybridyn.view.posing import Poser
 from hybridyn.view.render import render
-from hybridyn.view.run import Run
+from hybridyn.view.run import ShownMotion
 from hybridyn.view.visuals import read_visuals
 from tests import ROOT
 from tests.command_line import call
@@ -173,7 +173,9 @@ def image_of(shapes: list[tuple[np.ndarray, str]], size: int = 80) -> np.ndarray
     """Render triangles, shape (N, 3, 3), from above: x to the right, y up, both from -1 to 1."""
     needs("view", "embreex")
     made = [
-        Shape("t", "link", -1, 0, corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), colour)
+        PictureShape(
+            "t", "link", -1, 0, corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), colour
+        )
         for corners, colour in shapes
     ]
     picture = Picture(tuple(made), np.array([[-9.0, -9, -9], [-8, -8, -9]]))  # the floor is elsewhere
@@ -377,7 +379,7 @@ def test_efforts_over_a_limit_are_marked_and_names_are_escaped() -> None:
 
 
 def test_a_run_shows_the_nearest_sample() -> None:
-    run = Run(np.array([0.0, 1.0, 3.0]), np.zeros((3, 1)), None, "")
+    run = ShownMotion(np.array([0.0, 1.0, 3.0]), np.zeros((3, 1)), None, "")
     assert [run.index(t) for t in (-1.0, 0.4, 0.6, 1.9, 2.1, 9.0)] == [0, 0, 1, 1, 2, 2]
 
 

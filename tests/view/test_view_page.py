@@ -15,7 +15,7 @@ from hybridyn.colours import CLOSURE, MOTOR, module_colour, rgb
 from hybridyn.view.drawing import draw
 from hybridyn.view.page import Page
 from hybridyn.view.panel import closeness
-from hybridyn.view.run import Run
+from hybridyn.view.run import ShownMotion
 from tests.browser import browser, chromium
 from tests.command_line import program
 from tests.view.test_view import colours_in, without_limits
@@ -41,17 +41,17 @@ def robot() -> hybridyn.HybridRobot:
 
 
 @pytest.fixture(scope="module")
-def swing(robot: hybridyn.HybridRobot) -> Run:
+def swing(robot: hybridyn.HybridRobot) -> ShownMotion:
     t = np.linspace(0.0, 2.0, 101)
     first, *rest = robot.motors
     motors = {name: (np.zeros_like(t),) for name in rest}
     motors[first] = (0.1 * np.sin(3 * t), 0.3 * np.cos(3 * t), -0.9 * np.sin(3 * t))
     q, v, a = hybridyn.assemble(robot, motors=motors)
-    return Run(t, q, hybridyn.idm(robot, q, v, a), "of the inverse model")
+    return ShownMotion(t, q, hybridyn.idm(robot, q, v, a), "of the inverse model")
 
 
 @pytest.fixture(scope="module")
-def page(robot: hybridyn.HybridRobot, swing: Run) -> Iterator[Page]:
+def page(robot: hybridyn.HybridRobot, swing: ShownMotion) -> Iterator[Page]:
     page = Page(robot, draw(robot), swing, port=0)
     yield page
     page.close()
@@ -199,7 +199,7 @@ def test_a_drag_out_of_reach_stops_at_the_last_closed_posture_with_a_message(
 
 
 @pytest.mark.slow
-def test_play_runs_the_motion_and_scrub_stops_it_somewhere(tab: Any, page: Page, swing: Run) -> None:
+def test_play_runs_the_motion_and_scrub_stops_it_somewhere(tab: Any, page: Page, swing: ShownMotion) -> None:
     tab.get_by_role("button", name="Play").click()
     until(tab, lambda: page.playing and float(np.abs(page.q - swing.q[0]).max()) > 0.02)
     assert min(float(np.abs(page.q - q).max()) for q in swing.q) == 0.0  # postures of the motion, no others

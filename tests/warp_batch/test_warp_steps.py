@@ -11,7 +11,7 @@ import hybridyn
 from hybridyn.scenes.controllers import ComputedTorque, Pd
 from hybridyn.scenes.references import MotorAxes
 from hybridyn.warp_batch.drawing import Draw
-from hybridyn.warp_batch.models import LAWS
+from hybridyn.warp_batch.native_models import LAWS
 from tests.extras import needs
 from tests.samples import slow
 from tests.shipped import ROBOTS

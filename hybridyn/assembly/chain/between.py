@@ -15,7 +15,7 @@ from ..poses import PoseRequest
 from ..requests import Requests
 from ..task import Task, module_task
 from .bodies import ChainMotion
-from .coupling import Chain, is_own, own_requests, ways_between
+from .coupling import CoupledModules, is_own, own_requests, ways_between
 from .problem import ChainProblem, Relative
 from .solve import (
     chain_problem,
@@ -85,7 +85,7 @@ class Between:
     @classmethod
     def _of(cls, robot: HybridRobot, modules: tuple[int, ...], pose: PoseRequest) -> Between:
         requests = Requests(1, False, {}, (pose,), None, None)
-        chain = Chain(modules, (pose,))
+        chain = CoupledModules(modules, (pose,))
         own = own_requests(robot, requests._replace(poses=()), chain)
         states = robot.home[None], *np.zeros((2, 1, robot.nv))
         problem, _ = chain_problem(robot, chain, own, states)
@@ -158,5 +158,5 @@ def pose_task(robot: HybridRobot, modules: tuple[int, ...], requests: Requests, 
     if is_own(pose, ways_between(robot, pose)) and len(modules) == 1:
         module = robot.modules[modules[0]]
         return module_task(robot, module, module_request(requests, robot, modules[0], {}))
-    chain, rest = Chain(modules, requests.poses), np.zeros((2, len(q), robot.nv))
+    chain, rest = CoupledModules(modules, requests.poses), np.zeros((2, len(q), robot.nv))
     return chain_task(robot, chain, own_requests(robot, requests, chain), (q, *rest))

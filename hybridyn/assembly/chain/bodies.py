@@ -15,7 +15,7 @@ from ...spatial import Array, Index, Mask, rotate, rotation_from_vector
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class CarriedFrame:
     """A frame that a body of a part carries.
 
     Attributes:
@@ -28,11 +28,11 @@ class Place:
     body: int
     inner: Motion
 
-    def ahead(self, step: Array) -> Place:
+    def ahead(self, step: Array) -> CarriedFrame:
         """Return the place after small times, shape (T,), at its present rates."""
         m = self.inner
         R = np.matmul(rotation_from_vector(step[:, None] * m.w), m.R)
-        return Place(self.part, self.body, Motion.at_rest(len(m.p), R, m.p + step[:, None] * m.p_dot))
+        return CarriedFrame(self.part, self.body, Motion.at_rest(len(m.p), R, m.p + step[:, None] * m.p_dot))
 
 
 class ChainMotion(NamedTuple):
@@ -98,9 +98,9 @@ class Carried:
         bases: The frame that is the base of each part; it is carried by an earlier part.
     """
 
-    bases: tuple[Place, ...]
+    bases: tuple[CarriedFrame, ...]
 
-    def way(self, place: Place) -> dict[int, int]:
+    def way(self, place: CarriedFrame) -> dict[int, int]:
         """Return the parts that move a frame, each with its body that carries the rest of the way."""
         out = {}
         while place.part >= 0:
@@ -130,7 +130,7 @@ class Frames:
         for base in carried.bases:
             self.bases.append(self.of(base))
 
-    def of(self, place: Place) -> Motion:
+    def of(self, place: CarriedFrame) -> Motion:
         """Return the motion of a frame."""
         inner = place.inner
         inner = (
@@ -143,7 +143,7 @@ class Frames:
         base, body = self.bases[place.part], self._parts[place.part].of_body(place.body)
         return self._then(self._then(base, body), inner)
 
-    def seen(self, link: Place, other: Place) -> Motion:
+    def seen(self, link: CarriedFrame, other: CarriedFrame) -> Motion:
         """Return the motion of a frame in another, as that of body 1 of a tree whose base is the other."""
         one, base = self.of(link), self.of(other)
         if self._moving:

@@ -17,7 +17,7 @@ from .least import driven_alone
 Way = list[tuple[int, int]]
 
 
-class Chain(NamedTuple):
+class CoupledModules(NamedTuple):
     """Modules that are assembled together, and the poses that couple them.
 
     Attributes:
@@ -81,14 +81,14 @@ class _Passing(NamedTuple):
         return self.pose._replace(other=robot.modules[self.owner].base, frame=None)
 
 
-def own_requests(robot: HybridRobot, requests: Requests, chain: Chain) -> list[ModuleRequest]:
+def own_requests(robot: HybridRobot, requests: Requests, chain: CoupledModules) -> list[ModuleRequest]:
     """Return what is given in each module of a chain alone, and not by the chain's poses."""
     rest = [one for one in _passing(robot, requests) if all(one.pose is not pose for pose in chain.poses)]
     own = [requests._replace(poses=_own_poses(rest, k)) for k in chain.modules]
     return [module_request(one, robot, k, {}) for k, one in zip(chain.modules, own, strict=True)]
 
 
-def chains_of(robot: HybridRobot, requests: Requests) -> tuple[Requests, list[Chain]]:
+def chains_of(robot: HybridRobot, requests: Requests) -> tuple[Requests, list[CoupledModules]]:
     """Return the requests that each module meets alone, and the chains that meet the other poses.
 
     A pose that determines what is open of its link's module is met by this module alone. Poses of a module
@@ -115,11 +115,11 @@ def chains_of(robot: HybridRobot, requests: Requests) -> tuple[Requests, list[Ch
     chains = []
     for own in groups.classes(sorted(members)):
         met = (one.pose for one, modules in zip(poses, coupled, strict=True) if modules & {*own})
-        chains.append(Chain(tuple(own), tuple(met)))
+        chains.append(CoupledModules(tuple(own), tuple(met)))
     alone = [one for one, modules in zip(poses, coupled, strict=True) if not modules]
     for k in sorted(still_open - members):
         if (own_poses := _own_poses(alone, k)) and driven_alone(robot.modules[k]):
-            chains.append(Chain((k,), own_poses))
+            chains.append(CoupledModules((k,), own_poses))
             alone = [one for one in alone if not (one.own and one.owner == k)]
     chains.sort(key=lambda chain: chain.modules)
     return requests._replace(poses=tuple(one.pose for one in alone)), chains

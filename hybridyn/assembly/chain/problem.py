@@ -20,7 +20,7 @@ from ...linkage.newton import LoopProblem, relative_change
 from ...linkage.targets import Target
 from ...linkage.tree import Motion
 from ...spatial import Array, Index, Mask
-from .bodies import Carried, ChainMotion, ChainTree, Frames, Place
+from .bodies import Carried, CarriedFrame, ChainMotion, ChainTree, Frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,8 @@ class Relative:
         names: Name of each row, for messages.
     """
 
-    link: Place
-    other: Place
+    link: CarriedFrame
+    other: CarriedFrame
     target: Target
     names: tuple[str, ...]
 

@@ -10,7 +10,7 @@ from ...description.groups import Groups
 from ...spatial import Array, Index
 from ..shortfall import Corner, corner_of, corners_of, join_given, most_lacking
 from ..task import Task
-from .bodies import Place
+from .bodies import CarriedFrame
 from .problem import ChainProblem
 
 
@@ -60,7 +60,7 @@ class _Numbers:
     def _number(self, part: int, body: int) -> int:
         return int(self._first[part]) + body if part >= 0 else 0
 
-    def of(self, place: Place) -> int:
+    def of(self, place: CarriedFrame) -> int:
         """Return the group of the body that carries a frame."""
         return self.whole.of(self._number(place.part, place.body))
 

@@ -23,8 +23,8 @@ from ..poses import PoseRequest
 from ..requests import Requests, in_root
 from ..spanning import settled, spanning_states
 from ..task import Task, module_task
-from .bodies import Carried, ChainMotion, Place
-from .coupling import Chain, chains_of, own_requests, way_to_root
+from .bodies import Carried, CarriedFrame, ChainMotion
+from .coupling import CoupledModules, chains_of, own_requests, way_to_root
 from .least import ease_of
 from .problem import ChainProblem, Relative, Split
 from .rates import ChainRates
@@ -36,7 +36,7 @@ _STILL = np.eye(3), np.zeros(3)
 
 
 def assemble_chain(
-    robot: HybridRobot, requests: Requests, chain: Chain, guess: Array, q: Array, v: Array, a: Array
+    robot: HybridRobot, requests: Requests, chain: CoupledModules, guess: Array, q: Array, v: Array, a: Array
 ) -> None:
     """Compute the postures of a chain's modules at all samples; write them into q, v, a of the robot.
 
@@ -111,23 +111,23 @@ class _Known:
         self.q, self.v, self.a = q, v, a
         self._motions: dict[int, Motion] = {}
 
-    def place(self, link: str) -> Place:
+    def place(self, link: str) -> CarriedFrame:
         """Return the place of a link."""
         body, R, p = self.robot.bodies.place[link]
         inner = Motion.at_rest(len(self.q), R, p)
         for k, local in way_to_root(self.robot, body):
             if k in self.parts:
                 number, *end = body_in_tree(self.robot, (k, local), link)
-                return Place(self.parts[k], number, Motion.at_rest(len(self.q), *end).then(inner))
+                return CarriedFrame(self.parts[k], number, Motion.at_rest(len(self.q), *end).then(inner))
             inner = self._motion(k).of_body(local).then(inner)
-        return Place(-1, 0, inner)
+        return CarriedFrame(-1, 0, inner)
 
-    def base(self, number: int) -> Place:
+    def base(self, number: int) -> CarriedFrame:
         """Return the place of a module's base body."""
         _, R, p = self.robot.bodies.place[self.robot.modules[number].base]
         place = self.place(self.robot.modules[number].base)
         back = Motion.at_rest(len(self.q), R.T, -R.T @ p)
-        return Place(place.part, place.body, place.inner.then(back))
+        return CarriedFrame(place.part, place.body, place.inner.then(back))
 
     def _motion(self, number: int) -> Motion:
         """Return the motion of a module's bodies in its base, at all samples."""
@@ -151,7 +151,10 @@ def cut_positions(robot: HybridRobot, modules: Sequence[int], q: Array) -> Array
 
 
 def chain_task(
-    robot: HybridRobot, chain: Chain, own: Sequence[ModuleRequest], states: tuple[Array, Array, Array]
+    robot: HybridRobot,
+    chain: CoupledModules,
+    own: Sequence[ModuleRequest],
+    states: tuple[Array, Array, Array],
 ) -> ChainTask:
     """Build the task of a chain, and decide how many of its targets are independent.
 
@@ -188,7 +191,9 @@ def _left(modules: Sequence[Module], motion: ChainMotion, split: Split, rank: in
     return int(np.sum(np.linalg.svd(np.concatenate(moved), compute_uv=False) > IDLE))
 
 
-def _immovable(robot: HybridRobot, chain: Chain, problem: ChainProblem, motions: int) -> AssemblyError:
+def _immovable(
+    robot: HybridRobot, chain: CoupledModules, problem: ChainProblem, motions: int
+) -> AssemblyError:
     """Build the error for poses that no free motion of a chain changes, of which there are so many."""
     links = ", ".join(f"'{pose.link}' relative to '{pose.reference}'" for pose in chain.poses)
     names = "', '".join(robot.modules[k].name for k in chain.modules)
@@ -204,7 +209,10 @@ def _immovable(robot: HybridRobot, chain: Chain, problem: ChainProblem, motions:
 
 
 def chain_problem(
-    robot: HybridRobot, chain: Chain, own: Sequence[ModuleRequest], states: tuple[Array, Array, Array]
+    robot: HybridRobot,
+    chain: CoupledModules,
+    own: Sequence[ModuleRequest],
+    states: tuple[Array, Array, Array],
 ) -> tuple[ChainProblem, tuple[Task, ...]]:
     """Build the problem of a chain, and the tasks of its modules alone; arguments as for `chain_task`."""
     numbers = chain.modules
@@ -220,14 +228,16 @@ def chain_problem(
     return ChainProblem(tuple(part.problem for part in parts), carried, relatives, ease), parts
 
 
-def _standing(robot: HybridRobot, chain: Chain, known: _Known) -> tuple[Carried, tuple[Relative, ...]]:
+def _standing(
+    robot: HybridRobot, chain: CoupledModules, known: _Known
+) -> tuple[Carried, tuple[Relative, ...]]:
     """Return what carries the modules of a chain, and the targets of its poses."""
     length = max(robot.modules[k].mechanism.length for k in chain.modules)
     relatives = tuple(one for pose in chain.poses for one in _relatives(known, pose, length))
     return Carried(tuple(known.base(k) for k in chain.modules)), relatives
 
 
-def _at_guess(robot: HybridRobot, chain: Chain, problem: ChainProblem, guess: Array) -> ChainProblem:
+def _at_guess(robot: HybridRobot, chain: CoupledModules, problem: ChainProblem, guess: Array) -> ChainProblem:
     """Return the problem of a chain where all other modules, and the base, are at a guess, shape (nq,)."""
     poses = chain.poses
     if robot.base != "fixed":
@@ -266,7 +276,7 @@ def _relatives(known: _Known, pose: PoseRequest, length: float) -> list[Relative
     """Return the targets of a pose between two links."""
     link, other = known.place(pose.link), known.place(pose.other)
     if pose.frame is not None:
-        other = Place(other.part, other.body, other.inner.then(pose.frame))
+        other = CarriedFrame(other.part, other.body, other.inner.then(pose.frame))
     targets = partial_targets(pose, 1, _STILL, _STILL, length)
     if pose.motion is not None:
         targets.insert(0, whole_target(1, pose.motion, length))

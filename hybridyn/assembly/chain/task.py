@@ -13,7 +13,7 @@ from ...linkage.targets import CoordinateTarget, PoseTarget, row_measures
 from ...linkage.tree import Motion
 from ...spatial import Array, Index, Mask, in_turn
 from ..task import Task, closed_samples, too_many
-from .bodies import Carried, Place
+from .bodies import Carried, CarriedFrame
 from .problem import ChainProblem, Relative
 from .shortfall import chain_shortfall
 
@@ -159,7 +159,7 @@ class ChainTask:
     def between(self, sample: int, fractions: Array) -> ChainTask:
         """Interpolate the task from a sample to the next, one new sample per fraction, shape (n,)."""
 
-        def moved(place: Place) -> Place:
+        def moved(place: CarriedFrame) -> CarriedFrame:
             motion = PoseTarget(0, place.inner, np.ones(6)).between(sample, fractions).goal
             return replace(place, inner=motion)
 
@@ -182,7 +182,7 @@ class ChainTask:
         """
         start, here = self.start or self.problem, np.zeros_like(samples) if self.start else samples
 
-        def way(place: Place, before: Place) -> Place:
+        def way(place: CarriedFrame, before: CarriedFrame) -> CarriedFrame:
             ends = before.inner.take(here), place.inner.take(samples)
             return replace(place, inner=Motion(*map(in_turn, *(end.arrays for end in ends))))
 

@@ -15,7 +15,7 @@ from .files import ends_in
 if TYPE_CHECKING:  # completion does without them
     from matplotlib.figure import Figure
 
-    from ...figures.panels import Chart
+    from ...figures.panels import PanelFigure
     from ...structure.robot import HybridRobot
 
 FORMATS = (".png", ".svg", ".pdf")
@@ -62,16 +62,16 @@ def title_of(robot: HybridRobot, source: str) -> str:
     return f"{robot.name}, {os.path.basename(source)}"
 
 
-def save(drawn: Chart | Figure, target: str) -> None:
+def save(drawn: PanelFigure | Figure, target: str) -> None:
     """Write a chart or a figure in the format of its file's ending; the file appears when it is complete."""
     from ...figures.as_matplotlib import figure_of_chart
     from ...figures.as_page import page_of_chart
-    from ...figures.panels import Chart
+    from ...figures.panels import PanelFigure
 
-    if isinstance(drawn, Chart) and target.lower().endswith(PAGE):
+    if isinstance(drawn, PanelFigure) and target.lower().endswith(PAGE):
         write_text(target, page_of_chart(drawn))
         return
-    figure = figure_of_chart(drawn) if isinstance(drawn, Chart) else drawn
+    figure = figure_of_chart(drawn) if isinstance(drawn, PanelFigure) else drawn
     import matplotlib
 
     # Text stays text in SVG: it can be searched, and the file is small.

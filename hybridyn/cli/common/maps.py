@@ -12,8 +12,8 @@ from ...dynamics.quantities.joint_map import joint_map, motors_beside, regular_m
 from ...errors import SingularityError
 from ...spatial import Array
 from ...streams.departures import Departures
-from ...streams.one_pass import Rows
-from ...streams.postures import Postures
+from ...streams.one_pass import BlockResults
+from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
 from ...studies import map_table
 from ...tables.columns import Layout
@@ -24,11 +24,11 @@ from .text import counted
 
 def map_rows(
     robot: HybridRobot,
-    block: Postures,
+    block: TreeSamples,
     *,
     joints: Sequence[str],
-    efforts: Callable[[HybridRobot, Postures], Rows] | None,
-) -> Rows:
+    efforts: Callable[[HybridRobot, TreeSamples], BlockResults] | None,
+) -> BlockResults:
     """Compute the map at the postures of a block, with rates, accelerations and efforts.
 
     Args:
@@ -38,7 +38,7 @@ def map_rows(
     found = joint_map(robot, block.q, joints)
     made = None if efforts is None else efforts(robot, block)
     rows = map_table.map_rows(found, block.v, block.a, None if made is None else made.rows)
-    return Rows(rows) if made is None else made._replace(rows=rows)
+    return BlockResults(rows) if made is None else made._replace(rows=rows)
 
 
 class MapSummary:
@@ -48,7 +48,7 @@ class MapSummary:
         self.robot, self.joints = robot, joints
         self.postures, self.low, self.high = 0, float("inf"), 0.0
 
-    def add(self, done: Rows) -> None:
+    def add(self, done: BlockResults) -> None:
         """Add a block."""
         found = map_table.conditions(self.robot, self.joints, done.rows)
         self.postures += len(done.rows)
@@ -86,7 +86,7 @@ def tell_map(robot: HybridRobot, joints: Sequence[str], grid: Grid, output: str 
     rows, summary = map_table.map_rows(found), MapSummary(robot, joints)
     with open_results(output, map_table.map_columns(robot, joints)) as write:
         write(rows)
-    summary.add(Rows(rows))
+    summary.add(BlockResults(rows))
     summary.show(None, None, quiet=False)
     out = {"out of reach": len(every) - len(reached), "singular": len(reached) - len(kept)}
     for what, count in out.items():

@@ -132,7 +132,7 @@ def parse_grid(ctx: click.Context, param: click.Parameter, value: str | None) ->
     return ranges
 
 
-class Shared(click.Option):
+class SharedOption(click.Option):
     """An option that many commands have: a help shows it last."""
 
 
@@ -156,14 +156,14 @@ class Command(click.Command):
         """Write the command's own options, then the shared ones."""
         options = [one for one in self.get_params(ctx) if isinstance(one, click.Option)]
         for title, shared in (("Options", False), ("Options of the robot", True)):
-            ours = (one.get_help_record(ctx) for one in options if isinstance(one, Shared) == shared)
+            ours = (one.get_help_record(ctx) for one in options if isinstance(one, SharedOption) == shared)
             if records := [*filter(None, ours)]:
                 with formatter.section(title):
                     formatter.write_dl(records, col_max=MOST_LETTERS)
 
 
 #: `--xacro`; the command receives `xacro_args`: the arguments by name.
-XACRO = Shared(
+XACRO = SharedOption(
     ["--xacro", "xacro_args"],
     metavar="NAME:=VALUE",
     callback=_xacro_arguments,
@@ -171,7 +171,7 @@ XACRO = Shared(
     help="Argument of a xacro file; also without --xacro.",
 )
 #: `--package-dir`; the command receives `package_dirs`.
-PACKAGES = Shared(
+PACKAGES = SharedOption(
     ["--package-dir", "package_dirs"],
     type=click.Path(exists=True, file_okay=False),
     metavar="FOLDER",
@@ -218,32 +218,32 @@ class RobotChoice:
             ranks_are_said.reset(before)
 
 
-STRICT = Shared(["--strict"], is_flag=True, help="Refuse a robot of which something was read past.")
+STRICT = SharedOption(["--strict"], is_flag=True, help="Refuse a robot of which something was read past.")
 
 #: The options with which commands load a robot: the fields of `RobotChoice`.
 ROBOT_OPTIONS = (
-    Shared(
+    SharedOption(
         ["--base"],
         type=click.Choice(["fixed", "moving", "floating"]),
         help="Motion of the root link.  [default: of the file]",
     ),
-    Shared(
+    SharedOption(
         ["--motors"], metavar="A,B,...", callback=split_names,
         help="Driven joints, instead of those in the files.",
     ),
-    Shared(
+    SharedOption(
         ["--gravity"], metavar="X,Y,Z", callback=_numbers,
         help="Gravity [m/s^2].  [default: of the file]",
     ),
     XACRO,
     PACKAGES,
-    Shared(
+    SharedOption(
         ["--rank-tolerance"],
         type=click.FloatRange(0, 1, min_open=True, max_open=True),
         metavar="NUMBER",
         help="Least relative singular value that counts in a rank.",
     ),
-    Shared(
+    SharedOption(
         ["--closure-tolerance"],
         type=click.FloatRange(0, 1, min_open=True),
         metavar="NUMBER",

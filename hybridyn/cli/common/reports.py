@@ -11,17 +11,17 @@ import numpy as np
 from ...effects import choose
 from ...figures.reports import chart_of_report, chart_of_sizing
 from ...streams.departures import Departures
-from ...streams.one_pass import Rows, read_postures
-from ...streams.postures import Postures, rows_named
+from ...streams.one_pass import BlockResults, read_postures
+from ...streams.postures import TreeSamples, rows_named
 from ...structure.robot import HybridRobot
 from ...studies.effect_worth import EffectSets, contributions
 from ...studies.sizing import MotorLoad, Peak, Sizing, motor_rows
 from ...tables.columns import Layout
-from .engine import WORTH_OF_EFFECTS, choose_engine
+from .engine_choice import WORTH_OF_EFFECTS, choose_engine
 from .figures import save, title_of
 from .files import write_report
 from .options import RobotChoice
-from .tables import Tables, about
+from .tables import CommandTables, about
 from .text import aligned_rows, counted
 
 #: Part of the numbers that make it up, below which a sum is their rounding.
@@ -31,8 +31,8 @@ LIMITED = ("position", "speed", "effort")
 
 
 def motor_states(
-    robot: HybridRobot, block: Postures, *, efforts: Callable[[HybridRobot, Postures], Rows]
-) -> Rows:
+    robot: HybridRobot, block: TreeSamples, *, efforts: Callable[[HybridRobot, TreeSamples], BlockResults]
+) -> BlockResults:
     """Compute rates, efforts and positions of the motors, shape (T, 3 motors).
 
     The positions of continuous joints are 0.
@@ -45,13 +45,13 @@ def motor_states(
     return made._replace(rows=np.concatenate([speed, made.rows, np.nan_to_num(position)], axis=1))
 
 
-class Loads:
+class LoadReport:
     """The loads of the motors, collected block by block, and their report."""
 
-    def __init__(self, robot: HybridRobot, tables: Tables) -> None:
+    def __init__(self, robot: HybridRobot, tables: CommandTables) -> None:
         self.robot, self.tables, self.sizing = robot, tables, Sizing(robot)
 
-    def add(self, done: Rows) -> None:
+    def add(self, done: BlockResults) -> None:
         """Add a block."""
         speed, effort, position = np.split(done.rows, 3, axis=1)
         position[:, [joint.kind.endless for joint in self.sizing.joints]] = np.nan
@@ -134,7 +134,9 @@ def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
     return out
 
 
-def tell_effects(load: RobotChoice, tables: Tables, effects: tuple[str, ...], engine: str | None) -> None:
+def tell_effects(
+    load: RobotChoice, tables: CommandTables, effects: tuple[str, ...], engine: str | None
+) -> None:
     """Evaluate the inverse model under sets of effects, and print what each effect adds.
 
     Args:

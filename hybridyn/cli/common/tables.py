@@ -13,7 +13,7 @@ from ...effects import Effects
 from ...effects.choice import names_on, stated_names
 from ...spatial import Array
 from ...streams.departures import Departures
-from ...streams.one_pass import Model, Pass, Rows
+from ...streams.one_pass import BlockResults, Model, Pass
 from ...streams.reaction_columns import reaction_columns, shared_wrenches
 from ...streams.workers import Workers, keep_freed_memory
 from ...structure.robot import HybridRobot
@@ -22,7 +22,7 @@ from ...tables.columns import Layout
 from ...tables.opening import Table, open_table
 from ...tables.over_time import Means, Peaks
 from ...tables.results import open_results
-from .engine import Engine
+from .engine_choice import EngineChoice
 from .figures import save, title_of
 from .files import check_targets, report_file, result_file, several
 from .options import RobotChoice, refuse
@@ -38,14 +38,14 @@ LONG_FOR_COMPILED = 3_000_000
 class Observer(Protocol):
     """What watches the results of a pass, block by block, and says at the end what it saw."""
 
-    def add(self, done: Rows) -> None:
+    def add(self, done: BlockResults) -> None:
         """Add a block."""
 
     def show(self, layout: Layout, left: Departures, quiet: bool) -> None:
         """Print what was seen, and the limits that joints leave; on standard error only if not `quiet`."""
 
 
-class Plan(NamedTuple):
+class CommandPlan(NamedTuple):
     """The computation of a command.
 
     Attributes:
@@ -59,11 +59,11 @@ class Plan(NamedTuple):
     model: Model
     columns: Sequence[str] | None
     observers: Sequence[Observer]
-    engine: Engine
+    engine: EngineChoice
     remarks: Sequence[str]
 
 
-class Tables(NamedTuple):
+class CommandTables(NamedTuple):
     """The files of a command, and its options for them.
 
     Attributes:
@@ -103,7 +103,7 @@ def for_each_table(compute: Callable[..., int], words: dict[str, Any], *, report
 
 def one_table(compute: Callable[..., int], words: dict[str, Any]) -> int:
     """Check the files of one table, and compute it."""
-    tables = Tables(**{name: words.pop(name) for name in Tables._fields})
+    tables = CommandTables(**{name: words.pop(name) for name in CommandTables._fields})
     check_targets([tables.source], (tables.output, tables.reactions))
     refuse(
         (
@@ -115,9 +115,9 @@ def one_table(compute: Callable[..., int], words: dict[str, Any]) -> int:
 
 
 def run(
-    tables: Tables,
+    tables: CommandTables,
     load: RobotChoice,
-    plan: Callable[[Pass], Plan],
+    plan: Callable[[Pass], CommandPlan],
     *,
     outputs: Sequence[str] = (),
     efforts: bool = False,
@@ -181,7 +181,9 @@ def _processes(jobs: int | None, table: Table, compiled: bool) -> int:
 
 
 @contextlib.contextmanager
-def _writer(tables: Tables, given: Pass, columns: Sequence[str] | None) -> Iterator[Callable[[Rows], None]]:
+def _writer(
+    tables: CommandTables, given: Pass, columns: Sequence[str] | None
+) -> Iterator[Callable[[BlockResults], None]]:
     """Yield a function that writes the results of a block; files appear when they are complete."""
     targets: dict[str, tuple[str | None, Sequence[str]]] = {}
     if columns is not None:
@@ -195,7 +197,7 @@ def _writer(tables: Tables, given: Pass, columns: Sequence[str] | None) -> Itera
             for name, (target, names) in targets.items()
         }
 
-        def write(done: Rows) -> None:
+        def write(done: BlockResults) -> None:
             """Write the rows of a block."""
             for name, to in writes.items():
                 rows = getattr(done, name)
@@ -229,7 +231,7 @@ class Summary:
         self.at = [place[f"{name}/{quantity}"] for name in self.units]
         self.peaks = Peaks(len(self.at))
 
-    def add(self, done: Rows) -> None:
+    def add(self, done: BlockResults) -> None:
         """Add a block."""
         self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
         values = done.rows[:, self.at]
@@ -268,7 +270,7 @@ class Drawing:
         self.robot, self.table, self.columns, self.target = robot, table, columns, target
         self.parts: list[tuple[Array, Array]] = []
 
-    def add(self, done: Rows) -> None:
+    def add(self, done: BlockResults) -> None:
         """Add a block."""
         from ...figures.motion import MOST_SAMPLES, extremes
 
@@ -285,7 +287,7 @@ class Drawing:
         save(chart, self.target)
 
 
-def _places(done: Rows) -> Array:
+def _places(done: BlockResults) -> Array:
     """Return the times of the rows of a block, or their numbers where there are no times."""
     if done.time is not None:
         return done.time

@@ -87,7 +87,7 @@ class Tables:
         return self._known.setdefault(text, f"d{hashlib.sha256(text.encode()).hexdigest()[:12]}")
 
 
-class _Block:
+class _CallBlock:
     """C block of one call of a kernel, for one copy after the other, on V or on plain numbers.
 
     Attributes:
@@ -168,13 +168,13 @@ class _Block:
         return self.vector(y, size)
 
 
-class _Plain(_Block):
+class _Plain(_CallBlock):
     """C block of a call of one copy, on plain numbers among vectors."""
 
     type, suffix = "S", "_numbers"
 
 
-class _Pack(_Block):
+class _Pack(_CallBlock):
     """C block of a call for one pack of copies, as many as there are lanes."""
 
     def __init__(self, call: Call, tables: Tables, pack: int, lanes: int) -> None:
@@ -247,7 +247,9 @@ def across_samples(
     def call(step: Call) -> list[str]:
         """Return the lines of a call."""
         t = f"{next(starts)}{' + i' if step.copies > 1 else ''}"
-        return _Block(step, tables, sums.get(step.kernel, ()), between.format(t=t)).lines(names[step.kernel])
+        return _CallBlock(step, tables, sums.get(step.kernel, ()), between.format(t=t)).lines(
+            names[step.kernel]
+        )
 
     return _driver(program, f"{head.format(name=program.name)} {{", tables, call, "set_all")
 

@@ -27,7 +27,7 @@ TRUTH = ("lt", "le", "eq", "ne", "not", "and", "or")
 
 
 @dataclass(frozen=True)
-class Node:
+class Operation:
     """An operation.
 
     Attributes:
@@ -53,21 +53,21 @@ class Graph:
     """
 
     sizes: list[int]
-    nodes: list[Node] = field(default_factory=list)
+    nodes: list[Operation] = field(default_factory=list)
     outputs: list[list[Reference]] = field(default_factory=list)
-    _known: dict[Node, int] = field(default_factory=dict)
+    _known: dict[Operation, int] = field(default_factory=dict)
 
     def node(self, name: str, *arguments: int, value: float = 0.0) -> Reference:
         """Return the reference of an operation, and add the operation if it is new."""
         if name in SYMMETRIC:
             arguments = tuple(sorted(arguments, key=abs))
-        node = Node(name, arguments, value)
+        node = Operation(name, arguments, value)
         if node not in self._known:
             self._known[node] = len(self.nodes)
             self.nodes.append(node)
         return self._known[node] + 1
 
-    def again(self, node: Node) -> Reference:
+    def again(self, node: Operation) -> Reference:
         """Return the reference of a node of another graph, whose arguments are references here."""
         return self.node(node.name, *node.arguments, value=node.value)
 
@@ -106,7 +106,7 @@ class Graph:
             return self.node(name, abs(x[0])) * (1 if x[0] > 0 else -1)
         return self.node(name, *map(self.plain, x))
 
-    def rebuilt(self, rule: Callable[[Graph, int, Node], Reference]) -> Graph:
+    def rebuilt(self, rule: Callable[[Graph, int, Operation], Reference]) -> Graph:
         """Return the graph of what a rule adds for each node, given its index, with arguments in it."""
         out, place = Graph(self.sizes), [0]
 

@@ -18,7 +18,7 @@ from itertools import chain
 import casadi as ca
 
 from ..program import Kernel
-from .graph import TRUTH, Graph, Node, Reference, graph_of
+from .graph import TRUTH, Graph, Operation, Reference, graph_of
 
 
 def fused(graph: Graph) -> Graph:
@@ -42,7 +42,7 @@ def fused(graph: Graph) -> Graph:
             continue
         product, rest = partner[i]
         a, b = graph.nodes[abs(product) - 1].arguments
-        out.nodes.append(Node("fma", (a if product > 0 else -a, b, rest)))
+        out.nodes.append(Operation("fma", (a if product > 0 else -a, b, rest)))
     return out.used()
 
 
@@ -64,7 +64,7 @@ def _choices(graph: Graph) -> dict[int, tuple[Reference, Reference]]:
     return taken
 
 
-def _split(node: Node, product: int) -> tuple[Reference, Reference]:
+def _split(node: Operation, product: int) -> tuple[Reference, Reference]:
     """Return the product and the other term of a sum, both with their signs."""
     first, second = node.arguments[0], node.arguments[1] * (-1 if node.name == "sub" else 1)
     return (first, second) if abs(first) == product + 1 else (second, first)
@@ -79,7 +79,7 @@ def shared_quotients(graph: Graph) -> Graph:
     """Return a graph in which no divisor that is a constant, or that divides twice, divides at run time."""
     divisors = Counter(node.arguments[1] for node in graph.nodes if node.name == "div")
 
-    def rule(out: Graph, i: int, node: Node) -> Reference:
+    def rule(out: Graph, i: int, node: Operation) -> Reference:
         """Return what becomes of an operation."""
         if node.name == "div":
             x, divisor = node.arguments
@@ -149,7 +149,7 @@ def _statements(graph: Graph, written: dict[int, list[str]]) -> list[str]:
     return lines
 
 
-def _expression(graph: Graph, node: Node, names: list[str]) -> str:
+def _expression(graph: Graph, node: Operation, names: list[str]) -> str:
     """Return the right-hand side of an operation."""
 
     def read(x: Reference, truth: bool = False) -> str:

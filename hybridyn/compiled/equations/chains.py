@@ -21,7 +21,7 @@ import numpy as np
 from ...linkage.joints import TreeJoint
 from .expressions import Expression, cross, dot, eye, hat, is_zero, numbers, plain, plus, times, zeros
 from .rigid import (
-    Link,
+    LinkNumbers,
     crf,
     crm,
     inertia_matrix,
@@ -60,7 +60,7 @@ class Chain:
         root: Root of each body: 0 or a platform.
     """
 
-    links: list[Link]
+    links: list[LinkNumbers]
     platforms: frozenset[int]
     R: list[Expression] = field(default_factory=list)
     p: list[Expression] = field(default_factory=list)
@@ -88,14 +88,14 @@ class Chain:
         return list(range(6 + at.start, 6 + at.stop))
 
 
-def split_positions(links: list[Link], q: Expression) -> list[Expression]:
+def split_positions(links: list[LinkNumbers], q: Expression) -> list[Expression]:
     """Split positions into those of each joint."""
     ends = np.cumsum([link.kind.nq for link in links], dtype=int).tolist()
     return [q[end - link.kind.nq : end] for end, link in zip(ends, links, strict=True)]
 
 
 def sweep(
-    links: list[Link], q: Expression, v: Expression, V_base: Expression, a: Expression | None = None,
+    links: list[LinkNumbers], q: Expression, v: Expression, V_base: Expression, a: Expression | None = None,
     A_base: Expression | None = None, placed: dict[int, Placed] | None = None,
 ) -> Chain:  # fmt: skip
     """Compute the motion of a tree.
@@ -135,12 +135,12 @@ def sweep(
     return chain
 
 
-def motion_subspace(link: Link) -> Expression:
+def motion_subspace(link: LinkNumbers) -> Expression:
     """Return the motion subspace S of a joint, shape (6, nv), child frame."""
     return numbers(TreeJoint("", link.kind, axis=link.axis, pitch=link.pitch).S)
 
 
-def joint_motion(link: Link, q: Expression) -> tuple[Expression, Expression]:
+def joint_motion(link: LinkNumbers, q: Expression) -> tuple[Expression, Expression]:
     """Compute a joint's rotation and translation of its child, in the axes of the placement."""
     joint, n = TreeJoint("", link.kind, axis=link.axis, pitch=link.pitch), link.kind.shift
     if link.kind.single:

@@ -31,9 +31,9 @@ from .guarded_elimination import (
     weighed,
 )
 from .legs import PlatformMotion, WrittenLeg, leg_pivots
-from .loops import Rows, write_rows
+from .loops import CoreRows, write_rows
 from .parts import Leg, Parts
-from .rigid import Link, links_of, motion_to_parent, to_child
+from .rigid import LinkNumbers, links_of, motion_to_parent, to_child
 from .spins import UNFELT, Decided, decided, first_moment
 from .states import seen_postures
 
@@ -50,7 +50,7 @@ class Path:
     """
 
     wrist: Wrist
-    links: tuple[Link, ...]
+    links: tuple[LinkNumbers, ...]
     wrist_v: slice
     q: Index
     v: Index
@@ -63,7 +63,9 @@ def path_of(mechanism: Mechanism, spec: ModuleSpec, wrist: Wrist) -> Path:
         joints.append(parent - 1)
     joints = joints[::-1]
     chain = links_of(tuple(spec.spanning[j] for j in joints), [np.zeros(10)] * len(joints))
-    links = tuple(Link(link.kind, i, link.R, link.p, link.axis, link.inertia) for i, link in enumerate(chain))
+    links = tuple(
+        LinkNumbers(link.kind, i, link.R, link.p, link.axis, link.inertia) for i, link in enumerate(chain)
+    )
     q, v = (
         np.concatenate([np.arange(slices[j].start, slices[j].stop) for j in joints])
         for slices in (mechanism.spanning.q_slices, mechanism.spanning.v_slices)
@@ -89,7 +91,7 @@ def wrist_jacobian(path: Path, chain: Chain) -> Expression:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ModulePlan:
     """Everything that is chosen about a module before its code is written.
 
     Attributes:
@@ -152,7 +154,7 @@ class Plan:
         return out
 
 
-def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = True) -> Plan:
+def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = True) -> ModulePlan:
     """Choose all pivots of a module.
 
     Args:
@@ -173,11 +175,11 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
     closed = max(GUARD_CLOSED[dtype], OF_ROUNDED * m.rounding if m.reduction.rounded else 0.0)
     wrists = [wrist_pivots(m, path, positions) for path in paths]
     scale = Scale(m.length, closed, TINY_RATE[dtype], compared, float(np.finfo(dtype).eps))
-    plan = Plan(parts, paths, Pivots((), (), ()), tuple(groups), tuple(wrists), scale)
+    plan = ModulePlan(parts, paths, Pivots((), (), ()), tuple(groups), tuple(wrists), scale)
     return replace(plan, loop_pivots=_loop_pivots(plan, positions[-len(m.postures) :]))
 
 
-def _loop_pivots(plan: Plan, positions: Array) -> Pivots:
+def _loop_pivots(plan: ModulePlan, positions: Array) -> Pivots:
     """Choose the pivots of the core's closures at positions of the spanning tree, shape (samples, nq)."""
     parts, m = plan.parts, plan.mechanism
     if not len(parts.closure_rows):
@@ -188,7 +190,7 @@ def _loop_pivots(plan: Plan, positions: Array) -> Pivots:
     return choose_pivots(sampled(K, [column], [[x] for x in positions]), parts.rank, *scales)
 
 
-def spin_guard(plan: Plan, felt: Expression, moved: Expression, idle: float) -> Any:
+def spin_guard(plan: ModulePlan, felt: Expression, moved: Expression, idle: float) -> Any:
     """Return the guard that a spin is idle where arguments change the closures or the centres of mass.
 
     Args:
@@ -200,7 +202,7 @@ def spin_guard(plan: Plan, felt: Expression, moved: Expression, idle: float) -> 
     return weighed([(felt, 1.0)], plan.scale.weight_of_positions) + weighed([(moved, unit)], idle**-2)
 
 
-def leg_guard(plan: Plan, leg: WrittenLeg) -> ca.SX:
+def leg_guard(plan: ModulePlan, leg: WrittenLeg) -> ca.SX:
     """Return the guard of a leg; with arguments, that its spin is idle, too."""
     if leg.spin is None or plan.column is None:
         return leg.guard
@@ -210,7 +212,7 @@ def leg_guard(plan: Plan, leg: WrittenLeg) -> ca.SX:
 
 
 def spins_of_legs(
-    plan: Plan, written: WrittenLeg, group: tuple[Leg, ...], rotor: Sequence[float]
+    plan: ModulePlan, written: WrittenLeg, group: tuple[Leg, ...], rotor: Sequence[float]
 ) -> tuple[Any, Any]:
     """Return 1 for legs whose spin has inertia, else 0, and the guard that this is certain."""
     found = [plan.spinning(rotor, leg) for leg in group]
@@ -236,7 +238,7 @@ class Core:
 
     chain: Chain
     platforms: dict[int, PlatformMotion]
-    rows: Rows
+    rows: CoreRows
     outputs: list[int]
 
     def platform_columns(self) -> dict[str, ca.SX]:
@@ -245,7 +247,7 @@ class Core:
 
 
 def write_core(
-    plan: Plan,
+    plan: ModulePlan,
     q: Expression,
     v: Expression,
     V_base: Expression,
@@ -307,7 +309,7 @@ def _platform(at: Placed, base: tuple[Expression, Expression | None], scale: Sca
     return PlatformMotion(at.R, at.p, V, scale.weight(speed), A, scale.weight(haste))
 
 
-def motions_of(plan: Plan, K: Expression, right: Expression) -> tuple[Expression, Expression]:
+def motions_of(plan: ModulePlan, K: Expression, right: Expression) -> tuple[Expression, Expression]:
     """Solve a core's closures K y = right by the chosen pivots.
 
     Returns:
@@ -326,12 +328,12 @@ def motions_of(plan: Plan, K: Expression, right: Expression) -> tuple[Expression
     return X, doubts
 
 
-def own_inertia(plan: Plan, constant: tuple[float, ...], output: int) -> Expression:
+def own_inertia(plan: ModulePlan, constant: tuple[float, ...], output: int) -> Expression:
     """Return the ten inertial numbers of an output, as constants or as arguments of the model."""
     return plain(constant) if plan.inertias is None else plan.inertias[output]
 
 
-def rank_guard(plan: Plan, rows: Rows, guard: Any, Psi: Expression) -> Any:
+def rank_guard(plan: ModulePlan, rows: CoreRows, guard: Any, Psi: Expression) -> Any:
     """Return a guard that is also above 1 where the core's closures have more than their rank.
 
     Arguments may give them more at every posture, which every motion tells to rounding. Without arguments
@@ -358,7 +360,7 @@ def rank_guard(plan: Plan, rows: Rows, guard: Any, Psi: Expression) -> Any:
     return ca.fmax(guard, left)
 
 
-def core_body(plan: Plan, body: int) -> int:
+def core_body(plan: ModulePlan, body: int) -> int:
     """Return the index in the core of a body of the spanning tree."""
     return plan.parts.bodies.index(plan.mechanism.spec.tree_body.index(body))
 

@@ -17,7 +17,7 @@ from ...spatial import Array, Index
 from .chains import forces, mass_matrix, motion_map, sweep
 from .core import (
     Core,
-    Plan,
+    ModulePlan,
     core_body,
     leg_guard,
     motions_of,
@@ -48,14 +48,14 @@ from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
 from .request import Options
 from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_child, to_parent
 from .spins import AMPLIFIED, CERTAIN, without_forces
-from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
+from .stages import GivenColumns, Stage, WrittenModule, begun, cut, read_by_core, twist_width
 
 #: Contributions of the legs of a platform (`legs.leg_sums`), and the size of each.
 LEG_SUMS = (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
 
 
 def quadratic_form(
-    core: Core, plan: Plan, options: Options, forced: list[int], received: Given
+    core: Core, plan: ModulePlan, options: Options, forced: list[int], received: GivenColumns
 ) -> tuple[Expression, Expression]:
     """Compute M, shape (6 + nv, 6 + nv), and b, shape (6 + nv,).
 
@@ -80,7 +80,7 @@ def quadratic_form(
     return M, b
 
 
-def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: Given) -> Expression:
+def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: GivenColumns) -> Expression:
     """Add the legs of platform i, given over [V_dot_base; delta], to M and b; return S1 as ten numbers."""
     S1, B, L, b_base, b_delta = (received.take(f"{name} {i}", size) for name, size in LEG_SUMS)
     B, L = B.reshape(6, 6), symmetric(L, 6)
@@ -95,8 +95,8 @@ def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: Given)
 
 
 def _add_output(
-    core: Core, plan: Plan, options: Options, o: int, M: Expression, b: Expression,
-    received: Given,
+    core: Core, plan: ModulePlan, options: Options, o: int, M: Expression, b: Expression,
+    received: GivenColumns,
 ) -> None:  # fmt: skip
     """Add the inertia and bias of an output, its own or articulated, to M and b."""
     chain, body = core.chain, core.outputs[o]
@@ -128,14 +128,17 @@ def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
 NEARLY_NO_INERTIA = 1e-5
 
 
-def write_direct(plan: Plan, options: Options, *, motion: bool = False) -> WrittenModule:
+def write_direct(plan: ModulePlan, options: Options, *, motion: bool = False) -> WrittenModule:
     """Write a module's direct model and cut it into its stages: outwards, inwards, outwards, wrists.
 
     Args:
         motion: Whether the accelerations along the core's motions are given, "u_dot of core". Nothing is
             solved for, and the second stage is empty.
     """
-    parts, (outwards, inwards, back, last) = plan.parts, (Given(), Given(), Given(), Given())
+    parts, (outwards, inwards, back, last) = (
+        plan.parts,
+        (GivenColumns(), GivenColumns(), GivenColumns(), GivenColumns()),
+    )
     if motion:
         options = replace(options, carries=(False,) * len(options.carries))
     core, (q, v, _), (V, _) = begun(plan, options, outwards)
@@ -161,7 +164,7 @@ def write_direct(plan: Plan, options: Options, *, motion: bool = False) -> Writt
     return WrittenModule(cut([outwards, inwards, back, last], outputs), *read_by_core(plan), at)
 
 
-def _along(core: Core, plan: Plan, A: Expression, u_dot: Expression) -> Expression:
+def _along(core: Core, plan: ModulePlan, A: Expression, u_dot: Expression) -> Expression:
     """Compute the core's accelerations at those of its base and along its motions, shape (n,)."""
     K, spins = core.rows.K, plan.parts.spins
     y = zeros(K.shape[1] - 6, 1)
@@ -175,7 +178,7 @@ def _along(core: Core, plan: Plan, A: Expression, u_dot: Expression) -> Expressi
     return y[:, 0]
 
 
-def _motion_outwards(core: Core, plan: Plan, options: Options) -> dict[str, ca.SX]:
+def _motion_outwards(core: Core, plan: ModulePlan, options: Options) -> dict[str, ca.SX]:
     """Return the platforms' motion for the legs, and twists and biases of carrying outputs, Eq. (38)."""
     out = core.platform_columns()
     for o, body in enumerate(core.outputs):
@@ -190,7 +193,12 @@ def _motion_outwards(core: Core, plan: Plan, options: Options) -> dict[str, ca.S
 
 
 def _solve(
-    core: Core, plan: Plan, options: Options, X: Expression, guard: Any, form: tuple[Expression, Expression]
+    core: Core,
+    plan: ModulePlan,
+    options: Options,
+    X: Expression,
+    guard: Any,
+    form: tuple[Expression, Expression],
 ) -> tuple[Expression, Expression, dict[str, ca.SX]]:
     """Solve a module for its accelerations as functions of its base's.
 
@@ -231,7 +239,7 @@ def _solve(
 
 
 def _hold_thin(
-    plan: Plan, options: Options, equation: tuple[Expression, Expression, Expression], f: Expression
+    plan: ModulePlan, options: Options, equation: tuple[Expression, Expression, Expression], f: Expression
 ) -> Any:
     """Give spins without inertia no acceleration, the least; return the guard that they have and feel none.
 
@@ -251,7 +259,7 @@ def _hold_thin(
     return guard
 
 
-def _unforced(plan: Plan, left: Expression, f: Expression, freedoms: Index) -> Any:
+def _unforced(plan: ModulePlan, left: Expression, f: Expression, freedoms: Index) -> Any:
     """Return the guard of forces on thin spins, from those along some freedoms of the tree after the cuts."""
     if all(is_zero(x) for x in left):
         return 0.0
@@ -259,7 +267,9 @@ def _unforced(plan: Plan, left: Expression, f: Expression, freedoms: Index) -> A
     return without_forces(left, size, plan.scale)
 
 
-def _least_inertia(plan: Plan, Psi: Expression, M_yy: Expression, A_t: Expression) -> tuple[Expression, Any]:
+def _least_inertia(
+    plan: ModulePlan, Psi: Expression, M_yy: Expression, A_t: Expression
+) -> tuple[Expression, Any]:
     """Compute what certainly is an inertia along each motion, where arguments change inertias.
 
     It is a part of the inertias of the joints that take part; that about one axis is a difference of those
@@ -296,7 +306,7 @@ def _accelerations_outwards(
     return out
 
 
-def _legs_on_paths(plan: Plan) -> Index:
+def _legs_on_paths(plan: ModulePlan) -> Index:
     """Return the freedoms of grouped legs on paths to wrists."""
     own = {int(col) for col in plan.parts.v if col >= 0}
     wrists = {int(col) for path in plan.paths for col in path.v[path.wrist_v]}
@@ -304,8 +314,8 @@ def _legs_on_paths(plan: Plan) -> Index:
 
 
 def _add_wrists(
-    core: Core, plan: Plan, given: tuple[Expression, Expression], base: tuple[Expression, Expression],
-    s: Expression, received: Given,
+    core: Core, plan: ModulePlan, given: tuple[Expression, Expression], base: tuple[Expression, Expression],
+    s: Expression, received: GivenColumns,
 ) -> tuple[dict[int, Any], Any]:  # fmt: skip
     """Compute the wrists' accelerations by freedom of the spanning tree, and the guard of their pivots.
 
@@ -332,14 +342,14 @@ def _add_wrists(
 
 
 def write_direct_legs(
-    plan: Plan, n: int, options: Options, *, motion: bool = False
+    plan: ModulePlan, n: int, options: Options, *, motion: bool = False
 ) -> tuple[list[Stage], Array]:
     """Write the direct model of group n of a module, and return its stages and its legs' own numbers.
 
     Args:
         motion: Whether one stage computes the accelerations "a" alone, also from those of spins.
     """
-    group, given, later = plan.parts.groups[n], Given(), Given()
+    group, given, later = plan.parts.groups[n], GivenColumns(), GivenColumns()
     leg, forced = group[0], group[0].among(options.motors)
     q, v = given.take("q", len(leg.q)), given.take("v", len(leg.v))
     platform = PlatformMotion.read(given.take("platform", 19))

@@ -20,7 +20,7 @@ from ..code.scalars import GUARD_LIMIT
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import (
     Core,
-    Plan,
+    ModulePlan,
     leg_guard,
     motions_of,
     own_inertia,
@@ -34,12 +34,12 @@ from .guarded_elimination import TRUSTED_PIVOT, Pivots, Scale, choose_pivots, so
 from .legs import PlatformMotion, write_leg
 from .request import Options
 from .rigid import classical, crf, crm, momentum, resting, to_child, to_parent
-from .stages import Given, Stage, WrittenModule, begun, cut, read_by_core, twist_width
+from .stages import GivenColumns, Stage, WrittenModule, begun, cut, read_by_core, twist_width
 from .states import generic_positions
 
 
 def write_inverse(
-    plan: Plan,
+    plan: ModulePlan,
     options: Options,
     pivots: Pivots | None,
     *,
@@ -56,7 +56,7 @@ def write_inverse(
             spin, what is left is its acceleration, which the direct model makes zero.
         motions: Whether the first stage has the output "u_dot of core", the accelerations along its motions.
     """
-    parts, given, received = plan.parts, Given(), Given()
+    parts, given, received = plan.parts, GivenColumns(), GivenColumns()
     core, (q, _, a), base = begun(plan, options, given, accelerations=True)
     chain = core.chain if options.velocity else _without_rates(core, plan, q, a, base)
     b, terms = _required_forces(core, plan, options, chain, a, received)
@@ -90,7 +90,7 @@ def write_inverse(
     return WrittenModule(stages, *read_by_core(plan), {"laws": parts.tree_v[laws]})
 
 
-def _along_motions(core: Core, plan: Plan, a: Expression) -> Expression:
+def _along_motions(core: Core, plan: ModulePlan, a: Expression) -> Expression:
     """Return the accelerations along a module's motions, as `write_direct` does; `a` of the spanning tree."""
     y = pick(a, plan.parts.v)
     for i, platform in core.platforms.items():
@@ -116,13 +116,13 @@ def _motion_outwards(core: Core, options: Options) -> dict[str, ca.SX]:
 
 
 def _relative_motion(chain: Chain, body: int, velocity: bool) -> tuple[Expression, Expression]:
-    """Return a body's twist and acceleration relative to an observer at its origin (`Given.base_twist`)."""
+    """Return a body's twist and acceleration for an observer at its origin (`GivenColumns.base_twist`)."""
     V, A = chain.V[body], chain.c[body]
     return (resting(V), classical(V, A)) if velocity else (V, A)
 
 
 def _required_forces(
-    core: Core, plan: Plan, options: Options, moving: Chain, a: Expression, received: Given
+    core: Core, plan: ModulePlan, options: Options, moving: Chain, a: Expression, received: GivenColumns
 ) -> tuple[Expression, list[Any]]:
     """Compute the forces that a motion requires, without joint laws; `a` as of the spanning tree.
 
@@ -149,13 +149,19 @@ def _required_forces(
     return b, terms
 
 
-def _works(wrench: Expression, plan: Plan) -> list[Any]:
+def _works(wrench: Expression, plan: ModulePlan) -> list[Any]:
     """Return the entries of a wrench as work per scaled coordinate."""
     return [*(wrench[:3] * plan.mechanism.length), *wrench[3:]]
 
 
 def _add_output(
-    core: Core, plan: Plan, options: Options, o: int, b: Expression, terms: list[Any], received: Given
+    core: Core,
+    plan: ModulePlan,
+    options: Options,
+    o: int,
+    b: Expression,
+    terms: list[Any],
+    received: GivenColumns,
 ) -> None:
     """Add the wrench that an output and the modules on it require, Eqs. (30)-(32)."""
     chain, body = core.chain, core.outputs[o]
@@ -173,7 +179,7 @@ def _add_output(
 
 
 def _without_rates(
-    core: Core, plan: Plan, q: Expression, a: Expression, base: tuple[Expression, Expression]
+    core: Core, plan: ModulePlan, q: Expression, a: Expression, base: tuple[Expression, Expression]
 ) -> Chain:
     """Compute the core's motion with zero rates, for inertial forces without velocity terms."""
     parts, chain = plan.parts, core.chain
@@ -186,7 +192,9 @@ def _without_rates(
     return sweep(list(parts.links), tree_q, still, zeros(6), tree_a, base[1], placed)
 
 
-def _motor_map(core: Core, plan: Plan, options: Options, Psi: Expression, received: Given) -> Expression:
+def _motor_map(
+    core: Core, plan: ModulePlan, options: Options, Psi: Expression, received: GivenColumns
+) -> Expression:
     """Compute the motor map B, the work of each motor along each motion, shape (N, motors)."""
     parts = plan.parts
     columns: dict[int, Expression] = dict(zip(parts.tree_v.tolist(), Psi, strict=True))
@@ -209,14 +217,14 @@ LEG_WRENCHES = (("b_base", 6), ("b_delta", 6))
 
 
 def write_inverse_legs(
-    plan: Plan, n: int, options: Options, *, motions: bool = False
+    plan: ModulePlan, n: int, options: Options, *, motions: bool = False
 ) -> tuple[list[Stage], Array]:
     """Write the inverse model of group n of a module, and return its stage and its legs' own numbers.
 
     The outputs are `LEG_WRENCHES`; "motors", wrenches along delta of unit efforts of the motors; and "guard".
     With `motions` those of a spin, too: "u_dot of leg" and "Q of leg" (as of `write_inverse`).
     """
-    group, given = plan.parts.groups[n], Given()
+    group, given = plan.parts.groups[n], GivenColumns()
     leg, width = group[0], len(group[0].v)
     lawful, driven = leg.among(options.laws), leg.among(options.motors)
     q, v, a = given.take("q", len(leg.q)), given.take("v", width), given.take("a", width)
@@ -245,7 +253,7 @@ def write_inverse_legs(
     return cut([inputs], [outputs]), written.folding.table(len(group))
 
 
-def motor_pivots(plan: Plan, module: Module, motors: tuple[int, ...]) -> Pivots | None:
+def motor_pivots(plan: ModulePlan, module: Module, motors: tuple[int, ...]) -> Pivots | None:
     """Choose the pivots of a module's motor map at generic positions of its spanning tree.
 
     Args:

@@ -42,7 +42,7 @@ from .expressions import (
 )  # fmt: skip
 from .guarded_elimination import Pivots, Scale, choose_pivots, solve, squares, weighed
 from .parts import Leg
-from .rigid import Link, matrix_moved, to_parent
+from .rigid import LinkNumbers, matrix_moved, to_parent
 from .spins import Spin
 
 
@@ -112,7 +112,7 @@ class WrittenLeg:
         return to_parent(numbers(np.eye(3)), self.point, F)
 
 
-def fold_links(folding: Folding, copies: list[list[Link]]) -> list[Link]:
+def fold_links(folding: Folding, copies: list[list[LinkNumbers]]) -> list[LinkNumbers]:
     """Return links whose numbers represent those of all copies."""
     return [
         replace(

@@ -190,7 +190,7 @@ def coupling_drift(
 
 
 @dataclass
-class Rows:
+class CoreRows:
     """Rows of all closures of a core.
 
     Attributes:
@@ -239,7 +239,7 @@ def write_rows(
     accelerations: Expression | None,
     scale: Scale,
     weights: list[Any],
-) -> Rows:
+) -> CoreRows:
     """Write the rows of a core's closures and couplings.
 
     Args:
@@ -283,7 +283,7 @@ def write_rows(
             moving.append(plus(dot(row[None], accelerations), drift))
         for weight, value in zip(weights, moving, strict=True):
             guard = guard + weighed([(value, unit)], weight)
-    return Rows(np.concatenate(K), np.concatenate(gamma), guard if scale.compared else ca.SX(0.0))
+    return CoreRows(np.concatenate(K), np.concatenate(gamma), guard if scale.compared else ca.SX(0.0))
 
 
 def _rod_rows(

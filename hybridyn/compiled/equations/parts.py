@@ -21,7 +21,7 @@ from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import axis_frame
 from .arguments import ModuleArguments
 from .expressions import plain, settled, snap, zeros
-from .rigid import Link, aligned, links_of, moved, regrouped, ten_numbers
+from .rigid import LinkNumbers, aligned, links_of, moved, regrouped, ten_numbers
 from .spins import UNFELT, Spin, first_moment, spins_of
 
 #: Digits in which the axes of equal legs agree; the rest is rounding.
@@ -45,7 +45,7 @@ class Rod:
     turns: tuple[int, ...]
 
 
-def rods_of(links: Sequence[Link], closures: Sequence[TreeClosure]) -> dict[int, Rod]:
+def rods_of(links: Sequence[LinkNumbers], closures: Sequence[TreeClosure]) -> dict[int, Rod]:
     """Return the rods of closures by the closure's number; of one tree, in plain numbers."""
     out: dict[int, Rod] = {}
     for k, c in enumerate(closures):
@@ -67,7 +67,7 @@ def is_ball(closure: TreeClosure) -> bool:
 
 
 def _free_rod(
-    links: Sequence[Link], closures: Sequence[TreeClosure], number: int, body: int, point: Array
+    links: Sequence[LinkNumbers], closures: Sequence[TreeClosure], number: int, body: int, point: Array
 ) -> tuple[Array, tuple[int, ...]] | None:
     """Return `_rod` of a body on a floating joint that a ball and another one hold, and nothing else."""
     if (
@@ -88,7 +88,7 @@ def _free_rod(
     return snap(axis_frame(snap(line / length))), turns
 
 
-def _rod(links: Sequence[Link], body: int, point: Array) -> tuple[Array, tuple[int, ...]] | None:
+def _rod(links: Sequence[LinkNumbers], body: int, point: Array) -> tuple[Array, tuple[int, ...]] | None:
     """Return the axes and the turning freedoms of the rod that ends at a point of a body, or None.
 
     A rod is a body on a ball or a universal joint, or slides along its line on one.
@@ -135,7 +135,7 @@ class Leg:
         tree_q: Its coordinates in the tree after the cuts.
     """
 
-    links: tuple[Link, ...]
+    links: tuple[LinkNumbers, ...]
     closure: TreeClosure
     on_a: bool
     end: int
@@ -191,7 +191,7 @@ class Parts:
     """
 
     mechanism: Mechanism
-    links: tuple[Link, ...]
+    links: tuple[LinkNumbers, ...]
     bodies: tuple[int, ...]
     platforms: frozenset[int]
     closures: tuple[TreeClosure, ...]
@@ -264,8 +264,8 @@ def parts_of(
 
 
 def _core(
-    links: list[Link], closures: list[TreeClosure], kept: list[int], used: list[int]
-) -> tuple[tuple[Link, ...], tuple[TreeClosure, ...]]:
+    links: list[LinkNumbers], closures: list[TreeClosure], kept: list[int], used: list[int]
+) -> tuple[tuple[LinkNumbers, ...], tuple[TreeClosure, ...]]:
     """Return some links and closures with bodies numbered in the core."""
     number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
     return _renumbered(links, kept, number), tuple(
@@ -284,7 +284,7 @@ def _links(
     spec: ModuleSpec,
     leg_inertia: bool,
     arguments: ModuleArguments | None,
-) -> tuple[list[Link], list[Array]]:
+) -> tuple[list[LinkNumbers], list[Array]]:
     """Return the tree's links, and its bodies' turns."""
     massive = leg_inertia and arguments is None
     inertias = [ten_numbers(body if massive else None) for body in spec.leg_bodies]
@@ -297,7 +297,9 @@ def _links(
     return links, turns
 
 
-def _held_legs(mechanism: Mechanism, spins: Sequence[Spin], links: list[Link]) -> dict[tuple[int, ...], int]:
+def _held_legs(
+    mechanism: Mechanism, spins: Sequence[Spin], links: list[LinkNumbers]
+) -> dict[tuple[int, ...], int]:
     """Return the legs that may be grouped, as bodies of the tree, each with the closure at its end.
 
     A spin that moves mass by more than rounding, if less than `IDLE`, is left to the core, as are those of
@@ -314,7 +316,7 @@ def _held_legs(mechanism: Mechanism, spins: Sequence[Spin], links: list[Link]) -
 
 
 def _leg(
-    mechanism: Mechanism, bodies: tuple[int, ...], links: list[Link], closure: TreeClosure,
+    mechanism: Mechanism, bodies: tuple[int, ...], links: list[LinkNumbers], closure: TreeClosure,
     core: dict[int, int], spins: Sequence[Spin],
 ) -> Leg:  # fmt: skip
     """Return a leg; `core` numbers the bodies of the core."""
@@ -334,7 +336,9 @@ def _leg(
     )
 
 
-def _renumbered(links: list[Link], joints: list[int], number: dict[int, int]) -> tuple[Link, ...]:
+def _renumbered(
+    links: list[LinkNumbers], joints: list[int], number: dict[int, int]
+) -> tuple[LinkNumbers, ...]:
     """Return the links of some joints with renumbered parents."""
     return tuple(replace(links[j], parent=number[links[j].parent]) for j in joints)
 

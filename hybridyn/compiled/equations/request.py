@@ -21,7 +21,7 @@ from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from .acting import Acting, acting_on
 from .arguments import ChosenNumbers, Inertias, ModuleArguments
-from .core import Plan, path_of, plan_module
+from .core import ModulePlan, path_of, plan_module
 from .expressions import Expression, settled
 from .parts import Parts, parts_of
 from .rigid import ten_expressions, ten_numbers
@@ -98,7 +98,7 @@ class Request:
         return tuple(bool(self.children(k, o)) or o in pushed for o in outputs)
 
     @cached_property
-    def plans(self) -> list[Plan]:
+    def plans(self) -> list[ModulePlan]:
         """A plan for each module, with its arguments."""
         plans = list(self.constant_plans)
         if isinstance(self.arguments, ChosenNumbers):
@@ -106,7 +106,7 @@ class Request:
                 plans[k] = self._with_arguments(k, plans, self.arguments)
         return plans
 
-    def _with_arguments(self, k: int, plans: list[Plan], chosen: ChosenNumbers) -> Plan:
+    def _with_arguments(self, k: int, plans: list[ModulePlan], chosen: ChosenNumbers) -> ModulePlan:
         """Return the plan of module k with its arguments and those of the modules that it carries.
 
         Pivots and groups of legs are those of the constants.
@@ -146,9 +146,9 @@ class Request:
         return out
 
     @cached_property
-    def constant_plans(self) -> list[Plan]:
+    def constant_plans(self) -> list[ModulePlan]:
         """A plan for each module, which chooses its pivots; equal modules with equal marks share it."""
-        known: dict[tuple[int, tuple[str, ...]], Plan] = {}
+        known: dict[tuple[int, tuple[str, ...]], ModulePlan] = {}
         out = []
         given = self.arguments
         inertias = None if given is None or isinstance(given, ChosenNumbers) else given.of_modules
@@ -211,7 +211,7 @@ class Request:
         totals = [ten_numbers(x) + sum(y, np.zeros(10)) for x, y in zip(bodies, moved_down, strict=True)]
         return tuple(tuple(total.tolist()) for total in totals)
 
-    def _moved_down(self, k: int, plans: list[Plan]) -> list[list[Expression]]:
+    def _moved_down(self, k: int, plans: list[ModulePlan]) -> list[list[Expression]]:
         """Return for each output of module k the ten numbers that the modules on it move to it."""
         outputs = range(len(self.robot.modules[k].mechanism.spec.outputs))
         return [[plans[i].parts.base for i in self.children(k, o)] for o in outputs]

@@ -145,7 +145,7 @@ def quaternion_matrix(q: Expression) -> Expression:
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class LinkNumbers:
     """One joint and its child body as numbers.
 
     Attributes:
@@ -172,15 +172,15 @@ class Link:
         return self.kind.nv
 
 
-def links_of(joints: tuple[TreeJoint, ...], inertias: list[Array]) -> list[Link]:
+def links_of(joints: tuple[TreeJoint, ...], inertias: list[Array]) -> list[LinkNumbers]:
     """Return the links of a tree from its joints and its bodies' ten numbers."""
     return [
-        Link(j.kind, j.parent, snap(j.R), j.p, j.axis, inertia, j.pitch)
+        LinkNumbers(j.kind, j.parent, snap(j.R), j.p, j.axis, inertia, j.pitch)
         for j, inertia in zip(joints, inertias, strict=True)
     ]
 
 
-def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[Array]]:
+def aligned(links: list[LinkNumbers], fixed: frozenset[int]) -> tuple[list[LinkNumbers], list[Array]]:
     """Turn bodies' frames so that the axis of every joint of one freedom is a coordinate axis.
 
     Args:
@@ -200,7 +200,7 @@ def aligned(links: list[Link], fixed: frozenset[int]) -> tuple[list[Link], list[
     return out, axes
 
 
-def regrouped(links: list[Link]) -> tuple[list[Link], Array]:
+def regrouped(links: list[LinkNumbers]) -> tuple[list[LinkNumbers], Array]:
     """Move inertial parameters that do not affect a joint's force to the parent body, outermost first.
 
     The force of a revolute joint does not depend on the mass, the first moment along the axis, and an inertia
@@ -239,7 +239,7 @@ def _clean(inertia: Array, before: Array) -> Array:
     return out
 
 
-def unfelt(link: Link) -> Array:
+def unfelt(link: LinkNumbers) -> Array:
     """Return the part of a link's ten numbers that does not affect its joint's force, shape (10,)."""
     gone = np.zeros(10, dtype=link.inertia.dtype)
     if link.kind.hinge and np.abs(link.axis).max() == 1.0:

@@ -28,7 +28,7 @@ from ...structure.mechanism import Mechanism
 from .chains import motion_subspace
 from .expressions import Expression, along, dot, is_zero, minus, numbers, scalar, snap, times
 from .guarded_elimination import Scale, squares
-from .rigid import Link, momentum, to_child
+from .rigid import LinkNumbers, momentum, to_child
 
 #: A closure does not feel a motion that opens it by less than this, without units: rounding. The spin of a
 #: leg moves its mass by less, too.
@@ -127,7 +127,7 @@ class Decided:
     guard: Any
 
 
-def twists_of(spin: Spin, links: Sequence[Link]) -> dict[int, Expression]:
+def twists_of(spin: Spin, links: Sequence[LinkNumbers]) -> dict[int, Expression]:
     """Return the twists of its body, and of slides on it, at a spin of one; by body, own frames."""
     ends = np.cumsum([0, *(link.nv for link in links)]).tolist()
     first = ends.index(spin.cols[0])
@@ -138,17 +138,19 @@ def twists_of(spin: Spin, links: Sequence[Link]) -> dict[int, Expression]:
     return twists
 
 
-def momenta(spin: Spin, links: Sequence[Link]) -> dict[int, Expression]:
+def momenta(spin: Spin, links: Sequence[LinkNumbers]) -> dict[int, Expression]:
     """Compute the momentum of each body that a spin of one moves, own frames, shape (6,)."""
     return {i: momentum(numbers(links[i - 1].inertia), V) for i, V in twists_of(spin, links).items()}
 
 
-def first_moment(spin: Spin, links: Sequence[Link]) -> Expression:
+def first_moment(spin: Spin, links: Sequence[LinkNumbers]) -> Expression:
     """Compute how far a spin of one moves the mass of its body and of slides on it, shape (3 bodies,)."""
     return np.concatenate([P[:3] for P in momenta(spin, links).values()])
 
 
-def decided(spin: Spin, links: Sequence[Link], rotor: Array, reference: float, scale: Scale) -> Decided:
+def decided(
+    spin: Spin, links: Sequence[LinkNumbers], rotor: Array, reference: float, scale: Scale
+) -> Decided:
     """Decide whether a spin has inertia.
 
     Args:

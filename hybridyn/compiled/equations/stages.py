@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Index
-from .core import Core, Plan, write_core
+from .core import Core, ModulePlan, write_core
 from .expressions import Expression, pack, plain, symbols, zeros
 from .request import Options
 
@@ -98,7 +98,7 @@ class WrittenModule:
     at: dict[str, Index]
 
 
-class Given(dict[str, ca.SX]):
+class GivenColumns(dict[str, ca.SX]):
     """Columns of symbols that are first known at a stage, by name."""
 
     def take(self, name: str, n: int) -> Expression:
@@ -129,7 +129,7 @@ class Given(dict[str, ca.SX]):
 
 
 def begun(
-    plan: Plan, options: Options, given: Given, *, accelerations: bool = False
+    plan: ModulePlan, options: Options, given: GivenColumns, *, accelerations: bool = False
 ) -> tuple[Core, tuple[Expression, Expression, Any], tuple[Expression, Any]]:
     """Write the motion of a module's core.
 
@@ -150,11 +150,11 @@ def begun(
 
 
 def twist_width(velocity: bool) -> int:
-    """Return the size of a base's twist: 3 for its angular part, or 6 (`Given.base_twist`)."""
+    """Return the size of a base's twist: 3 for its angular part, or 6 (`GivenColumns.base_twist`)."""
     return 3 if velocity else 6
 
 
-def read_by_core(plan: Plan) -> tuple[Index, Index]:
+def read_by_core(plan: ModulePlan) -> tuple[Index, Index]:
     """Return the coordinates and freedoms of the spanning tree that a core reads."""
     parts = plan.parts
     q, v = (

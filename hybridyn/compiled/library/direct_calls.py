@@ -61,7 +61,7 @@ def again(call: Callable[..., int], given: tuple[Any, ...], out: Array) -> int:
     return REFUSED if copies is None else call(*copies, out)
 
 
-class Method(ctypes.Structure):
+class MethodDef(ctypes.Structure):
     """CPython's `PyMethodDef`: a C function that Python calls directly, without ctypes."""
 
     _fields_ = (
@@ -73,16 +73,16 @@ class Method(ctypes.Structure):
 
 
 #: Structures of functions: CPython reads them as long as it may call the functions.
-_KEPT: list[Method] = []
+_KEPT: list[MethodDef] = []
 
 
 def function_of(held: ctypes.PyDLL, name: str, given: Any = None) -> Callable[..., int]:
     """Return a function of a library, METH_FASTCALL, which receives `given` as its first argument in C."""
     address = ctypes.cast(getattr(held, name), ctypes.c_void_p)
-    _KEPT.append(Method(name.encode(), address, METH_FASTCALL))
+    _KEPT.append(MethodDef(name.encode(), address, METH_FASTCALL))
     new = ctypes.pythonapi.PyCFunction_NewEx
     new.restype = ctypes.py_object
-    new.argtypes = [ctypes.POINTER(Method), ctypes.py_object, ctypes.c_void_p]
+    new.argtypes = [ctypes.POINTER(MethodDef), ctypes.py_object, ctypes.c_void_p]
     made: Callable[..., int] = new(ctypes.byref(_KEPT[-1]), given, None)
     return made
 

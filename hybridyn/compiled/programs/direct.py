@@ -46,7 +46,7 @@ def write_direct_sweeps(request: Request, w: Writer, *, pushed: bool = False) ->
     robot = request.robot
     unit_base(request, w)
     same_structure(request, w)
-    sweeps = _Sweeps(request, w, "base_acceleration", pushed=pushed)
+    sweeps = _DirectSweeps(request, w, "base_acceleration", pushed=pushed)
     modules: list[ModuleCalls] = []
     for k in range(len(robot.modules)):
         modules.append(sweeps.outwards(k, modules))
@@ -57,7 +57,7 @@ def write_direct_sweeps(request: Request, w: Writer, *, pushed: bool = False) ->
         sweeps.accelerate(calls)
 
 
-class _Sweeps(Sweeps):
+class _DirectSweeps(Sweeps):
     """Add the calls of the modules to the program, sweep by sweep."""
 
     def outwards(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:

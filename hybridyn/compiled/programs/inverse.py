@@ -59,7 +59,7 @@ def _write_sweeps(
     request: Request, w: Writer, *, balance: bool = False, pushed: bool = False
 ) -> list[ModuleCalls]:
     """Add the sweeps; with `balance` (see `write_balance`), motor efforts are inputs."""
-    sweeps = _Sweeps(request, w, "a", motors=balance, pushed=pushed)
+    sweeps = _InverseSweeps(request, w, "a", motors=balance, pushed=pushed)
     modules: list[ModuleCalls] = []
     for k in range(len(request.robot.modules)):
         start = len(w.steps)
@@ -73,7 +73,7 @@ def _write_sweeps(
     return modules
 
 
-class _Sweeps(Sweeps):
+class _InverseSweeps(Sweeps):
     """Add the calls of the modules to the program; with `motors` those of the balance."""
 
     def outwards(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:

@@ -17,7 +17,7 @@ from ..equations.chains import sweep
 from ..equations.expressions import Expression, cross, dot, eye, pack, symbols, unpack, zeros
 from ..equations.request import Request
 from ..equations.rigid import links_of, quaternion_matrix
-from ..program import Constants, Program, Result, Shared, Source, Target, Worst
+from ..program import Constants, Program, ResultPlace, Shared, Source, Target, Worst
 from .general import WIDTH
 from .writer import Writer
 
@@ -47,7 +47,7 @@ def unit_base(request: Request, w: Writer) -> None:
 def write_motions(
     request: Request,
     w: Writer,
-    places: Sequence[Result | Shared],
+    places: Sequence[ResultPlace | Shared],
     among: Container[int] | None = None,
     *,
     moved: bool = True,

@@ -188,7 +188,7 @@ def same_structure(request: Request, w: Writer) -> None:
 
 
 def moving_base(request: Request, w: Writer, acceleration: str) -> Ports:
-    """Return the ports of a moving base's twist and acceleration (`stages.Given.base_twist`), or nothing.
+    """Return the ports of a moving base's twist and acceleration (`GivenColumns.base_twist`), or nothing.
 
     Args:
         request: The robot and its effects.

@@ -15,11 +15,11 @@ from ..program import (
     Call,
     Constants,
     Each,
-    Given,
+    GivenPlace,
     Kernel,
     Own,
     Program,
-    Result,
+    ResultPlace,
     Shared,
     Source,
     Start,
@@ -116,15 +116,15 @@ class Writer:
         self.handed.add(place)
         return place
 
-    def from_given(self, name: str, index: Index) -> Given | Result:
+    def from_given(self, name: str, index: Index) -> GivenPlace | ResultPlace:
         """Return the source of entries of a user input, shape (entries,) or (copies, entries)."""
         if name in self.computed:
             return self.result(name, index)
-        return Given(np.atleast_2d(index).astype(int) + self.given[name])
+        return GivenPlace(np.atleast_2d(index).astype(int) + self.given[name])
 
-    def result(self, name: str, index: Index) -> Result:
+    def result(self, name: str, index: Index) -> ResultPlace:
         """Return the place of entries of a user output, shape (entries,) or (copies, entries)."""
-        return Result(np.atleast_2d(index).astype(int) + self.results[name])
+        return ResultPlace(np.atleast_2d(index).astype(int) + self.results[name])
 
     def call(self, kernel: int, copies: int, sources: Sequence[Source], targets: list[Target]) -> None:
         """Add the call of a kernel."""

@@ -17,7 +17,7 @@ from lxml import etree
 
 from ..bounds import refuse_above
 from ..urdf.robot_folders import Includes
-from ..urdf.xml_node import LARGEST_NUMBER, Node
+from ..urdf.xml_node import LARGEST_NUMBER, XmlNode
 
 #: Folders whose neighbours belong to the robot, too: `robot/mjcf/robot.xml` reads `robot/meshes/`.
 FILE_FOLDERS = ("mjcf", "xml", "mujoco")
@@ -29,7 +29,7 @@ FILE = "{hybridyn}file"
 INCLUDED_ROOTS = ("mujoco", "mujocoinclude")
 
 
-#: File and line of an element, as in `Node.place`.
+#: File and line of an element, as in `XmlNode.place`.
 Place = tuple[str, int | None]
 
 
@@ -45,7 +45,7 @@ class Document:
         models: The files of `<model>`.
     """
 
-    def __init__(self, root: Node, package_dirs: list[str], within: Document | None = None) -> None:
+    def __init__(self, root: XmlNode, package_dirs: list[str], within: Document | None = None) -> None:
         """Merge all included files, and open all attached ones.
 
         Args:
@@ -77,10 +77,10 @@ class Document:
         """Return this file and all that it attaches."""
         return [self, *(inner for model in self.models for inner in model.every())]
 
-    def nodes(self, path: str = "//*") -> list[Node]:
+    def nodes(self, path: str = "//*") -> list[XmlNode]:
         """Return the elements of an XPath, by default all, a parent before its children, with their files."""
         found = cast("list[etree._Element]", self.root.xml.getroottree().xpath(path))
-        return [Node(xml, self.files[int(xml.get(FILE, 0))]) for xml in found]
+        return [XmlNode(xml, self.files[int(xml.get(FILE, 0))]) for xml in found]
 
     def text(self) -> tuple[str, list[Place]]:
         """Write the tree, one start or end of an element a line; return also the place of each line."""
@@ -88,7 +88,7 @@ class Document:
         for event, xml in etree.iterwalk(self.root.xml, events=("start", "end")):
             xml.text, xml.tail = "\n" if len(xml) else None, "\n"
             if event == "start" or len(xml):
-                places.append(Node(xml, self.files[int(xml.get(FILE, 0))]).place)
+                places.append(XmlNode(xml, self.files[int(xml.get(FILE, 0))]).place)
         etree.strip_attributes(self.root.xml, FILE)
         etree.cleanup_namespaces(self.root.xml)
         return etree.tostring(self.root.xml, encoding="unicode"), places
@@ -96,7 +96,7 @@ class Document:
     def _include(self, xml: etree._Element) -> list[etree._Element]:
         """Put the elements of a file in place of `<include>`, and return the includes among them."""
         number = int(xml.attrib.pop(FILE, "0"))
-        node, parent = Node(xml, self.files[number]), xml.getparent()
+        node, parent = XmlNode(xml, self.files[number]), xml.getparent()
         node.only(["file"], [])
         inner, path = self._opened(node, number)
         if inner.tag not in INCLUDED_ROOTS or parent is None:
@@ -111,7 +111,7 @@ class Document:
         parent[at : at + 1] = [*inner.xml]
         return includes
 
-    def _opened(self, node: Node, number: int) -> tuple[Node, str]:
+    def _opened(self, node: XmlNode, number: int) -> tuple[XmlNode, str]:
         """Return the root of a file that an element of file `number` names, and the file's path.
 
         Its path starts at the robot's file, else at the file that names it.
@@ -214,7 +214,7 @@ def mesh_folder(document: Document) -> str:
     return stated.get("meshdir", stated.get("assetdir", ""))
 
 
-def _take_plugin(document: Document, node: Node) -> None:
+def _take_plugin(document: Document, node: XmlNode) -> None:
     """Take a plugin out that only makes a shape; one in `<actuator>` becomes a servo, whose law is not read.
 
     A geom of such a shape is taken out where the body states its inertia. Others are refused later.
@@ -263,7 +263,7 @@ def _take_meshes(document: Document, contents: dict[str, bytes]) -> None:
             node.xml.attrib.update({"name": name, "file": key})
 
 
-def _places(document: Document, node: Node, folder: str) -> list[str]:
+def _places(document: Document, node: XmlNode, folder: str) -> list[str]:
     """Return where a mesh may be: in the folder of meshes, else beside the included file that names it."""
     file, number = node.text("file"), document.files.index(node.file)
     return [os.path.join(folder, file), *([document.beside(file, number)] if number else [])]
@@ -279,7 +279,7 @@ def _has_mass(body: etree._Element) -> bool:
     return body.tag == "worldbody" or body.find("inertial") is not None
 
 
-def _name(node: Node) -> str:
+def _name(node: XmlNode) -> str:
     """Return the name of an asset, which is that of its file where it states none."""
     stem, _ = os.path.splitext(os.path.basename(str(node.xml.get("file", ""))))
     return str(node.xml.get("name") or stem)
@@ -290,7 +290,7 @@ def _take_out(xml: etree._Element) -> None:
         parent.remove(xml)
 
 
-def _stand_in(node: Node, kept: str, **attributes: str) -> None:
+def _stand_in(node: XmlNode, kept: str, **attributes: str) -> None:
     """Replace an asset by another one of the same name, which keeps one of its attributes."""
     attributes["name"] = _name(node)
     for name in {*map(str, node.xml.attrib)} - {kept, FILE}:
@@ -300,7 +300,7 @@ def _stand_in(node: Node, kept: str, **attributes: str) -> None:
         node.xml.set(name, value)
 
 
-def _refuse_unbounded(node: Node, name: str) -> None:
+def _refuse_unbounded(node: XmlNode, name: str) -> None:
     """Refuse numbers that are not finite or absurdly large; ranges may be infinite."""
     limit = MOST_SUBDIVISIONS if name == "params" else LARGEST_NUMBER
     for word in str(node.xml.get(name)).split():
@@ -314,7 +314,7 @@ def _refuse_unbounded(node: Node, name: str) -> None:
             raise node.error(f"attribute '{name}': '{word[:40]}' is too large (limit {limit:g})")
 
 
-def _counts(node: Node) -> list[float]:
+def _counts(node: XmlNode) -> list[float]:
     """Return the counts of a composite along its axes; MuJoCo refuses what is no number."""
     words = str(node.xml.get("count", "")).split()
     return [float(word) for word in words if word.lstrip("+-").replace(".", "", 1).isdigit()]

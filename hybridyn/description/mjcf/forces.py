@@ -22,7 +22,7 @@ OF_TENDONS = ("stiffness", "damping", "frictionloss")
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 
 
-class Part(NamedTuple):
+class JointPart(NamedTuple):
     """A joint of the robot that stands for one of MuJoCo's, or for a part of it.
 
     Attributes:
@@ -69,7 +69,7 @@ def bodies_of(compiled: Compiled, tendon: int) -> list[int]:
     return [int(model.site_bodyid[model.wrap_objid[w]]) for w in wraps if model.wrap_type[w] == site]
 
 
-def add_forces(robot: RobotFile, compiled: Compiled, parts: Sequence[Part]) -> None:
+def add_forces(robot: RobotFile, compiled: Compiled, parts: Sequence[JointPart]) -> None:
     """Add the forces of joints, tendons and weights to the robot's effects.
 
     Raises:
@@ -88,7 +88,7 @@ def add_forces(robot: RobotFile, compiled: Compiled, parts: Sequence[Part]) -> N
 
 
 def _springs(
-    compiled: Compiled, parts: Sequence[Part]
+    compiled: Compiled, parts: Sequence[JointPart]
 ) -> tuple[list[StatedSpring], dict[str, dict[str, Any]]]:
     """Return the linear springs of joints with one freedom, and all others as effects."""
     model, springs = compiled.model, list[StatedSpring]()
@@ -113,7 +113,7 @@ def _springs(
     return springs, {"polynomial_spring": bent, "ball_spring": balls}
 
 
-def _dampers(compiled: Compiled, parts: Sequence[Part]) -> dict[str, list[float]]:
+def _dampers(compiled: Compiled, parts: Sequence[JointPart]) -> dict[str, list[float]]:
     """Return the coefficients of damping above the linear one, by joint."""
     higher = compiled.rows("dof_dampingpoly")
     return {

@@ -19,10 +19,10 @@ from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
 from ..names import listed, noted, unique
 from ..placement import motion_of, placement_from
 from ..records import Array, Joint, Link, RobotFile
-from ..urdf.xml_node import Node
+from ..urdf.xml_node import XmlNode
 from .compiling import Compiled, compile_text, pose
 from .document import Document, screen
-from .forces import Part, add_forces, bodies_of, pulling, split
+from .forces import JointPart, add_forces, bodies_of, pulling, split
 from .relations import add_actuators, add_equalities
 
 #: Kinds of joints by MuJoCo's words.
@@ -75,7 +75,7 @@ def add_bodies(robot: RobotFile, compiled: Compiled, root: int, q: Array) -> Non
         q: Home positions of all joints, MuJoCo's `qpos`.
     """
     model, links, joints = compiled.model, {*compiled.bodies}, {*compiled.joints}
-    parts: list[Part] = []
+    parts: list[JointPart] = []
     for body in range(model.nbody):
         if root and model.body_rootid[body] != root:
             continue
@@ -105,7 +105,7 @@ def _link(compiled: Compiled, body: int) -> Link:
 
 
 def _steps(
-    robot: RobotFile, compiled: Compiled, body: int, taken: set[str], q: Array, parts: list[Part]
+    robot: RobotFile, compiled: Compiled, body: int, taken: set[str], q: Array, parts: list[JointPart]
 ) -> list[tuple[Joint, Array]]:
     """Return the joints of a body in their order, and add their positions at home to the robot.
 
@@ -136,7 +136,7 @@ def _steps(
             axis, reference = (np.eye(3)[k % 3], 0.0) if ending else (model.jnt_axis[number], model.qpos0[at])
             joint = _joint(compiled, number, dof + k, name, part, axis, reference)
             robot.home[name] = _coordinates(part, q[at + k :])
-            parts.append(Part(number, name, part, at + k, dof + k))
+            parts.append(JointPart(number, name, part, at + k, dof + k))
             out.append((joint, origin))
     return out
 
@@ -211,7 +211,7 @@ HOME = "home"
 FLAGS = ("passive", "spring", "damper", "frictionloss", "limit", "actuation")
 
 
-def read_mjcf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> RobotFile:
+def read_mjcf(root: XmlNode, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> RobotFile:
     """Read the root element of an MJCF file.
 
     Args:

@@ -17,7 +17,7 @@ from ..records import Array
 from ..rows import Row, numbers_in
 from ..urdf.drake import BALL
 from ..urdf.drake_forces import BUSHING, ENDS, SPRING, THREES
-from ..urdf.xml_node import Node, OfChildren, unit
+from ..urdf.xml_node import OfChildren, XmlNode, unit
 
 #: Remarks, each with the names that it concerns (see `names.noted`).
 Notes = dict[str, list[str]]
@@ -136,7 +136,7 @@ SOLVER = {
 CUSTOM = "elements of other programs are not read: {}"
 
 
-def check(root: Node, notes: Notes) -> None:
+def check(root: XmlNode, notes: Notes) -> None:
     """Refuse what SDFormat does not have where it stands and what resembles what it has; note the rest.
 
     Attributes, joints, links, inertias and numbers that are read elsewhere may not be misplaced, either.
@@ -170,7 +170,7 @@ def check(root: Node, notes: Notes) -> None:
                 waiting.append(child)
 
 
-def _note_forces(child: Node, kind: str, notes: Notes) -> None:
+def _note_forces(child: XmlNode, kind: str, notes: Notes) -> None:
     """Note elements that exert forces in Gazebo, and are left out here."""
     on = child.tag in FORCES.get(kind, ()) and (len(child.xml) or child.content().lower() in ("true", "1"))
     inner = child.descendants() if child.tag == "physics" and kind == "joint" else ()
@@ -180,7 +180,7 @@ def _note_forces(child: Node, kind: str, notes: Notes) -> None:
         notes.setdefault(text, []).append(str(around(node).xml.get("name"))[:80])
 
 
-def _check_attributes(node: Node, known: tuple[str, ...]) -> None:
+def _check_attributes(node: XmlNode, known: tuple[str, ...]) -> None:
     """Refuse attributes that SDFormat does not have, or that are not read."""
     for name in node.attributes():
         if name == OLD_FRAME and node.tag == "pose":
@@ -197,7 +197,7 @@ def _check_attributes(node: Node, known: tuple[str, ...]) -> None:
             raise node.error(f"unknown attribute '{name}'{hint}; known: {listed(known) or 'none'}")
 
 
-def _refuse_unknown(child: Node, node: Node, known: tuple[str, ...], notes: Notes) -> None:
+def _refuse_unknown(child: XmlNode, node: XmlNode, known: tuple[str, ...], notes: Notes) -> None:
     if child.tag in LEGACY_FORMS:
         raise child.error(f"{LEGACY_FORMS[child.tag].split(';')[0]}, which is not read in SDF; remove it")
     others = ":" in child.tag and child.tag not in NAMESPACED and not child.tag.startswith("hybridyn:")
@@ -214,13 +214,13 @@ def _refuse_unknown(child: Node, node: Node, known: tuple[str, ...], notes: Note
     notes[f"{file}:{line}: <{child.tag}> in {node.label} is ignored, as Gazebo does"] = [child.tag]
 
 
-def around(node: Node) -> Node:
+def around(node: XmlNode) -> XmlNode:
     """Return an element, or the nearest one around it that has a name."""
     holders = (xml for xml in (node.xml, *node.xml.iterancestors()) if xml.get("name"))
-    return Node(next(holders, node.xml), node.file)
+    return XmlNode(next(holders, node.xml), node.file)
 
 
-def refuse_lost(node: Node) -> None:
+def refuse_lost(node: XmlNode) -> None:
     """Refuse joints, links and inertias inside an element that is left out; a plugin's own names are free.
 
     Raises:
@@ -236,7 +236,7 @@ def refuse_lost(node: Node) -> None:
             raise inner.error(f"is not read inside <{node.tag}>; move it to the place where SDFormat has it")
 
 
-def word(node: Node, tag: str) -> str:
+def word(node: XmlNode, tag: str) -> str:
     """Return the text of a child, "" if it is absent.
 
     Raises:
@@ -246,7 +246,7 @@ def word(node: Node, tag: str) -> str:
     return "" if child is None else child.content()
 
 
-def numbers(node: Node | None, tag: str) -> dict[str, float]:
+def numbers(node: XmlNode | None, tag: str) -> dict[str, float]:
     """Return the numbers in the children of an element; absent and empty children have their defaults.
 
     Args:
@@ -261,7 +261,7 @@ def numbers(node: Node | None, tag: str) -> dict[str, float]:
     return numbers_in(NUMBERS[tag], OfChildren(node), f" of {around(node).label}")
 
 
-def flag(node: Node, tag: str, default: bool = False) -> bool:
+def flag(node: XmlNode, tag: str, default: bool = False) -> bool:
     """Return a child as true or false; the default if it is absent or empty.
 
     Raises:
@@ -273,12 +273,12 @@ def flag(node: Node, tag: str, default: bool = False) -> bool:
     return text in ("true", "1")
 
 
-def direction(node: Node) -> Array:
+def direction(node: XmlNode) -> Array:
     """Return the unit vector that an element states, shape (3,); ModelError if it is zero."""
     return unit(node, node.numbers("", 3), "<xyz>0 0 1</xyz>")
 
 
-def pose(node: Node | None) -> Array:
+def pose(node: XmlNode | None) -> Array:
     """Return the placement that a `<pose>` states, shape (4, 4); the identity for None or an empty text.
 
     Raises:
@@ -300,14 +300,14 @@ def pose(node: Node | None) -> Array:
     return placement_from(rotation_from_quaternion(*(numbers[3:] / norm)), numbers[:3])
 
 
-def relative_to(node: Node | None) -> str:
+def relative_to(node: XmlNode | None) -> str:
     """Return the name of the frame in which a `<pose>` is expressed, "" for the default."""
     if node is None:
         return ""
     return str(node.xml.get("relative_to", "")).strip() or str(node.xml.get(OLD_FRAME, "")).strip()
 
 
-def screw_pitch(node: Node) -> float:
+def screw_pitch(node: XmlNode) -> float:
     """Return the pitch of a screw [m/rad]; `thread_pitch` is minus the angle per way [rad/m].
 
     Without both it is 1 m per turn, as in sdformat.

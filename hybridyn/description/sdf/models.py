@@ -21,7 +21,7 @@ from ..names import did_you_mean, listed
 from ..placement import inverse
 from ..records import Array
 from ..urdf.robot_folders import Includes
-from ..urdf.xml_node import Node
+from ..urdf.xml_node import XmlNode
 from .elements import Notes, check, flag, pose, relative_to, word
 
 #: Oldest and newest version of SDFormat that is read, as (1, minor).
@@ -46,10 +46,10 @@ _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://(.*)", re.DOTALL)
 Files = tuple[str, ...]
 
 #: The element that places a model (`<include>`, or the model itself), the model, and the files around it.
-Placed = tuple[Node, Node, Files]
+Placed = tuple[XmlNode, XmlNode, Files]
 
 
-class Library:
+class SdfFiles:
     """The robot's file and the files that it includes.
 
     Attributes:
@@ -61,7 +61,9 @@ class Library:
         chosen: Name of the model that is read, "" for the only one.
     """
 
-    def __init__(self, root: Node, package_dirs: Sequence[str | os.PathLike[str]], chosen: str = "") -> None:
+    def __init__(
+        self, root: XmlNode, package_dirs: Sequence[str | os.PathLike[str]], chosen: str = ""
+    ) -> None:
         """Check the robot's own file.
 
         Args:
@@ -124,7 +126,7 @@ class Library:
             return found
         return [one for one, name in zip(found, names, strict=True) if name == self.chosen]
 
-    def open(self, node: Node, files: Files) -> tuple[Node, Files]:
+    def open(self, node: XmlNode, files: Files) -> tuple[XmlNode, Files]:
         """Return the model of an `<include>` with the files around it, or a model itself.
 
         Raises:
@@ -148,7 +150,7 @@ class Library:
             raise uri.error(f"'{name}' holds {len(models)} models; an included file holds one <model>")
         return models[0], (*files, path)
 
-    def _locate(self, uri: Node, name: str, file: str) -> str:
+    def _locate(self, uri: XmlNode, name: str, file: str) -> str:
         """Return the path of the file that another one includes.
 
         Raises:
@@ -168,7 +170,7 @@ class Library:
             raise uri.error(f"'{name[:80]}' is not a local file; download it, and write its path")
         return os.path.join(path, self._file_of_model(uri, path)) if os.path.isdir(path) else path
 
-    def _file_of_model(self, uri: Node, folder: str) -> str:
+    def _file_of_model(self, uri: XmlNode, folder: str) -> str:
         """Return the name of the SDF file in a folder: the newest that `model.config` states."""
         config = os.path.join(folder, "model.config")
         stated = {0: "model.sdf"}
@@ -181,18 +183,18 @@ class Library:
         return stated[max(stated)]
 
 
-def name_of(own: Node, model: Node) -> str:
+def name_of(own: XmlNode, model: XmlNode) -> str:
     """Return the name of a model, which the element `<include>` may name otherwise."""
     return (word(own, "name") if own.tag == "include" else "") or model.text("name")
 
 
-def minor_of(node: Node) -> int:
+def minor_of(node: XmlNode) -> int:
     """Return the minor number of the version of an element's file.
 
     Raises:
         ModelError: This version is not read.
     """
-    root = Node(node.xml.getroottree().getroot(), node.file)
+    root = XmlNode(node.xml.getroottree().getroot(), node.file)
     text = root.text("version")
     match = _VERSION.fullmatch(text)
     if not match or not VERSIONS[0] <= int(match[1]) <= VERSIONS[1]:
@@ -230,8 +232,8 @@ class Item:
     kind: Kind
     name: str
     scope: Item | None
-    node: Node
-    model: Node
+    node: XmlNode
+    model: XmlNode
     still: bool = False
     merged: bool = False
     full_name: str = ""
@@ -268,7 +270,7 @@ def inside(scope: Item | None) -> str:
     return inside(scope.scope) if scope.merged else f"{scope.path}::"
 
 
-class Models:
+class SdfModels:
     """The elements of the robot's models and of the world around them, in the order of the file.
 
     Attributes:
@@ -277,7 +279,7 @@ class Models:
         world: The element `<world>`, or the root element.
     """
 
-    def __init__(self, library: Library) -> None:
+    def __init__(self, library: SdfFiles) -> None:
         """Read every element that has a name.
 
         Raises:
@@ -352,7 +354,7 @@ class Models:
         """Return the elements that a name can mean in a model or the world, one a kind."""
         return self._items.get(f"{inside(scope)}{name}".removesuffix(f"::{MODEL}"), {})
 
-    def resolve(self, scope: Item | None, name: str, node: Node) -> Item | None:
+    def resolve(self, scope: Item | None, name: str, node: XmlNode) -> Item | None:
         """Return the element that a name means, None for the world.
 
         Args:
@@ -387,7 +389,7 @@ class Models:
             )
         return found[kinds[0]]
 
-    def link(self, scope: Item | None, name: str, node: Node) -> Item | None:
+    def link(self, scope: Item | None, name: str, node: XmlNode) -> Item | None:
         """Return the link that carries a frame, None for the world; the arguments are those of `resolve`."""
         return None if self._is_world(scope, name) else self._links[self.resolve(scope, name, node)]
 
@@ -397,9 +399,9 @@ class Models:
 
     def _add(
         self,
-        node: Node,
+        node: XmlNode,
         scope: Item | None,
-        model: Node | None = None,
+        model: XmlNode | None = None,
         *,
         still: bool = False,
         merged: bool = False,
@@ -419,8 +421,8 @@ class Models:
 
     def _add_model(
         self,
-        own: Node,
-        model: Node,
+        own: XmlNode,
+        model: XmlNode,
         scope: Item | None,
         files: Files,
         depth: int = 0,

@@ -22,9 +22,9 @@ from ..plugins import refuse_holding, weld_of
 from ..records import Array, Closure, Coupling, Joint, RobotFile, StatedSpring, spring_effect
 from ..urdf.drake import BALL, read_ball_constraint
 from ..urdf.drake_forces import BUSHING, SPRING, read_bushings, spring_effects
-from ..urdf.xml_node import Node
+from ..urdf.xml_node import XmlNode
 from .elements import Notes, flag, numbers
-from .models import Item, Library, Models
+from .models import Item, SdfFiles, SdfModels
 from .stated import AXES, ENDLESS, WEIGHTLESS, Stated, line_of, read_joints, read_link
 
 #: Gravity of a world that states none [m/s^2].
@@ -57,7 +57,9 @@ CLOSURES = {
 POSE_ROUNDING = 16 * np.finfo(float).eps
 
 
-def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = (), chosen: str = "") -> RobotFile:
+def read_sdf(
+    root: XmlNode, package_dirs: Sequence[str | os.PathLike[str]] = (), chosen: str = ""
+) -> RobotFile:
     """Read the root element of an SDF file.
 
     Args:
@@ -69,13 +71,13 @@ def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = (), ch
         ModelError: The file has several robots or none, an element is invalid, or it states something that
             hybridyn does not have.
     """
-    library = Library(root, package_dirs, chosen)
-    models = Models(library)
+    library = SdfFiles(root, package_dirs, chosen)
+    models = SdfModels(library)
     robot = RobotFile(models.name, root.file, format="SDF")
     robot.gravity = _gravity(models.world)
     joints, gearboxes = read_joints(models, robot.file, library.notes)
     robot.links += [read_link(item, models, robot.file, library.notes) for item in models.every("link")]
-    _Builder(robot, models).build(joints, gearboxes, library.notes)
+    _SdfBuilder(robot, models).build(joints, gearboxes, library.notes)
     light = [item.full_name for item in models.every("link") if not flag(item.node, "gravity", True)]
     if light:
         library.notes[WEIGHTLESS] = light
@@ -86,12 +88,12 @@ def read_sdf(root: Node, package_dirs: Sequence[str | os.PathLike[str]] = (), ch
     return robot
 
 
-def _read_drake(robot: RobotFile, models: Models) -> None:
+def _read_drake(robot: RobotFile, models: SdfModels) -> None:
     """Add the ball constraints, the springs between points and the bushings that Drake has in models."""
     taken = {closure.name for closure in robot.closures}
     for item in models.every("model"):
 
-        def link_of(node: Node, name: str, scope: Item = item) -> str:
+        def link_of(node: XmlNode, name: str, scope: Item = item) -> str:
             """Return the link of a name in the model.
 
             Raises:
@@ -102,7 +104,7 @@ def _read_drake(robot: RobotFile, models: Models) -> None:
                 raise node.error("joins no two links of the robot")
             return link.full_name
 
-        def frame_of(node: Node, name: str, scope: Item = item) -> tuple[str, Array]:
+        def frame_of(node: XmlNode, name: str, scope: Item = item) -> tuple[str, Array]:
             """Return the link that carries a frame of the model, and the frame in it; see `link_of`."""
             at = models.pose(models.resolve(scope, name, node))
             link = models.link(scope, name, node)
@@ -118,7 +120,7 @@ def _read_drake(robot: RobotFile, models: Models) -> None:
         read_bushings(item.model.children(BUSHING), frame_of, robot)
 
 
-def _read_plugins(robot: RobotFile, models: Models) -> None:
+def _read_plugins(robot: RobotFile, models: SdfModels) -> None:
     """Add the welds of DetachableJoints, which hold two links as the poses place them.
 
     Raises:
@@ -147,7 +149,7 @@ def _read_plugins(robot: RobotFile, models: Models) -> None:
         robot.closures.append(closure_of(name, "fixed", sides, line=line_of(plugin, robot.file)))
 
 
-def _gravity(world: Node) -> tuple[float, float, float] | None:
+def _gravity(world: XmlNode) -> tuple[float, float, float] | None:
     """Return the acceleration of gravity of a world [m/s^2], None without a world."""
     if world.tag != "world":
         return None
@@ -159,10 +161,10 @@ def _gravity(world: Node) -> tuple[float, float, float] | None:
     return x, y, z
 
 
-class _Builder:
+class _SdfBuilder:
     """Makes the record of a robot of its links and joints."""
 
-    def __init__(self, robot: RobotFile, models: Models) -> None:
+    def __init__(self, robot: RobotFile, models: SdfModels) -> None:
         self.robot, self.models = robot, models
         self.steps: dict[Item, list[str]] = {}
 
@@ -252,7 +254,7 @@ class _Builder:
         sides = zip(links, frames, strict=True)
         return closure_of(joint.name, kind, sides, (turns[0], turns[-1]), line=joint.line)
 
-    def _coupling(self, follower: str, mimic: Node, leader: Item, line: int | None) -> Coupling:
+    def _coupling(self, follower: str, mimic: XmlNode, leader: Item, line: int | None) -> Coupling:
         """Return the coupling: position = multiplier (position of the leader - reference) + offset."""
         which = str(mimic.xml.get("axis", "")).strip() or "axis"
         if which not in ("axis", "axis2"):

@@ -15,9 +15,9 @@ import numpy as np
 from ..names import listed
 from ..placement import inverse
 from ..records import Array
-from ..urdf.xml_node import Node
+from ..urdf.xml_node import XmlNode
 from .elements import pose, relative_to
-from .models import Item, Models
+from .models import Item, SdfModels
 
 #: Density of water [kg/m^3], which sdformat takes where none is stated.
 WATER = 1000.0
@@ -66,7 +66,7 @@ SHAPES: dict[str, tuple[dict[str, int], Callable[..., Solid]]] = {
 }  # fmt: skip
 
 
-def inertia_of_shapes(item: Item, inertial: Node, models: Models) -> tuple[float, Array, Array]:
+def inertia_of_shapes(item: Item, inertial: XmlNode, models: SdfModels) -> tuple[float, Array, Array]:
     """Return mass [kg], centre of mass, shape (3,), [m], and inertia about it, shape (3, 3), of a link.
 
     Args:
@@ -101,7 +101,7 @@ def inertia_of_shapes(item: Item, inertial: Node, models: Models) -> tuple[float
     return total * scale, com, np.asarray(inertia * scale)
 
 
-def _solid(collision: Node, density: float) -> tuple[float, Array, Array]:
+def _solid(collision: XmlNode, density: float) -> tuple[float, Array, Array]:
     """Return mass, centre of mass and inertia about it of a shape, in its own frame."""
     geometry = collision.required_child("geometry")
     found = geometry.children()
@@ -122,26 +122,26 @@ def _solid(collision: Node, density: float) -> tuple[float, Array, Array]:
     return mass, np.array([0.0, 0.0, centre]), mass * np.diag(moments)
 
 
-def _sizes(node: Node, count: int) -> Sequence[float]:
+def _sizes(node: XmlNode, count: int) -> Sequence[float]:
     numbers = [float(x) for x in node.numbers("", count)]
     if min(numbers) <= 0:
         raise node.error(f"{min(numbers):g} is no size; it must be above 0")
     return numbers
 
 
-def _positive(node: Node) -> float:
+def _positive(node: XmlNode) -> float:
     number = node.number()
     if number <= 0:
         raise node.error(f"{number:g} is not above 0")
     return number
 
 
-def _density(node: Node, default: float) -> float:
+def _density(node: XmlNode, default: float) -> float:
     stated = node.child("density")
     return default if stated is None else _positive(stated)
 
 
-def _placed(collision: Node, item: Item, models: Models) -> Array:
+def _placed(collision: XmlNode, item: Item, models: SdfModels) -> Array:
     """Return the place of a shape in its link, shape (4, 4)."""
     stated = collision.child("pose")
     at, frame = pose(stated), relative_to(stated)

@@ -16,9 +16,9 @@ from ..closure_forms import LARGEST_COSINE
 from ..joint_graph import WORLD, StatedJoint
 from ..names import did_you_mean, listed
 from ..records import Array, Link, massless
-from ..urdf.xml_node import Node
+from ..urdf.xml_node import XmlNode
 from .elements import Notes, direction, flag, numbers, pose, relative_to, screw_pitch, word
-from .models import Item, Models
+from .models import Item, SdfModels
 from .shapes import inertia_of_shapes
 
 #: How many axes each type of joint has.
@@ -52,7 +52,7 @@ FORCELESS = "drops the forces of the axes of gearboxes {}; a gearbox only ties t
 IDLE = "joints {}: an axis that the joint does not have, and its dynamics, are ignored, as Gazebo does"
 
 
-def read_link(item: Item, models: Models, file: str, notes: Notes) -> Link:
+def read_link(item: Item, models: SdfModels, file: str, notes: Notes) -> Link:
     """Return a link; note SDFormat's default inertia.
 
     Args:
@@ -96,7 +96,7 @@ def stands_still(item: Item) -> bool:
     return item.name == "world" and item.node.child("inertial") is None
 
 
-def _refuse_unread(inertial: Node) -> None:
+def _refuse_unread(inertial: XmlNode) -> None:
     """Refuse the inertia of displaced fluid, and a pose in another frame."""
     if frame := relative_to(inertial.child("pose")):
         raise inertial.error(f"its pose is relative to '{frame}'; SDFormat has it in the link's frame")
@@ -105,7 +105,7 @@ def _refuse_unread(inertial: Node) -> None:
         raise added.error("the inertia of displaced fluid is not read; remove it")
 
 
-def line_of(node: Node, file: str) -> int | None:
+def line_of(node: XmlNode, file: str) -> int | None:
     """Return the line of an element in the robot's own file, None in another one."""
     return node.line if node.file == file else None
 
@@ -127,7 +127,7 @@ class Axis:
     numbers: dict[str, float]
     spring: tuple[float, float]
     initial: float
-    mimic: tuple[Node, Item] | None
+    mimic: tuple[XmlNode, Item] | None
 
     @property
     def rotor(self) -> bool:
@@ -181,7 +181,7 @@ class Stated(StatedJoint):
         return 1 if self.kind == "ball" else 2
 
 
-def read_joints(models: Models, file: str, notes: Notes) -> tuple[list[Stated], list[Stated]]:
+def read_joints(models: SdfModels, file: str, notes: Notes) -> tuple[list[Stated], list[Stated]]:
     """Return the joints in the order of the file, and the gearboxes, which join nothing.
 
     Args:
@@ -209,7 +209,7 @@ def read_joints(models: Models, file: str, notes: Notes) -> tuple[list[Stated], 
     return [out[joint] for joint in joints], gearboxes
 
 
-def _held(item: Item, models: Models, file: str) -> Stated:
+def _held(item: Item, models: SdfModels, file: str) -> Stated:
     """Return the joint that holds a link where it stands in the world."""
     name, ends, line = item.full_name, (WORLD, item.full_name), line_of(item.node, file)
     rotor = {"rotor_inertia": 0.0, "gear_ratio": 1.0}
@@ -229,7 +229,7 @@ def _held(item: Item, models: Models, file: str) -> Stated:
     )
 
 
-def _read_joint(item: Item, models: Models, file: str, notes: Notes) -> Stated:
+def _read_joint(item: Item, models: SdfModels, file: str, notes: Notes) -> Stated:
     node, kind = item.node, item.node.text("type")
     if kind in UNREAD:
         raise node.error(f"type '{kind}' is not read; write {UNREAD[kind]}")
@@ -281,7 +281,7 @@ def _must_close(item: Item) -> bool:
     return simbody is not None and flag(simbody, "must_be_loop_joint")
 
 
-def _rotor(node: Node, kind: str) -> dict[str, float]:
+def _rotor(node: XmlNode, kind: str) -> dict[str, float]:
     stated = numbers(node, "joint")
     inertia, ratio = stated["drake:rotor_inertia"], stated["drake:gear_ratio"]
     if inertia and kind not in ("fixed", "revolute", "continuous", "prismatic", "screw"):
@@ -298,7 +298,7 @@ def _rotor(node: Node, kind: str) -> dict[str, float]:
 ROTOR = ("drake:rotor_inertia", "drake:gear_ratio")
 
 
-def _read_axis(node: Node, item: Item, models: Models) -> Axis:
+def _read_axis(node: XmlNode, item: Item, models: SdfModels) -> Axis:
     xyz, local, frame = node.child("xyz"), np.array([0.0, 0.0, 1.0]), ""  # SDFormat's default
     if xyz is not None:
         local, frame = direction(xyz), str(xyz.xml.get("expressed_in", "")).strip()
@@ -324,14 +324,14 @@ def _read_axis(node: Node, item: Item, models: Models) -> Axis:
     )  # fmt: skip
 
 
-def _limits(node: Node | None) -> dict[str, float]:
+def _limits(node: XmlNode | None) -> dict[str, float]:
     """Return position, speed and effort limits; negative speed and effort limits mean none in SDFormat."""
     stated = numbers(node, "limit")
     out = {tag: math.inf if stated[tag] < 0 else stated[tag] for tag in ("velocity", "effort")}
     return out | {tag: stated[tag] for tag in ("lower", "upper")}
 
 
-def _leader(mimic: Node, item: Item, models: Models) -> Item:
+def _leader(mimic: XmlNode, item: Item, models: SdfModels) -> Item:
     """Return the joint that an axis follows."""
     name = mimic.text("joint")
     leader = models.find(item.scope, name).get("joint")

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from ..names import listed
 from ..plugins import Follower
 from ..records import MotorStatement, RobotFile
-from .xml_node import Node
+from .xml_node import XmlNode
 
 TAG = "ros2_control"
 
 
-def followers_of_control(root: Node) -> Iterator[Follower]:
+def followers_of_control(root: XmlNode) -> Iterator[Follower]:
     """Yield the joints that ros2_control moves with others by `<param name="mimic">`."""
     for joint in _joints(root):
         stated = {str(param.xml.get("name")): param for param in joint.children("param")}
@@ -28,14 +28,14 @@ def followers_of_control(root: Node) -> Iterator[Follower]:
             yield Follower(joint, joint.text("name"), stated["mimic"].content(), *numbers)
 
 
-def state_interfaces(root: Node, robot: RobotFile) -> None:
+def state_interfaces(root: XmlNode, robot: RobotFile) -> None:
     """Add the joints with a command interface to the motors, and note what the blocks say of followers.
 
     The motors have the order of the joints of the robot.
     """
     followers = {coupling.name for coupling in robot.couplings}
     freedoms = {joint.name: joint.kind.nv for joint in robot.joints}
-    driven: dict[str, Node] = {}
+    driven: dict[str, XmlNode] = {}
     for node in _joints(root):
         name, mimic = node.text("name"), str(node.xml.get("mimic", "")).strip().lower()
         if mimic == "false" and name in followers:
@@ -56,11 +56,11 @@ def state_interfaces(root: Node, robot: RobotFile) -> None:
         robot.motors.append(MotorStatement("interface", where, tuple(names), root.file, node.line))
 
 
-def _joints(root: Node) -> Iterator[Node]:
+def _joints(root: XmlNode) -> Iterator[XmlNode]:
     """Yield the joints of the blocks."""
     for block in root.children(TAG):
         yield from block.children("joint")
 
 
-def _note(robot: RobotFile, node: Node, text: str) -> None:
+def _note(robot: RobotFile, node: XmlNode, text: str) -> None:
     robot.notes.append(f"{node.at}: <{TAG}>: {text}")

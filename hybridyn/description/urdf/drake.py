@@ -22,17 +22,17 @@ from ..joint_graph import add_chain, step
 from ..names import did_you_mean, listed, unique
 from ..placement import placement_from
 from ..records import Array, Closure, Coupling, Joint, RobotFile
-from .xml_node import Node, axis_of, origin_of
+from .xml_node import XmlNode, axis_of, origin_of
 
 X, Y, Z = np.eye(3)
 
 BALL, WELD, TENDON = "drake:ball_constraint", "drake:weld_constraint", "drake:tendon_constraint"
 
 #: Returns the link that a name in an element means.
-Named = Callable[[Node, str], str]
+Named = Callable[[XmlNode, str], str]
 
 
-def as_stated(_: Node, name: str) -> str:
+def as_stated(_: XmlNode, name: str) -> str:
     """Return the name: in URDF names are those of links."""
     return name
 
@@ -47,10 +47,10 @@ PITCH = "drake:screw_thread_pitch"
 ROTORS = ("rotor_inertia", "drake:rotor_inertia", "gear_ratio", "drake:gear_ratio")
 
 #: Reads `<limit>`, `<dynamics>` and the rotor of a joint of a kind, as fields of `records.Joint`.
-Numbers = Callable[[Node, str, JointKind], dict[str, Any]]
+Numbers = Callable[[XmlNode, str, JointKind], dict[str, Any]]
 
 
-def read_ball_constraint(node: Node, named: Named = as_stated) -> Closure:
+def read_ball_constraint(node: XmlNode, named: Named = as_stated) -> Closure:
     """Read `<drake:ball_constraint>`: point P of body A and point Q of body B coincide.
 
     Args:
@@ -61,7 +61,7 @@ def read_ball_constraint(node: Node, named: Named = as_stated) -> Closure:
     return closure_of(constraint_name(node), "spherical", sides, line=node.line)
 
 
-def read_weld_constraint(node: Node) -> Closure:
+def read_weld_constraint(node: XmlNode) -> Closure:
     """Read `<drake:weld_constraint>`: frame P of body A and frame Q of body B coincide.
 
     Drake's reader has no such element. Its words are those of `AddWeldConstraint`; a frame that is left out
@@ -72,8 +72,8 @@ def read_weld_constraint(node: Node) -> Closure:
 
 
 def sides_of(
-    node: Node,
-    places: dict[str, Callable[[Node], Array]],
+    node: XmlNode,
+    places: dict[str, Callable[[XmlNode], Array]],
     named: Named,
     more: Sequence[str] = (),
     *,
@@ -101,24 +101,24 @@ def sides_of(
     return sides
 
 
-def constraint_name(node: Node) -> str:
+def constraint_name(node: XmlNode) -> str:
     """Return the name of a constraint: stated, or its word with its number among those of the file."""
     number = 1 + sum(1 for _ in node.xml.itersiblings(node.xml.tag, preceding=True))
     return node.xml.get("name", "").strip() or f"{node.tag.rpartition(':')[2]}{number}"
 
 
-def point(node: Node) -> Array:
+def point(node: XmlNode) -> Array:
     """Return the placement of a point, shape (4, 4): three numbers in an attribute or as text."""
     node.only(["value"], [])
     return placement_from(np.eye(3), node.numbers("value" if "value" in node.xml.attrib else "", 3))
 
 
-def _frame(node: Node) -> Array:
+def _frame(node: XmlNode) -> Array:
     node.only(["xyz", "rpy", "quat_xyzw"], [])
     return origin_of(node)
 
 
-def read_tendon(node: Node) -> Coupling:
+def read_tendon(node: XmlNode) -> Coupling:
     """Read a `<drake:tendon_constraint>` of fixed length: sum of a x position + offset = limit.
 
     Raises:
@@ -142,14 +142,14 @@ def read_tendon(node: Node) -> Coupling:
     return Coupling(constraint_name(node), terms, lower - stated.get("offset", 0.0), node.line)
 
 
-def is_drakes(node: Node) -> bool:
+def is_drakes(node: XmlNode) -> bool:
     """Return whether a joint is one of Drake: by its tag, or planar with a damping for each freedom."""
     dynamics = node.child("dynamics")
     three = dynamics is not None and len(dynamics.xml.get("damping", "").split()) == 3
     return node.tag == "drake:joint" or (three and node.xml.get("type") == "planar")
 
 
-def read_drake_joint(node: Node, robot: RobotFile, numbers: Numbers) -> None:
+def read_drake_joint(node: XmlNode, robot: RobotFile, numbers: Numbers) -> None:
     """Add a `<drake:joint>` to the robot.
 
     Args:
@@ -181,7 +181,7 @@ def read_drake_joint(node: Node, robot: RobotFile, numbers: Numbers) -> None:
     add_chain(robot, [replace(one, line=node.line) for one in chain], [ends[0], *between, ends[1]])
 
 
-def _stated_axis(node: Node, kind: str, robot: RobotFile) -> Array:
+def _stated_axis(node: XmlNode, kind: str, robot: RobotFile) -> Array:
     """Return the unit axis of a joint; note one that Drake ignores."""
     axis = node.child("axis")
     if axis is not None and kind in ("ball", "universal"):
@@ -193,28 +193,28 @@ def _stated_axis(node: Node, kind: str, robot: RobotFile) -> Array:
     return axis_of(axis)
 
 
-def _joint_names(node: Node, robot: RobotFile, *endings: str) -> list[str]:
+def _joint_names(node: XmlNode, robot: RobotFile, *endings: str) -> list[str]:
     """Return names of joints that no joint of the file has: that of the joint with each ending."""
     above = node.xml.getparent()
-    found = Node(above, node.file).children("joint", "drake:joint") if above is not None else []
+    found = XmlNode(above, node.file).children("joint", "drake:joint") if above is not None else []
     taken = {str(one.xml.get("name", "")) for one in found} | {joint.name for joint in robot.joints}
     return [unique(f"{node.text('name')}{ending}", taken) for ending in endings]
 
 
-def _ball(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
+def _ball(node: XmlNode, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
     return [
         step(node.text("name"), JointKind.SPHERICAL, **numbers(node, node.text("name"), JointKind.SPHERICAL))
     ]
 
 
-def _universal(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
+def _universal(node: XmlNode, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
     """Return hinges about x and y. The damping is that of each."""
     names = _joint_names(node, robot, "_1", "_2")
     stated = numbers(node, node.text("name"), JointKind.SPHERICAL)
     return [step(name, JointKind.REVOLUTE, turn, **stated) for name, turn in zip(names, (X, Y), strict=True)]
 
 
-def _screw(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
+def _screw(node: XmlNode, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
     """Return a screw; one of no pitch is a hinge."""
     stated = node.required_child(PITCH)
     stated.only(["value"], [])
@@ -223,7 +223,7 @@ def _screw(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[
     return [step(name, kind, axis, pitch=pitch, **numbers(node, name, kind))]
 
 
-def _planar(node: Node, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
+def _planar(node: XmlNode, axis: Array, robot: RobotFile, numbers: Numbers) -> list[Joint]:
     """Return a planar joint, or slides and a hinge where its three dampings differ, and a weld to the link.
 
     The normal is the axis. The frame of the joint is that of the child, turned by the least angle.
@@ -265,6 +265,6 @@ def least_turn(axis: Array) -> Array:
 
 
 #: Makers of chains by the type of the joint.
-CHAINS: dict[str, Callable[[Node, Array, RobotFile, Numbers], list[Joint]]] = {
+CHAINS: dict[str, Callable[[XmlNode, Array, RobotFile, Numbers], list[Joint]]] = {
     "ball": _ball, "universal": _universal, "screw": _screw, "planar": _planar,
 }  # fmt: skip

@@ -11,7 +11,7 @@ from ..joint_graph import pose_coordinates
 from ..names import did_you_mean, unique
 from ..records import Array, RobotFile
 from .drake import Named, as_stated, constraint_name, point, sides_of
-from .xml_node import Node, origin_of
+from .xml_node import XmlNode, origin_of
 
 SPRING, BUSHING = "drake:linear_spring_damper", "drake:linear_bushing_rpy"
 #: Elements in bushings: the two frames, and three numbers each, by the words of the effect.
@@ -19,10 +19,10 @@ ENDS = ("drake:bushing_frameA", "drake:bushing_frameC")
 THREES = tuple(f"{what}_{how}" for what in ("torque", "force") for how in ("stiffness", "damping"))
 
 #: Returns the link that carries a named frame, and the frame in it, shape (4, 4).
-Framed = Callable[[Node, str], tuple[str, Array]]
+Framed = Callable[[XmlNode, str], tuple[str, Array]]
 
 
-def spring_effects(nodes: list[Node], named: Named = as_stated) -> tuple[tuple[str, dict[str, Any]], ...]:
+def spring_effects(nodes: list[XmlNode], named: Named = as_stated) -> tuple[tuple[str, dict[str, Any]], ...]:
     """Return `<drake:linear_spring_damper>`s as the effect line_springs, or nothing.
 
     Args:
@@ -44,7 +44,7 @@ def spring_effects(nodes: list[Node], named: Named = as_stated) -> tuple[tuple[s
     return (("line_springs", out),) if nodes else ()
 
 
-def _positive(node: Node, word: str) -> float:
+def _positive(node: XmlNode, word: str) -> float:
     child = node.required_child(f"{node.tag}_{word}")
     number = child.number("value" if "value" in child.xml.attrib else "")
     if number < 0:
@@ -52,7 +52,7 @@ def _positive(node: Node, word: str) -> float:
     return number
 
 
-def read_bushings(nodes: Sequence[Node], framed: Framed, robot: RobotFile) -> None:
+def read_bushings(nodes: Sequence[XmlNode], framed: Framed, robot: RobotFile) -> None:
     """Add `<drake:linear_bushing_rpy>`s to a robot as the effect bushings, and note that they close nothing.
 
     Raises:
@@ -81,7 +81,7 @@ def read_bushings(nodes: Sequence[Node], framed: Framed, robot: RobotFile) -> No
     robot.effects += (("bushings", out),)
 
 
-def _three(node: Node) -> list[float]:
+def _three(node: XmlNode) -> list[float]:
     node.only(["value"], [])
     numbers = node.numbers("value" if "value" in node.xml.attrib else "", 3)
     if (numbers < 0).any():
@@ -89,7 +89,7 @@ def _three(node: Node) -> list[float]:
     return [float(x) for x in numbers]
 
 
-def frames_of(root: Node, robot: RobotFile) -> Framed:
+def frames_of(root: XmlNode, robot: RobotFile) -> Framed:
     """Return what finds the frames of a URDF: those of links, and Drake's `<frame name link xyz rpy>`.
 
     Raises:
@@ -102,7 +102,7 @@ def frames_of(root: Node, robot: RobotFile) -> Framed:
                 raise node.error("another frame or link has this name; rename one")
             frames[name] = node.text("link"), origin_of(node)
 
-    def find(node: Node, name: str) -> tuple[str, Array]:
+    def find(node: XmlNode, name: str) -> tuple[str, Array]:
         """Return the link and the place of a frame in it.
 
         Raises:

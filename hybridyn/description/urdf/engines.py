@@ -11,7 +11,7 @@ import re
 
 from ..names import DROPS, NOTHING, listed
 from ..plugins import is_harmless, is_read, name_of
-from .xml_node import Node
+from .xml_node import XmlNode
 
 #: Solver settings of Gazebo's joints.
 _SOLVER = (
@@ -106,7 +106,7 @@ NEUTRAL = {"gravity": ("true", "1"), "mechanical_reduction": ("1", "1.0")}
 Dropped = dict[str, tuple[str, list[str]]]
 
 
-def dropped(root: Node) -> list[str]:
+def dropped(root: XmlNode) -> list[str]:
     """Return what of a URDF is not read though an engine may compute with it, as notes.
 
     Args:
@@ -125,7 +125,7 @@ def dropped(root: Node) -> list[str]:
     ]
 
 
-def _look(node: Node, place: str, found: Dropped) -> None:
+def _look(node: XmlNode, place: str, found: Dropped) -> None:
     """Add what is dropped of an element and of all in it."""
     _attributes(node, place, found)
     known = _WORDS[place]
@@ -138,7 +138,7 @@ def _look(node: Node, place: str, found: Dropped) -> None:
             _add(f"<{child.tag}> in <{node.tag}>", child, found)
 
 
-def _attributes(node: Node, place: str, found: Dropped) -> None:
+def _attributes(node: XmlNode, place: str, found: Dropped) -> None:
     """Add the attributes of an element that are dropped."""
     known = _WORDS[place]
     for name, value in node.xml.attrib.items():
@@ -147,26 +147,26 @@ def _attributes(node: Node, place: str, found: Dropped) -> None:
             _add(f"{word}= in <{node.tag}>", node, found)
 
 
-def _plugin(node: Node, found: Dropped) -> None:
+def _plugin(node: XmlNode, found: Dropped) -> None:
     """Add a plugin, unless it is read, or its name says that it exerts no force of its own."""
     model = str(node.xml.getroottree().getroot().get("name", "")).strip()
     if not (is_harmless(node) or is_read(node, model)):
         _add(f"the plugin '{name_of(node)}'", node, found)
 
 
-def _add(what: str, node: Node, found: Dropped) -> None:
+def _add(what: str, node: XmlNode, found: Dropped) -> None:
     file, line = node.place
     found.setdefault(f"{DROPS} {what} of {{}}; {NOTHING}", (f"{file}:{line}", []))[1].append(_owner(node))
 
 
-def _owner(node: Node) -> str:
+def _owner(node: XmlNode) -> str:
     """Return the name of an element, or of what it is in or about."""
     around = [xml for xml in (node.xml, *node.xml.iterancestors()) if xml.tag != "plugin"]
     names = (xml.get("reference") or xml.get("name") for xml in around)
     return str(next(filter(None, names), node.tag))[:80]
 
 
-def _is_neutral(node: Node) -> bool:
+def _is_neutral(node: XmlNode) -> bool:
     """Return whether an element says that nothing changes."""
     text = node.content().lower()
     if node.tag in NEUTRAL:

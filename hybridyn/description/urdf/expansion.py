@@ -25,7 +25,7 @@ from ..bounds import Budget, RunawayError
 from ..shipped import shown
 from .expressions import FORBIDDEN, Evaluator, bounded_round, size_of
 from .robot_folders import RobotFolders
-from .traced import OPEN, Names, Trace, Traced, UntracedError, plain
+from .traced import OPEN, Names, Trace, TracedValue, UntracedError, plain
 from .xml_node import DOCTYPE, PLACE
 
 #: What errors without a message mean.
@@ -222,7 +222,7 @@ class Expansion:
         before = len(self.notes), len(self.folders.replies)
         value = self.trace.evaluated(self.evaluator, text, Names(symbols.__getitem__))
         effects = self.evaluator.has_effects or before != (len(self.notes), len(self.folders.replies))
-        if isinstance(value, Traced) and effects:
+        if isinstance(value, TracedValue) and effects:
             raise UntracedError
         return value
 

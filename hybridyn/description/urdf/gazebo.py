@@ -18,10 +18,10 @@ from ..plugins import Follower, followers, refuse_holding, weld_of
 from ..records import Array, Coupling, RobotFile, StatedSpring
 from .control import followers_of_control
 from .gazebo_joints import MODEL, link_of, read_gazebo_joints
-from .xml_node import Node
+from .xml_node import XmlNode
 
 
-def read_gazebo(root: Node, robot: RobotFile) -> None:
+def read_gazebo(root: XmlNode, robot: RobotFile) -> None:
     """Add the joints, welds, followers and springs of the blocks to the robot.
 
     Raises:
@@ -48,7 +48,9 @@ def read_gazebo(root: Node, robot: RobotFile) -> None:
     _read_springs(blocks, robot)
 
 
-def _weld(plugin: Node, ends: tuple[Node, Node], poses: Mapping[str, Array], robot: RobotFile) -> None:
+def _weld(
+    plugin: XmlNode, ends: tuple[XmlNode, XmlNode], poses: Mapping[str, Array], robot: RobotFile
+) -> None:
     """Add the weld of a DetachableJoint: the two links keep the place that they have at zero."""
     parent, child = (link_of(end, poses) for end in ends)
     name = unique(f"weld_{parent}_{child}", {closure.name for closure in robot.closures})
@@ -77,7 +79,7 @@ def _couple(follower: Follower, robot: RobotFile) -> None:
         robot.couplings.append(coupling)
 
 
-def _read_springs(blocks: list[Node], robot: RobotFile) -> None:
+def _read_springs(blocks: list[XmlNode], robot: RobotFile) -> None:
     """Add the springs that blocks state for joints; of several statements the last counts, as in Gazebo."""
     rests = {_reference(block): rest for block in blocks if (rest := block.child("springReference"))}
     for block in blocks:
@@ -101,5 +103,5 @@ def _read_springs(blocks: list[Node], robot: RobotFile) -> None:
         robot.springs[:] = [*(other for other in robot.springs if other.name != name), spring]
 
 
-def _reference(block: Node) -> str:
+def _reference(block: XmlNode) -> str:
     return str(block.xml.get("reference", ""))

@@ -23,7 +23,7 @@ from ..records import Array, Coupling, RobotFile, massless
 from ..sdf.elements import flag, numbers, screw_pitch
 from .kept_joints import keep_joint
 from .loops import kind_of
-from .xml_node import Node, unit
+from .xml_node import XmlNode, unit
 
 #: Closures by the type of the joint in SDF; a screw that slides is kept as a joint.
 GAZEBO_TYPES = {
@@ -38,7 +38,7 @@ PARTS = (
 )  # fmt: skip
 
 
-def read_gazebo_joints(nodes: list[Node], robot: RobotFile, poses: dict[str, Array]) -> None:
+def read_gazebo_joints(nodes: list[XmlNode], robot: RobotFile, poses: dict[str, Array]) -> None:
     """Add the joints of the blocks to the robot.
 
     Args:
@@ -57,11 +57,11 @@ def read_gazebo_joints(nodes: list[Node], robot: RobotFile, poses: dict[str, Arr
         _read_joint(node, poses, robot)
 
 
-def _end_names(node: Node) -> list[str]:
+def _end_names(node: XmlNode) -> list[str]:
     return [end.content() for end in node.children("parent", "child")]
 
 
-def _add_world(held: list[Node], robot: RobotFile, poses: dict[str, Array]) -> Node | None:
+def _add_world(held: list[XmlNode], robot: RobotFile, poses: dict[str, Array]) -> XmlNode | None:
     """Make the world the robot's root; return the joint that fixes the former root in it, or None.
 
     Args:
@@ -89,7 +89,7 @@ def _add_world(held: list[Node], robot: RobotFile, poses: dict[str, Array]) -> N
     return carrier
 
 
-def _read_joint(node: Node, poses: Mapping[str, Array], robot: RobotFile) -> None:
+def _read_joint(node: XmlNode, poses: Mapping[str, Array], robot: RobotFile) -> None:
     kind = GAZEBO_TYPES[
         kind_of(node, GAZEBO_TYPES, "an SDF joint of type '{}' closes no loop here; write it as <loop>")
     ]
@@ -123,7 +123,7 @@ def _read_joint(node: Node, poses: Mapping[str, Array], robot: RobotFile) -> Non
 
 
 def _gearbox(
-    node: Node, ends: list[str], axes: list[Array], poses: Mapping[str, Array], robot: RobotFile
+    node: XmlNode, ends: list[str], axes: list[Array], poses: Mapping[str, Array], robot: RobotFile
 ) -> Coupling:
     """Return the coupling of a gearbox. `axes`: in the frame of the model, shapes (3,)."""
     own = [poses[link][:3, :3].T @ axis for link, axis in zip(ends, axes, strict=True)]
@@ -136,7 +136,7 @@ def _gearbox(
         raise node.error(str(error)) from None
 
 
-def _place(node: Node, child: str, poses: Mapping[str, Array]) -> Array:
+def _place(node: XmlNode, child: str, poses: Mapping[str, Array]) -> Array:
     """Return the frame of a joint in that of the model, shape (4, 4)."""
     stated = node.child("pose")
     if stated is None:
@@ -147,7 +147,7 @@ def _place(node: Node, child: str, poses: Mapping[str, Array]) -> Array:
     return _frame(stated, frame, poses) @ placement_from(rotation_from_rpy(*place[3:]), place[:3])
 
 
-def link_of(node: Node, poses: Mapping[str, Array]) -> str:
+def link_of(node: XmlNode, poses: Mapping[str, Array]) -> str:
     """Return the link that an end of the joint names."""
     node.only([], [])
     name = node.content()
@@ -156,7 +156,7 @@ def link_of(node: Node, poses: Mapping[str, Array]) -> str:
     return name
 
 
-def _direction(node: Node, at: Array, poses: Mapping[str, Array]) -> Array:
+def _direction(node: XmlNode, at: Array, poses: Mapping[str, Array]) -> Array:
     """Return the unit axis in the joint's frame, shape (3,)."""
     xyz, value, frame = node.child("xyz"), np.array([0.0, 0.0, 1.0]), ""
     if xyz is not None:
@@ -166,7 +166,7 @@ def _direction(node: Node, at: Array, poses: Mapping[str, Array]) -> Array:
     return at[:3, :3].T @ _frame(node, frame, poses)[:3, :3] @ value if frame else value
 
 
-def _frame(node: Node, name: str, poses: Mapping[str, Array]) -> Array:
+def _frame(node: XmlNode, name: str, poses: Mapping[str, Array]) -> Array:
     if name not in poses:
         raise node.error(f"unknown frame '{name}'{did_you_mean(name, poses)}; name a link, or {MODEL}")
     return poses[name]

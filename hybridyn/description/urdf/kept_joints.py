@@ -16,7 +16,7 @@ from ..closure_forms import closure_of
 from ..names import DROPS, listed, unique
 from ..placement import placement_from, relative
 from ..records import Array, Closure, Joint, RobotFile, StatedSpring, massless
-from .xml_node import Node
+from .xml_node import XmlNode
 
 #: Forces of a joint that need its position.
 FORCES = ("damping", "friction", "spring_stiffness")
@@ -34,7 +34,7 @@ def keep_joint(
     closure: Closure,
     forces: Mapping[str, float],
     poses: Mapping[str, Array],
-    node: Node,
+    node: XmlNode,
     pitch: float = 0.0,
 ) -> None:
     """Add a closure to a robot: as a joint of the tree if it has forces, or is a screw.

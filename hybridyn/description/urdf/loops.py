@@ -19,14 +19,14 @@ from ..records import Array, Closure, Coupling, Joint, RobotFile
 from ..rows import Row, stated_in
 from .drake import BALL, WELD, read_ball_constraint, read_weld_constraint
 from .kept_joints import keep_joint
-from .xml_node import Node, OfAttributes, axis_of, origin_of
+from .xml_node import OfAttributes, XmlNode, axis_of, origin_of
 
 POSE = ("xyz", "rpy", "quat_xyzw")
 #: Alternative names of the types of `<loop_joint>`, in lower case.
 LOOP_JOINT_TYPES = {"3d": "spherical", "ball": "spherical", "6d": "fixed"}
 
 
-def read_loop(node: Node, _: object = None) -> Closure:
+def read_loop(node: XmlNode, _: object = None) -> Closure:
     """Read `<loop>`; `<axis>` is in the frame of the predecessor's origin, `<axis2>` in the successor's."""
     kind = kind_of(node, [*FORMS, "rows"])
     axes = {"rows": [], "universal": ["axis", "axis2"]}.get(kind, ["axis"])
@@ -44,7 +44,7 @@ def read_loop(node: Node, _: object = None) -> Closure:
     return closure_of(node.text("name"), kind, sides, (turn, other), line=node.line)
 
 
-def add_closures(root: Node, robot: RobotFile) -> None:
+def add_closures(root: XmlNode, robot: RobotFile) -> None:
     """Add every closure that an element states to the robot; one with forces stays a joint."""
     nodes = root.children(*CLOSURE_READERS)
     poses = poses_at_zero(robot.joints) if any(node.children("dynamics", "parent") for node in nodes) else {}
@@ -67,7 +67,7 @@ DYNAMICS = {
 }  # fmt: skip
 
 
-def forces_of(dynamics: Node, notes: list[str], of: str) -> dict[str, float]:
+def forces_of(dynamics: XmlNode, notes: list[str], of: str) -> dict[str, float]:
     """Return the numbers of `DYNAMICS` that an element states.
 
     Args:
@@ -84,7 +84,7 @@ def forces_of(dynamics: Node, notes: list[str], of: str) -> dict[str, float]:
     )  # fmt: skip
 
 
-def read_constraint(node: Node, _: object = None) -> Closure:
+def read_constraint(node: XmlNode, _: object = None) -> Closure:
     """Read `<constraint>`; each side states an axis, and the axes coincide (universal: are perpendicular).
 
     Raises:
@@ -110,7 +110,7 @@ def read_constraint(node: Node, _: object = None) -> Closure:
     return closure_of(node.text("name"), kind, sides, turns, line=node.line)
 
 
-def read_loop_joint(node: Node, poses: Mapping[str, Array]) -> Closure:
+def read_loop_joint(node: XmlNode, poses: Mapping[str, Array]) -> Closure:
     """Read `<loop_joint>`, with its links as children (`<link1 link xyz rpy>`) or as attributes.
 
     The axis is in the first frame. Isaac Sim's exporter writes `link1` twice; the second one is then the
@@ -138,7 +138,7 @@ def read_loop_joint(node: Node, poses: Mapping[str, Array]) -> Closure:
     return closure_of(node.text("name"), kind, sides, (turn, turn), line=node.line)
 
 
-def _of_fusion(node: Node, kind: str, poses: Mapping[str, Array]) -> Closure:
+def _of_fusion(node: XmlNode, kind: str, poses: Mapping[str, Array]) -> Closure:
     """Return a `<loop_joint>` of Fusion's exporter: one point of the joint in both links.
 
     `<axis frame="parent">` is in the frame of the parent link. The child's frame is turned as the parent's
@@ -172,13 +172,13 @@ def _of_fusion(node: Node, kind: str, poses: Mapping[str, Array]) -> Closure:
 
 
 #: Readers of closures by the name of their element.
-CLOSURE_READERS: dict[str, Callable[[Node, Mapping[str, Array]], Closure]] = {
+CLOSURE_READERS: dict[str, Callable[[XmlNode, Mapping[str, Array]], Closure]] = {
     "loop": read_loop, "constraint": read_constraint, "loop_joint": read_loop_joint,
     BALL: lambda node, _: read_ball_constraint(node), WELD: lambda node, _: read_weld_constraint(node),
 }  # fmt: skip
 
 
-def read_coupling(node: Node, parents: Mapping[str, Joint | None]) -> Coupling:
+def read_coupling(node: XmlNode, parents: Mapping[str, Joint | None]) -> Coupling:
     """Read `<coupling>`, a gear between the paths from the nearest common ancestor to its two links.
 
         ratio x (sum of joint positions on the predecessor's path) = sum of those on the successor's path
@@ -217,7 +217,7 @@ def read_coupling(node: Node, parents: Mapping[str, Joint | None]) -> Coupling:
     return Coupling(node.text("name"), tuple(terms), 0.0, node.line)
 
 
-def read_mimic(node: Node, follower: str) -> Coupling:
+def read_mimic(node: XmlNode, follower: str) -> Coupling:
     """Read `<mimic>`: position = multiplier x position of the other joint + offset."""
     node.only(["joint", "multiplier", "offset"], [])
     leader, multiplier = node.text("joint"), node.number("multiplier", 1.0)
@@ -226,7 +226,7 @@ def read_mimic(node: Node, follower: str) -> Coupling:
     return Coupling(follower, ((follower, 1.0), (leader, -multiplier)), node.number("offset", 0.0), node.line)
 
 
-def pose_of(node: Node | None) -> Array:
+def pose_of(node: XmlNode | None) -> Array:
     """Return the placement that an `<origin>` states, shape (4, 4); it holds nothing else."""
     if node is not None:
         node.only(POSE, [])
@@ -234,7 +234,7 @@ def pose_of(node: Node | None) -> Array:
 
 
 def kind_of(
-    node: Node,
+    node: XmlNode,
     known: Collection[str],
     wrong: str = "unknown type '{}'",
     names: Mapping[str, str] | None = None,
@@ -247,13 +247,13 @@ def kind_of(
     return kind
 
 
-def _attached(node: Node) -> Side:
+def _attached(node: XmlNode) -> Side:
     node.only(["link"], ["origin"])
     origin = pose_of(node.child("origin"))
     return node.text("link"), origin
 
 
-def _turn(axis: Node | None, kind: str) -> Array:
+def _turn(axis: XmlNode | None, kind: str) -> Array:
     """Return a rotation that maps z to the stated axis, for kinds of closures with an axis."""
     if axis is not None:
         axis.only(["xyz"], [])

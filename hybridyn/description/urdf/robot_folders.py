@@ -19,7 +19,7 @@ from ...errors import ModelError, install_advice
 from ..bounds import Budget, content_of
 from ..shipped import shown
 from .packages import STATEMENT, package_folders
-from .xml_node import Node, parse
+from .xml_node import XmlNode, parse
 
 #: Entries that mark the folder of a package: its package file, a folder of robot files, `model.config`.
 MARKS = (STATEMENT, "urdf", "xacro", "robots", "meshes", "model.config")
@@ -145,7 +145,7 @@ class Includes(RobotFolders):
     def __init__(self, file: str, package_dirs: Sequence[str], granted: Sequence[str] = ()) -> None:
         super().__init__(file, package_dirs, [], granted)
 
-    def named(self, node: Node, name: str, paths: Iterable[str], mend: str = "") -> tuple[bytes, str]:
+    def named(self, node: XmlNode, name: str, paths: Iterable[str], mend: str = "") -> tuple[bytes, str]:
         """Read the file that an element names, and return its path, too.
 
         Args:
@@ -167,7 +167,7 @@ class Includes(RobotFolders):
                 wrong = wrong or str(getattr(error, "strerror", None) or error)
         raise node.error(f"{node.tag} '{name[:80]}' cannot be read: {wrong}{mend}")
 
-    def opened(self, node: Node, name: str, paths: Iterable[str]) -> tuple[Node, str]:
+    def opened(self, node: XmlNode, name: str, paths: Iterable[str]) -> tuple[XmlNode, str]:
         """Return the root element of a file, and the file's path; the arguments are those of `named`.
 
         Raises:

@@ -1,6 +1,6 @@
 """Trace which values of an expansion depend on its arguments, so that other arguments need no expansion.
 
-While xacro expands a file, a value that depends on an argument is a `Traced` value, which is computed from
+While xacro expands a file, a value that depends on an argument is a `TracedValue`, which is computed from
 others; xacro writes its mark in its place. What xacro chooses by such a value is a condition. With other
 arguments the values are computed again in the same order, and replace their marks in the text. Where a
 condition changes, or a value is used in a way that is not foreseen here, `UntracedError` says that the file
@@ -26,7 +26,7 @@ class UntracedError(Exception):
     """The file has to be expanded as a whole."""
 
 
-class Traced:
+class TracedValue:
     """A value that depends on the arguments.
 
     Attributes:
@@ -61,7 +61,7 @@ class Traced:
 
 def plain(value: Any) -> Any:
     """Return the present value of what may be traced."""
-    return value.value if isinstance(value, Traced) else value
+    return value.value if isinstance(value, TracedValue) else value
 
 
 class Names:
@@ -81,23 +81,23 @@ class Trace:
 
     def __init__(self, given: Mapping[str, str]) -> None:
         self._given = given
-        self._values, self._steps = list[Traced](), list[Callable[[], None]]()
+        self._values, self._steps = list[TracedValue](), list[Callable[[], None]]()
         self._parts = list[str]()
 
     def argument(self, name: str) -> str:
         """Return the mark of an argument."""
         return str(self.value(lambda: self._given[name]))
 
-    def value(self, compute: Callable[[], Any]) -> Traced:
+    def value(self, compute: Callable[[], Any]) -> TracedValue:
         """Return a value that is computed from others."""
-        made = Traced(compute, f"{OPEN}{len(self._values)}{CLOSE}")
+        made = TracedValue(compute, f"{OPEN}{len(self._values)}{CLOSE}")
         self._values.append(made)
         self._steps.append(made.update)
         return made
 
     def mapped(self, function: Callable[[Any], Any], of: Any) -> Any:
         """Return a function of what may be traced."""
-        return self.value(lambda: function(of.value)) if isinstance(of, Traced) else function(of)
+        return self.value(lambda: function(of.value)) if isinstance(of, TracedValue) else function(of)
 
     def chosen(self, function: Callable[[Any], Any], of: Any) -> Any:
         """Return a function of what may be traced, by which xacro chooses: a condition says what it is."""
@@ -107,21 +107,21 @@ class Trace:
             if function(of.value) != choice:
                 raise UntracedError
 
-        if isinstance(of, Traced):
+        if isinstance(of, TracedValue):
             self._steps.append(check)
         return choice
 
     def evaluated(self, evaluate: Callable[[str, Names], Any], text: Any, names: Names) -> Any:
         """Return the value of an expression, whose text may be traced, too."""
         value = evaluate(plain(text), names)
-        if not any(isinstance(one, Traced) for one in (text, *names.known.values())):
+        if not any(isinstance(one, TracedValue) for one in (text, *names.known.values())):
             return value
         names.find = _find_no_more
         return self.value(lambda: evaluate(plain(text), names))
 
     def joined(self, parts: list[Any]) -> Any:
         """Return the texts of values, one after the other."""
-        if not any(isinstance(part, Traced) for part in parts):
+        if not any(isinstance(part, TracedValue) for part in parts):
             return "".join(map(str, parts))
         return self.value(lambda: "".join(str(plain(part)) for part in parts))
 

@@ -13,7 +13,7 @@ from ...errors import ModelError
 from ...joints.kinds import JointKind
 from ..names import DROPS, listed, unique
 from ..records import Coupling, Joint, MotorStatement, RobotFile, massless
-from .xml_node import Node
+from .xml_node import XmlNode
 
 DRIVEN_TAGS = ("joint", "flexJoint", "rollJoint")
 #: Elements that state the rotor of a motor, and the field of `records.Joint`; the first that stands counts.
@@ -27,7 +27,7 @@ ROTOR_TAGS = {
 Rotor = dict[str, Any]
 
 
-def read_transmissions(root: Node, robot: RobotFile) -> dict[str, Rotor]:
+def read_transmissions(root: XmlNode, robot: RobotFile) -> dict[str, Rotor]:
     """Read every `<transmission>`, and add its joints to the motors, except fixed joints.
 
     Returns:
@@ -59,7 +59,7 @@ def read_transmissions(root: Node, robot: RobotFile) -> dict[str, Rotor]:
     return rotors
 
 
-def _with(owner: Node, stated: Rotor, notes: list[str]) -> Rotor:
+def _with(owner: XmlNode, stated: Rotor, notes: list[str]) -> Rotor:
     """Return a rotor with what an element states and the rotor does not; note what both state otherwise."""
     more = read_rotor(owner, notes)
     out = more | stated
@@ -70,7 +70,7 @@ def _with(owner: Node, stated: Rotor, notes: list[str]) -> Rotor:
     return out
 
 
-def behind(rotor: Rotor, joint: Joint, root: Node, notes: list[str]) -> Joint:
+def behind(rotor: Rotor, joint: Joint, root: XmlNode, notes: list[str]) -> Joint:
     """Return a joint with the rotor of its transmissions; note other numbers that the joint itself states."""
     inertia, ratio = rotor.get("rotor_inertia", 0.0), rotor.get("gear_ratio", joint.gear_ratio)
     other_inertia = inertia and joint.rotor_inertia not in (0.0, inertia)
@@ -84,7 +84,7 @@ def behind(rotor: Rotor, joint: Joint, root: Node, notes: list[str]) -> Joint:
     return replace(joint, **rotor)
 
 
-def _added(node: Node, name: str, first: Rotor, other: Rotor, notes: list[str]) -> Rotor:
+def _added(node: XmlNode, name: str, first: Rotor, other: Rotor, notes: list[str]) -> Rotor:
     """Return the rotor of a joint with that of a further transmission: their inertias at the joint add."""
     if not other.get("rotor_inertia"):
         return other | first
@@ -99,7 +99,7 @@ def _added(node: Node, name: str, first: Rotor, other: Rotor, notes: list[str]) 
     return first | {"rotor_inertia": inertia}
 
 
-def _share_rotors(node: Node, joints: list[Node], rotors: dict[str, Rotor], robot: RobotFile) -> None:
+def _share_rotors(node: XmlNode, joints: list[XmlNode], rotors: dict[str, Rotor], robot: RobotFile) -> None:
     """Give two joints the inertia of the rotors that turn with both; note rotors that nothing can express.
 
     Rotor i turns by n_i (c_i1 q_1 + c_i2 q_2), with n_i the reduction of its actuator. With the reductions
@@ -146,13 +146,13 @@ ROTOR_MAPS: dict[str, Callable[[float, float], tuple[tuple[float, float], tuple[
 }
 
 
-def _by_role(nodes: list[Node]) -> list[Node]:
+def _by_role(nodes: list[XmlNode]) -> list[XmlNode]:
     """Return two joints or actuators in the order of their roles ("joint1"), or of the file without them."""
     roles = {id(node.xml): role.content() for node in nodes if (role := node.child("role"))}
     return sorted(nodes, key=lambda node: roles.get(id(node.xml), "")[-1:])
 
 
-def _add_rotor(owner: Node, rotor: Rotor, rates: dict[str, float], robot: RobotFile) -> None:
+def _add_rotor(owner: XmlNode, rotor: Rotor, rates: dict[str, float], robot: RobotFile) -> None:
     """Add a rotor as a joint with the name of its actuator, which follows the joints.
 
     Args:
@@ -178,7 +178,7 @@ def _add_rotor(owner: Node, rotor: Rotor, rates: dict[str, float], robot: RobotF
     robot.couplings.append(Coupling(name, ((name, 1.0), *terms), 0.0, owner.line))
 
 
-def _number(child: Node, notes: list[str]) -> float | None:
+def _number(child: XmlNode, notes: list[str]) -> float | None:
     """Return the number of an element of a rotor, or None for a reduction that is no number and none needs.
 
     Raises:
@@ -187,7 +187,7 @@ def _number(child: Node, notes: list[str]) -> float | None:
     try:
         return child.number("value") if "value" in child.xml.attrib else child.number()
     except ModelError:
-        root = Node(child.xml.getroottree().getroot(), child.file)
+        root = XmlNode(child.xml.getroottree().getroot(), child.file)
         inertias = [tag for tag, word in ROTOR_TAGS.items() if word == "rotor_inertia"]
         if ROTOR_TAGS[child.tag] == "rotor_inertia" or [*root.descendants(*inertias)]:
             raise
@@ -195,7 +195,7 @@ def _number(child: Node, notes: list[str]) -> float | None:
     return None
 
 
-def read_rotor(node: Node, notes: list[str]) -> Rotor:
+def read_rotor(node: XmlNode, notes: list[str]) -> Rotor:
     """Read a rotor from the direct children of an element, with numbers as `value` attributes or as text.
 
     Args:

@@ -33,7 +33,7 @@ from .engines import dropped
 from .gazebo import read_gazebo
 from .loops import DYNAMICS, add_closures, forces_of, pose_of, read_coupling, read_mimic
 from .transmissions import ROTOR_TAGS, behind, read_rotor, read_transmissions
-from .xml_node import Node, OfAttributes, axis_of
+from .xml_node import OfAttributes, XmlNode, axis_of
 
 #: Types of joints of URDF, and PyBullet's `spherical`, a ball.
 URDF_KINDS = tuple(kind for kind in JointKind if kind is not JointKind.SCREW)
@@ -55,7 +55,7 @@ ARMATURE = {word: DYNAMICS[word] for word in ("armature", "rotor_inertia")}
 INERTIA_ATTRIBUTES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
-def read_urdf(root: Node, _: object = None) -> RobotFile:
+def read_urdf(root: XmlNode, _: object = None) -> RobotFile:
     """Read the root element of a URDF.
 
     Raises:
@@ -89,7 +89,7 @@ def read_urdf(root: Node, _: object = None) -> RobotFile:
     return robot
 
 
-def _add_armatures(robot: RobotFile, nodes: list[Node]) -> None:
+def _add_armatures(robot: RobotFile, nodes: list[XmlNode]) -> None:
     """Add the inertias at the joint that `<dynamics>` states, unless a rotor is stated, too."""
     stated = {
         node.text("name"): max(numbers_in(ARMATURE, OfAttributes(dynamics)).values())
@@ -104,7 +104,7 @@ def _add_armatures(robot: RobotFile, nodes: list[Node]) -> None:
             robot.joints[number] = replace(joint, rotor_inertia=armature / joint.gear_ratio**2)
 
 
-def _state_motors(robot: RobotFile, root: Node, independent: set[str], joints: int) -> None:
+def _state_motors(robot: RobotFile, root: XmlNode, independent: set[str], joints: int) -> None:
     """Add the motors that the file states by transmissions (with their rotors) and `independent=`.
 
     Args:
@@ -122,7 +122,7 @@ def _state_motors(robot: RobotFile, root: Node, independent: set[str], joints: i
         robot.motors.append(MotorStatement("independent", where, tuple(driven), root.file))
 
 
-def _read_link(node: Node, notes: list[str]) -> Link:
+def _read_link(node: XmlNode, notes: list[str]) -> Link:
     node.refuse_misspelt(["name"], ["inertial"])
     name, inertial = node.text("name"), node.child("inertial")
     if inertial is None:
@@ -143,7 +143,7 @@ def _read_link(node: Node, notes: list[str]) -> Link:
     return Link(name, mass, origin[:3, 3], origin[:3, :3] @ inertia @ origin[:3, :3].T, node.line)
 
 
-def _add_joint(node: Node, robot: RobotFile) -> None:
+def _add_joint(node: XmlNode, robot: RobotFile) -> None:
     """Add a `<joint>` or a `<drake:joint>` to the robot, and the coupling of its `<mimic>`."""
     name = node.text("name")
     if not is_drakes(node):
@@ -159,13 +159,13 @@ def _add_joint(node: Node, robot: RobotFile) -> None:
             robot.couplings.append(coupling)
 
 
-def _numbers(node: Node, name: str, kind: JointKind, robot: RobotFile) -> dict[str, Any]:
+def _numbers(node: XmlNode, name: str, kind: JointKind, robot: RobotFile) -> dict[str, Any]:
     """Return rotor, limits and friction of a joint, and add its spring to the robot."""
     limits = _limits(node.child("limit"), name, kind, robot.notes)
     return {**read_rotor(node, robot.notes), **limits, **_forces(node.child("dynamics"), name, kind, robot)}
 
 
-def _read_joint(node: Node, robot: RobotFile) -> Joint:
+def _read_joint(node: XmlNode, robot: RobotFile) -> Joint:
     node.refuse_misspelt(["name", "type", "independent"], JOINT_PARTS)
     name, kind, axis = node.text("name"), _joint_kind(node), node.child("axis")
     if axis is not None:
@@ -185,7 +185,7 @@ def _read_joint(node: Node, robot: RobotFile) -> Joint:
     )
 
 
-def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:
+def _axis(axis: XmlNode | None, kind: JointKind, node: XmlNode) -> Array:
     """Return the unit axis of a joint; a planar joint moves in the x-y plane of its frame, as in Pinocchio.
 
     Raises:
@@ -202,7 +202,7 @@ def _axis(axis: Node | None, kind: JointKind, node: Node) -> Array:
     return axis_of(axis) if kind.single else np.array([1.0, 0.0, 0.0])
 
 
-def _joint_kind(node: Node) -> JointKind:
+def _joint_kind(node: XmlNode) -> JointKind:
     kind = node.text("type")
     if kind in URDF_KINDS:
         return JointKind(kind)
@@ -213,7 +213,7 @@ def _joint_kind(node: Node) -> JointKind:
     )
 
 
-def _limits(node: Node | None, name: str, kind: str, notes: list[str]) -> dict[str, float]:
+def _limits(node: XmlNode | None, name: str, kind: str, notes: list[str]) -> dict[str, float]:
     """Return the limits that `<limit>` states; note and ignore negative limits of speed or effort."""
     if node is None:
         return {}
@@ -231,7 +231,7 @@ def _limits(node: Node | None, name: str, kind: str, notes: list[str]) -> dict[s
     return out | {"lower": -math.inf, "upper": math.inf}
 
 
-def _forces(node: Node | None, name: str, kind: JointKind, robot: RobotFile) -> dict[str, float]:
+def _forces(node: XmlNode | None, name: str, kind: JointKind, robot: RobotFile) -> dict[str, float]:
     """Return the damping and dry friction that `<dynamics>` states, and add its spring to the robot."""
     if node is None:
         return {}

@@ -58,7 +58,7 @@ class Expanded(str):
     places: dict[int, tuple[str, int]]
 
 
-def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
+def parse(text: bytes, file: str, *, placed: bool = False) -> XmlNode:
     """Parse the text of an XML file into its root element.
 
     Args:
@@ -116,7 +116,7 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> Node:
         for xml in root.iter("*"):
             where, _, line = str(xml.attrib.pop(PLACE, "")).rpartition(":")
             file.places[cast("int", xml.sourceline)] = where, int(line or 0)
-    return Node(root, file, tuple(notes))
+    return XmlNode(root, file, tuple(notes))
 
 
 def _tree(text: bytes, parser: etree.XMLParser, file: str) -> tuple[etree._Element, list[Any]]:
@@ -143,7 +143,7 @@ def _patterns(tags: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{{*}}{name}" for tag in tags for name in {tag, tag.rpartition(":")[2]}) or ("*",)
 
 
-class Node(NamedTuple):
+class XmlNode(NamedTuple):
     """An element of an XML file, with strict readers of attributes; every error names file and line.
 
     Attributes:
@@ -201,25 +201,27 @@ class Node(NamedTuple):
             f"{self.label}: {message}", file=file, line=line, element=self.xml.get("name") or self.tag
         )
 
-    def children(self, *tags: str) -> list[Node]:
+    def children(self, *tags: str) -> list[XmlNode]:
         """Return the child elements in file order: all of them, or those with one of the tags."""
         return [*self._chosen(self.xml.iterchildren(*_patterns(tags)), tags)] if len(self.xml) else []
 
-    def descendants(self, *tags: str) -> Iterator[Node]:
+    def descendants(self, *tags: str) -> Iterator[XmlNode]:
         """Return the elements below this one in file order: all of them, or those with one of the tags."""
         return self._chosen(self.xml.iterdescendants(*_patterns(tags)), tags)
 
-    def _chosen(self, found: Iterable[etree._Element], tags: tuple[str, ...]) -> Iterator[Node]:
-        return (Node(xml, self.file) for xml in found if not tags or xml.tag in tags or _written(xml) in tags)
+    def _chosen(self, found: Iterable[etree._Element], tags: tuple[str, ...]) -> Iterator[XmlNode]:
+        return (
+            XmlNode(xml, self.file) for xml in found if not tags or xml.tag in tags or _written(xml) in tags
+        )
 
-    def child(self, *tags: str) -> Node | None:
+    def child(self, *tags: str) -> XmlNode | None:
         """Return the only child with one of these tags, or None; raise ModelError if there are two."""
         found = self.children(*tags)
         if len(found) > 1:
             raise found[1].error(f"stated twice in {self.label}; keep one")
         return found[0] if found else None
 
-    def required_child(self, tag: str) -> Node:
+    def required_child(self, tag: str) -> XmlNode:
         """Return the only child with this tag; raise ModelError if there is none, or two."""
         found = self.child(tag)
         if found is None:
@@ -297,7 +299,7 @@ class Node(NamedTuple):
                 raise self.error(f"unknown attribute '{name}'; did you mean '{best}'?")
         for tag, xml in nodes.items():
             if tag not in children and (best := closest(tag, [x for x in children if x not in nodes])):
-                raise Node(xml, self.file).error(f"unknown in {self.label}; did you mean <{best}>?")
+                raise XmlNode(xml, self.file).error(f"unknown in {self.label}; did you mean <{best}>?")
 
     def _number(self, word: str, what: str, infinite: bool) -> float:
         if infinite and _INFINITE.fullmatch(word):
@@ -313,7 +315,7 @@ class Node(NamedTuple):
 class OfAttributes(NamedTuple):
     """An element that states numbers by its attributes, as `rows.Stating`."""
 
-    node: Node
+    node: XmlNode
 
     def stated(self, name: str, infinite: bool) -> float | None:
         """Return the number of an attribute, None if it is absent."""
@@ -327,7 +329,7 @@ class OfAttributes(NamedTuple):
 class OfChildren(NamedTuple):
     """An element that states numbers by the texts of its children, as `rows.Stating`."""
 
-    node: Node
+    node: XmlNode
 
     def stated(self, name: str, infinite: bool) -> float | None:
         """Return the number in a child, None if it is absent or empty."""
@@ -343,7 +345,7 @@ class OfChildren(NamedTuple):
 SMALLEST_AXIS = 1e-12
 
 
-def origin_of(node: Node | None) -> Array:
+def origin_of(node: XmlNode | None) -> Array:
     """Return the placement that an element states, shape (4, 4); the identity for None.
 
     The attributes are `xyz` [m] and either `rpy` [rad] or `quat_xyzw` (URDF 1.1).
@@ -365,7 +367,7 @@ def origin_of(node: Node | None) -> Array:
     return placement_from(rotation_from_quaternion(*(quaternion / norm)), position)
 
 
-def axis_of(node: Node | None) -> Array:
+def axis_of(node: XmlNode | None) -> Array:
     """Return the unit vector that an `<axis xyz>` element states, shape (3,); x for None.
 
     Raises:
@@ -376,7 +378,7 @@ def axis_of(node: Node | None) -> Array:
     return unit(node, node.numbers("xyz", 3), 'xyz="0 0 1"')
 
 
-def unit(node: Node, axis: Array, example: str) -> Array:
+def unit(node: XmlNode, axis: Array, example: str) -> Array:
     """Return the unit vector along an axis that an element states, shape (3,).
 
     Args:

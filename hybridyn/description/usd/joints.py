@@ -22,7 +22,7 @@ from ..placement import inverse, placement_from
 from ..records import Array, Coupling, Curve, RobotFile
 from ..rows import every_in, names_in
 from .schema import AXES, DEGREES, JOINTS, NUMBERS, ONE_AXIS, SINGLE_PRECISION
-from .stage import Prim, Stage
+from .stage import Prim, UsdStage
 
 #: Free axes of a PhysicsJoint by the word `dofs` of its customData, which Newton's Kamino reads: the first is
 #: fixed in the first body, the last in the second one.
@@ -67,7 +67,7 @@ class UsdJoint(StatedJoint):
         return any(of.get(word) for of in numbers for word in WEIGHTS)
 
 
-def read_joints(stage: Stage, bound: Collection[str], notes: list[str]) -> list[UsdJoint]:
+def read_joints(stage: UsdStage, bound: Collection[str], notes: list[str]) -> list[UsdJoint]:
     """Return the joints of a stage in file order, ranked for the tree.
 
     The tree takes driven and coupled joints first, those that the file excludes from the articulation last;
@@ -114,7 +114,7 @@ def read_joints(stage: Stage, bound: Collection[str], notes: list[str]) -> list[
     ]  # fmt: skip
 
 
-def roots_of(stage: Stage, joints: list[UsdJoint]) -> list[str]:
+def roots_of(stage: UsdStage, joints: list[UsdJoint]) -> list[str]:
     """Return the bodies in the order in which groups without the world start at them."""
     named = [path for path, body in stage.moving.items() if body.has("PhysicsArticulationRootAPI")]
     return starts(stage.moving, joints, named)
@@ -293,7 +293,7 @@ TRANSFORM_ROUNDING = 1e-6
 PHYSX, NEWTON, MUJOCO = "PhysxMimicJointAPI", "NewtonMimicAPI", "MjcEqualityJointAPI"
 
 
-def coupled(stage: Stage) -> set[str]:
+def coupled(stage: UsdStage) -> set[str]:
     """Return the paths of all joints that are coupled."""
     out: set[str] = set()
     for prim in stage.prims.values():
@@ -304,7 +304,7 @@ def coupled(stage: Stage) -> set[str]:
     return out
 
 
-def couplings(stage: Stage, joints: Mapping[str, UsdJoint], unread: list[str]) -> list[Coupling]:
+def couplings(stage: UsdStage, joints: Mapping[str, UsdJoint], unread: list[str]) -> list[Coupling]:
     """Return the couplings of a stage; where two engines state the same one, it is one.
 
     Args:
@@ -406,7 +406,7 @@ def _axis(prim: Prim, path: str, axis: str, joints: Mapping[str, UsdJoint]) -> t
     return names[free[0]], unit, 1.0 if free[0].startswith("rot") else unit
 
 
-def add_home(robot: RobotFile, stage: Stage, joints: list[tuple[UsdJoint, bool]]) -> None:
+def add_home(robot: RobotFile, stage: UsdStage, joints: list[tuple[UsdJoint, bool]]) -> None:
     """Add the home posture to the robot; positions of zero are left out.
 
     Args:

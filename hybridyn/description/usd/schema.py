@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from ..rows import Row, names_in
 
 if TYPE_CHECKING:
-    from .stage import Prim, Stage
+    from .stage import Prim, UsdStage
 
 #: Schema of rigid bodies.
 BODY = "PhysicsRigidBodyAPI"
@@ -184,7 +184,7 @@ MENDS = {
 _AXIS = re.compile(r"^(drive|physxMimicJoint|physxJointAxis|physxLimit):[^:]*:")
 
 
-def screen(stage: Stage) -> dict[str, list[str]]:
+def screen(stage: UsdStage) -> dict[str, list[str]]:
     """Refuse what cannot be read, and return remarks on what is left out with its names, as in `noted`.
 
     Raises:

@@ -47,7 +47,7 @@ class Prim:
         body: The moving body to which it belongs, None for the world.
     """
 
-    def __init__(self, stage: Stage, usd: Any, parent: Prim | None) -> None:
+    def __init__(self, stage: UsdStage, usd: Any, parent: Prim | None) -> None:
         self.stage, self.usd, self.parent = stage, usd, parent
         self.path, self.kind = str(usd.GetPath()), str(usd.GetTypeName())
         self.schemas = tuple(str(name) for name in usd.GetPrimTypeInfo().GetAppliedAPISchemas())
@@ -220,7 +220,7 @@ def _shortest(value: Any) -> Any:
     return next((number for number in decimals if np.float32(number) == value), value)
 
 
-class Stage:
+class UsdStage:
     """A USD file.
 
     Attributes:

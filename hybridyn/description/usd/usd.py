@@ -18,7 +18,7 @@ from pxr import Ar, Sdf, Tf, Usd
 from ...errors import ModelError
 from ...joints.kinds import JointKind
 from ..closure_forms import ROWS, closure_of, form_of_rows
-from ..joint_graph import Chain, JointGraph, Tree, span, step
+from ..joint_graph import Chain, GraphTree, JointGraph, span, step
 from ..motors import MEND
 from ..names import noted
 from ..placement import rotation_to_axis
@@ -39,7 +39,7 @@ from .joints import (
     unread_numbers,
 )
 from .schema import AXES, BODY, screen
-from .stage import Prim, Stage
+from .stage import Prim, UsdStage
 
 MASS, CENTRE = "physics:mass", "physics:centerOfMass"
 INERTIA, PRINCIPAL, PER_VOLUME = "physics:diagonalInertia", "physics:principalAxes", "physics:density"
@@ -51,7 +51,7 @@ MASS_SCHEMAS = ("PhysicsMassAPI", "NewtonMassAPI", "PhysicsMaterialAPI")
 EARTH = 9.81
 
 
-def links_of(stage: Stage, names: Mapping[str, str]) -> list[Link]:
+def links_of(stage: UsdStage, names: Mapping[str, str]) -> list[Link]:
     """Return the moving bodies as links.
 
     Args:
@@ -94,7 +94,7 @@ def _link(body: Prim, collider: Prim | None, name: str) -> Link:
     return Link(name, mass * body.stage.kilograms, com, np.zeros((3, 3)) if inertia is None else inertia)
 
 
-def _compensated(stage: Stage, names: Mapping[str, str], unread: list[str]) -> dict[str, float]:
+def _compensated(stage: UsdStage, names: Mapping[str, str], unread: list[str]) -> dict[str, float]:
     """Return the part of its weight that each body is relieved of, by its name.
 
     Args:
@@ -131,7 +131,7 @@ def _inertia(body: Prim) -> Array | None:
     return (inertia + inertia.T) / 2
 
 
-def gravity_of(stage: Stage) -> tuple[float, float, float] | None:
+def gravity_of(stage: UsdStage) -> tuple[float, float, float] | None:
     """Return the acceleration of gravity in the world [m/s^2], or None if the file states nothing about it.
 
     It is that of the scene, else the earth's against the up axis.
@@ -177,7 +177,7 @@ def read_stage(file: str, package_dirs: list[str]) -> RobotFile:
     """
     try:
         folders = RobotFolders(os.path.abspath(file), package_dirs, [])
-        return _read(Stage(open_stage(file, folders), file))
+        return _read(UsdStage(open_stage(file, folders), file))
     except Tf.ErrorException as error:
         raise _refusal(error, file) from None
 
@@ -243,20 +243,20 @@ def _refusal(error: Exception, file: str) -> ModelError:
     return ModelError(f"OpenUSD: {' '.join((quoted[1] if quoted else first).split())}", file=file)
 
 
-def _read(stage: Stage) -> RobotFile:
+def _read(stage: UsdStage) -> RobotFile:
     default = stage.usd.GetDefaultPrim()
     name = default.GetName() if default else Path(stage.file).name.partition(".")[0] or "robot"
     robot = RobotFile(str(name), stage.file, format="USD")
     robot.notes += noted(screen(stage))
     if not stage.moving:
         raise ModelError(f"no prim has {BODY}; a robot has at least one body", file=stage.file)
-    _Builder(robot, stage).build()
+    _UsdBuilder(robot, stage).build()
     robot.gravity = gravity_of(stage)
     _add_notes(robot, stage)
     return robot
 
 
-class _Builder:
+class _UsdBuilder:
     """Makes the record of a robot of its bodies and joints.
 
     Attributes:
@@ -265,7 +265,7 @@ class _Builder:
         motors: Names of the driven joints.
     """
 
-    def __init__(self, robot: RobotFile, stage: Stage) -> None:
+    def __init__(self, robot: RobotFile, stage: UsdStage) -> None:
         self.robot, self.stage = robot, stage
         prims = stage.prims.values()
         actuators = (prim.targets("mjc:target") for prim in prims if prim.kind == "MjcActuator")
@@ -333,7 +333,7 @@ class _Builder:
         elif (acted and single) or instance(prim, axis) in drives:
             self.motors.append(name)
 
-    def _note(self, tree: Tree[UsdJoint]) -> None:
+    def _note(self, tree: GraphTree[UsdJoint]) -> None:
         """Add remarks where the cuts are not those of the file."""
         own = [joint.prim.path for joint in tree.cut if not joint.closes]
         kept = [joint.prim.path for joint, _ in tree.branches if joint.closes]
@@ -370,7 +370,7 @@ def _closing(joint: UsdJoint, links: tuple[str, str]) -> Closure:
     return closure_of(joint.name, kind, sides, turns, form, joint.line)
 
 
-def _add_notes(robot: RobotFile, stage: Stage) -> None:
+def _add_notes(robot: RobotFile, stage: UsdStage) -> None:
     """Add remarks on what is taken by default or left out."""
     prims = stage.prims.values()
     light = [link for link in robot.links if not link.mass and not link.between_joints]

@@ -29,7 +29,7 @@ from ..forward import forward
 from ..inverse_recursion import needed_forces, output_jacobians
 from ..loads import Loads, all_loads
 from ..state_checks import check_closed
-from .independent import Coordinates, Motions, independent_coordinates, independent_motions
+from .independent import IndependentCoordinates, Motions, independent_coordinates, independent_motions
 
 #: Samples in one pass of a recursion for many columns.
 AT_ONCE = 512
@@ -46,7 +46,7 @@ class Engine:
     """
 
     robot: HybridRobot
-    u: Coordinates
+    u: IndependentCoordinates
     on: Effects
 
     @classmethod
@@ -209,7 +209,12 @@ def polar_form(robot: HybridRobot, f: Callable[[Array, Array], Array], q: Array,
 
 
 def rate_of_map(
-    robot: HybridRobot, q: Array, v: Array, E: Array, u: Coordinates, drift: Callable[[Array, Array], Array]
+    robot: HybridRobot,
+    q: Array,
+    v: Array,
+    E: Array,
+    u: IndependentCoordinates,
+    drift: Callable[[Array, Array], Array],
 ) -> Array:
     """Compute E_dot by polarisation of the drift E_dot(v) u, which is quadratic in v, shape (T, nv, N).
 
@@ -237,7 +242,7 @@ def rate_of_map(
     return out
 
 
-def blocks(robot: HybridRobot, u: Coordinates) -> list[tuple[Index, Index, Index]]:
+def blocks(robot: HybridRobot, u: IndependentCoordinates) -> list[tuple[Index, Index, Index]]:
     """Return where the blocks of dq/du are: of each module its rows, its columns, and their numbers in it."""
     return [
         (module.v_index[:, None], own, np.arange(len(own)))

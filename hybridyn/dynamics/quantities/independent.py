@@ -30,7 +30,7 @@ from ..guards import LOST_MOTORS, OPEN_MOTIONS, check, check_closure_rank
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
+class IndependentCoordinates:
     """Independent coordinates of a robot.
 
     Attributes:
@@ -84,7 +84,7 @@ class Coordinates:
                 )
 
 
-def independent_coordinates(robot: HybridRobot, joints: Sequence[str] | None) -> Coordinates:
+def independent_coordinates(robot: HybridRobot, joints: Sequence[str] | None) -> IndependentCoordinates:
     """Return the independent coordinates of a robot.
 
     Args:
@@ -103,7 +103,7 @@ def independent_coordinates(robot: HybridRobot, joints: Sequence[str] | None) ->
     return out
 
 
-def located(robot: HybridRobot, names: tuple[str, ...], *, chosen: bool) -> Coordinates:
+def located(robot: HybridRobot, names: tuple[str, ...], *, chosen: bool) -> IndependentCoordinates:
     """Return where joints lie in v and in the modules.
 
     Args:
@@ -118,7 +118,7 @@ def located(robot: HybridRobot, names: tuple[str, ...], *, chosen: bool) -> Coor
         held = sorted((entry[int(c)], i) for i, c in enumerate(module.v_index) if int(c) in entry)
         own.append(np.array([i for i, _ in held], dtype=int))
         freedoms.append(np.array([i for _, i in held], dtype=int))
-    return Coordinates(names, columns, tuple(own), tuple(freedoms), chosen)
+    return IndependentCoordinates(names, columns, tuple(own), tuple(freedoms), chosen)
 
 
 class Motions(NamedTuple):
@@ -137,7 +137,7 @@ class Motions(NamedTuple):
 
 
 def independent_motions(
-    robot: HybridRobot, states: list[ModuleState], q: Array, v: Array | None, u: Coordinates,
+    robot: HybridRobot, states: list[ModuleState], q: Array, v: Array | None, u: IndependentCoordinates,
     *, others_stay: bool = False,
 ) -> Motions:  # fmt: skip
     """Compute the motions of a robot over its independent coordinates.
@@ -163,7 +163,7 @@ def independent_motions(
 
 
 def module_motions(
-    s: ModuleState, q: Array, v: Array | None, freedoms: Index, u: Coordinates
+    s: ModuleState, q: Array, v: Array | None, freedoms: Index, u: IndependentCoordinates
 ) -> tuple[Basis, Array, Array]:
     """Compute the motions of one module, whose independent coordinates are some freedoms of its tree.
 
@@ -218,7 +218,9 @@ def _spanning_rates(s: ModuleState, X: Array) -> Array:
     return out
 
 
-def _right_inverse(s: ModuleState, Q: Array, freedoms: Index, u: Coordinates) -> tuple[Array, Array]:
+def _right_inverse(
+    s: ModuleState, Q: Array, freedoms: Index, u: IndependentCoordinates
+) -> tuple[Array, Array]:
     """Compute P with S Q P = 1 of least norm, and the motions that S does not see, by an SVD of S Q.
 
     S is scaled and Q orthonormal, so singular values are compared with 1: where the closures lock all

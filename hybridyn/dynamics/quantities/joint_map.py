@@ -22,11 +22,11 @@ from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_batch, as_positions, same_samples
 from .engine import closed_states, polar_form
-from .independent import Coordinates, independent_motions, located
+from .independent import IndependentCoordinates, independent_motions, located
 
 #: Computes dv/d(side), shape (T, nv, N), and the accelerations at rest of that side, shape (T, nv), at
 #: positions (T, nq) and rates (T, nv); without rates the accelerations are zero.
-Motions = Callable[[Array, Array | None, Coordinates], tuple[Array, Array]]
+Motions = Callable[[Array, Array | None, IndependentCoordinates], tuple[Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +270,9 @@ def motors_beside(robot: HybridRobot, joints: Sequence[str]) -> tuple[str, ...]:
     return tuple(m for m in robot.motors if robot.body_owner[robot.body_of_joint[m]][0] in modules)
 
 
-def side_motions(robot: HybridRobot, q: Array, v: Array | None, side: Coordinates) -> tuple[Array, Array]:
+def side_motions(
+    robot: HybridRobot, q: Array, v: Array | None, side: IndependentCoordinates
+) -> tuple[Array, Array]:
     """Compute `Motions` of a robot; modules without joints of the side stay.
 
     Raises:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...description.loop_signs import Bodies
+from ...description.loop_signs import WeldedBodies
 from ...description.names import counted, listed
 from ...description.placement import inverse, poses_at, rotation_to_axis, turned
 from ...description.records import Closure, Description, Joint
@@ -265,7 +265,7 @@ def _with_axis(
 
 def check_same_loops(subject: Subject) -> Iterator[Finding]:
     """Find closures that state the same loop under two names."""
-    bodies, size = Bodies(subject.description), subject.extent
+    bodies, size = WeldedBodies(subject.description), subject.extent
     for first, second in itertools.combinations(subject.description.closures, 2):
         if (first.translations, first.rotation) != (second.translations, second.rotation):
             continue

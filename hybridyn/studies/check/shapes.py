@@ -18,9 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...description.names import counted
-from ...description.shape_files import MeshFiles, MissingMeshError, shapes_of
-from ...description.shape_files import Shape as Stated
-from ...description.urdf.xml_node import Node
+from ...description.shape_files import MeshFiles, MissingMeshError, Shape, shapes_of
+from ...description.urdf.xml_node import XmlNode
 from ...errors import install_advice
 from ...spatial import Array
 from .finding import Finding
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 LARGEST_MESH = 100 * 2**20
 #: A mesh that is larger than its robot by this factor has another unit.
 MESH = 50.0
-#: `Shape.wrong` of a mesh whose file exists but was not read, because trimesh is not installed.
+#: `LinkShape.wrong` of a mesh whose file exists but was not read, because trimesh is not installed.
 UNREAD = "unread"
 
 #: Lower and upper corner, shape (3,) each.
@@ -40,7 +39,7 @@ Bounds = tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class LinkShape:
     """One visual or collision shape of a link.
 
     Attributes:
@@ -61,8 +60,8 @@ class Shape:
 
 
 def read_shapes(
-    root: Node, package_dirs: Sequence[str | PathLike[str]], *, meshes: bool = True
-) -> dict[str, list[Shape]]:
+    root: XmlNode, package_dirs: Sequence[str | PathLike[str]], *, meshes: bool = True
+) -> dict[str, list[LinkShape]]:
     """Read the shapes of every link.
 
     Args:
@@ -72,20 +71,20 @@ def read_shapes(
     """
     find = MeshFiles(Path(root.file).parent, package_dirs, named=True)
     load = cache(partial(_bounds, find)) if meshes else lambda name: None
-    out: dict[str, list[Shape]] = {}
+    out: dict[str, list[LinkShape]] = {}
     for shape in shapes_of(root, "visual", "collision"):
         out.setdefault(shape.link, []).append(_boxed(shape, load))
     return out
 
 
-def _boxed(shape: Stated, load: Callable[[str], Bounds | str | None]) -> Shape:
+def _boxed(shape: Shape, load: Callable[[str], Bounds | str | None]) -> LinkShape:
     """Return a shape with its bounding box."""
     if not shape.kind:
-        return Shape(shape.role, shape.line, None, wrong=shape.wrong)
+        return LinkShape(shape.role, shape.line, None, wrong=shape.wrong)
     if shape.kind == "mesh":
         found = load(shape.file)
         if found is None or isinstance(found, str):
-            return Shape(shape.role, shape.line, None, shape.file, found)
+            return LinkShape(shape.role, shape.line, None, shape.file, found)
         lower, upper = np.sort(np.array(found) * shape.size, axis=0)
     else:
         radius, *length = np.abs(shape.size)
@@ -98,7 +97,7 @@ def _boxed(shape: Stated, load: Callable[[str], Bounds | str | None]) -> Shape:
         lower = -upper
     corners = np.array(list(product(*zip(lower, upper, strict=True))))
     corners = corners @ shape.placement[:3, :3].T + shape.placement[:3, 3]
-    return Shape(shape.role, shape.line, corners, shape.file or None)
+    return LinkShape(shape.role, shape.line, corners, shape.file or None)
 
 
 def _bounds(find: MeshFiles, name: str) -> Bounds | str:
@@ -155,7 +154,7 @@ def check_shapes(subject: Subject) -> Iterator[Finding]:
         )
 
 
-def _mesh(subject: Subject, link: str, shape: Shape, mesh: str) -> Iterator[Finding]:
+def _mesh(subject: Subject, link: str, shape: LinkShape, mesh: str) -> Iterator[Finding]:
     """Check a mesh of a link."""
     unseen = "the link is not drawn, and its mass cannot be compared with its shape"
     if shape.wrong == "missing":

@@ -9,14 +9,14 @@ from functools import cached_property
 
 import numpy as np
 
-from ...description.loop_signs import Bodies
+from ...description.loop_signs import WeldedBodies
 from ...description.placement import poses_at_zero
 from ...description.records import Closure, Coupling, Description, Joint, Link
-from ...description.urdf.xml_node import Expanded, Node
+from ...description.urdf.xml_node import Expanded, XmlNode
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .finding import Finding
-from .shapes import Shape
+from .shapes import LinkShape
 
 #: Elements that state joints, closures and couplings.
 NAMED = ("joint", "loop", "constraint", "loop_joint", "coupling")
@@ -33,9 +33,9 @@ class Subject:
         robot: The robot, or None if it cannot be built.
     """
 
-    root: Node
+    root: XmlNode
     description: Description
-    shapes: Mapping[str, list[Shape]] = field(default_factory=dict)
+    shapes: Mapping[str, list[LinkShape]] = field(default_factory=dict)
     robot: HybridRobot | None = None
 
     def place(self, tag: str, name: str, line: int | None) -> tuple[str, int | None]:
@@ -73,7 +73,7 @@ class Subject:
     @cached_property
     def body(self) -> dict[str, str]:
         """First link of the body that each link belongs to."""
-        return Bodies(self.description).of
+        return WeldedBodies(self.description).of
 
     @cached_property
     def carried(self) -> Counter[str]:

@@ -14,9 +14,9 @@ from ...description.names import counted, listed
 from ...errors import install_advice
 from ...structure.robot import HybridRobot
 from ...threads import one_thread
-from .engine import own_file
 from .judging import ClosureFate, Fate, Verdict, judge_way
 from .methods import ENGINES, engine_file
+from .peer_engine import own_file
 from .states import closure_names, draw_states
 
 #: Largest relative difference that counts as the same robot.

@@ -19,8 +19,8 @@ import pinocchio as pin
 
 from ...spatial import Array
 from ...structure.robot import HybridRobot
-from .engine import Engine, NotComparableError
-from .states import DEPENDENT, State, apart, closure_names, closure_slices
+from .peer_engine import NotComparableError, PeerEngine
+from .states import DEPENDENT, ComparedState, apart, closure_names, closure_slices
 
 Fate = Literal["held", "softened", "partial", "ignored"]
 
@@ -93,9 +93,9 @@ class Verdict:
 
 def judge_way(
     way: str,
-    build: Callable[[], Engine],
+    build: Callable[[], PeerEngine],
     robot: HybridRobot,
-    states: list[State],
+    states: list[ComparedState],
     names: tuple[str, str],
     tolerance: float,
 ) -> Verdict:
@@ -112,8 +112,8 @@ def judge_way(
 
 def judge(
     robot: HybridRobot,
-    engine: Engine,
-    states: list[State],
+    engine: PeerEngine,
+    states: list[ComparedState],
     names: tuple[str, str],
     tolerance: float,
 ) -> Verdict:
@@ -142,7 +142,7 @@ def judge(
 
 
 def _closures(
-    robot: HybridRobot, engine: Engine, states: list[State], tolerance: float
+    robot: HybridRobot, engine: PeerEngine, states: list[ComparedState], tolerance: float
 ) -> tuple[ClosureFate, ...]:
     """Judge every closure and coupling; arguments as in `judge`."""
     names, slices = closure_names(robot), closure_slices(robot)
@@ -172,7 +172,7 @@ def robot_sizes(robot: HybridRobot, q: Array) -> Array:
     return np.where(own > 0.0, own, 1.0)
 
 
-def felt_rows(robot: HybridRobot, engine: Engine, q: Array) -> Array:
+def felt_rows(robot: HybridRobot, engine: PeerEngine, q: Array) -> Array:
     """Find the rows along which an engine's constraints act, at rest.
 
     A force f on the joints gives an acceleration a, for which the engine's tree alone needs M a. Its
@@ -207,7 +207,7 @@ def _rank(K: Array) -> int:
     return len(_row_space(K)) if len(K) else 0
 
 
-def _left(robot: HybridRobot, engine: Engine, states: list[State]) -> Array:
+def _left(robot: HybridRobot, engine: PeerEngine, states: list[ComparedState]) -> Array:
     """Return for each closure its largest opening acceleration over that of the tree, shape (closures,)."""
     opened, stayed = np.zeros((2, len(closure_names(robot))))
     for state in states:
@@ -229,7 +229,7 @@ def _difference(theirs: Array, ours: Array) -> float:
     return miss / size if size else miss
 
 
-def _effort_error(robot: HybridRobot, engine: Engine, state: State) -> float:
+def _effort_error(robot: HybridRobot, engine: PeerEngine, state: ComparedState) -> float:
     """Compare inverse dynamics on the freedoms that the closures leave."""
     forces = engine.inverse(state.q, state.v, state.a)
     _, s, vt = np.linalg.svd(state.K)

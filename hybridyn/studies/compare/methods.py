@@ -18,7 +18,7 @@ from ...description.names import did_you_mean, listed
 from ...errors import ModelError
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot
-from .engine import NotComparableError
+from .peer_engine import NotComparableError
 
 #: Models that the benchmarks compare.
 Model = Literal["ddm", "idm"]
@@ -92,7 +92,7 @@ def grid(**values: tuple[float, ...]) -> tuple[Setting, ...]:
     return tuple(out)
 
 
-class Call(NamedTuple):
+class TimedCall(NamedTuple):
     """What is timed.
 
     Attributes:
@@ -113,7 +113,7 @@ class Call(NamedTuple):
 def swept(
     method: Method, robot: HybridRobot, states: State, rows: Index, sizes: Sequence[int] = (1,),
     threads: int = 1,
-) -> Iterator[Call]:  # fmt: skip
+) -> Iterator[TimedCall]:  # fmt: skip
     """Yield the calls of a method at each of its settings.
 
     Args:
@@ -134,7 +134,7 @@ def swept(
             call: Callable[[], object] = partial(solve, *batch)
             if size == 1 or not method.batches:
                 call = partial(each, solve, [*zip(*batch, strict=True)])
-            yield Call(setting, solve, size == 1, len(batch[0]), call)
+            yield TimedCall(setting, solve, size == 1, len(batch[0]), call)
 
 
 def each(solve: Solver, samples: Sequence[State]) -> list[Array]:

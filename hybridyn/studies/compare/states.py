@@ -27,7 +27,7 @@ DEPENDENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class ComparedState:
     """A closed state.
 
     Attributes:
@@ -47,7 +47,7 @@ class State:
     K: Array
 
 
-def draw_states(robot: HybridRobot, count: int, seed: int) -> list[State]:
+def draw_states(robot: HybridRobot, count: int, seed: int) -> list[ComparedState]:
     """Draw states near home.
 
     Args:
@@ -63,7 +63,7 @@ def draw_states(robot: HybridRobot, count: int, seed: int) -> list[State]:
         raise ModelError(f"{robot.nv} freedoms of the joints, limit {MOST_FREEDOMS}, are too many to compare")
     rng = np.random.default_rng(seed)
     manifold, home = Manifold(robot), start_posture(robot)
-    out: list[State] = []
+    out: list[ComparedState] = []
     last: HybridynError | None = None
     for _ in range(DRAWS * count):
         try:
@@ -90,7 +90,7 @@ def start_posture(robot: HybridRobot) -> Array:
         return found[0].q
 
 
-def _draw(robot: HybridRobot, manifold: Manifold, rng: np.random.Generator, home: Array) -> State:
+def _draw(robot: HybridRobot, manifold: Manifold, rng: np.random.Generator, home: Array) -> ComparedState:
     unit = manifold.unit
     K = closure_rows(robot, home) * unit
     away = _kept(K, rng.normal(size=robot.nv)) * STEP * unit
@@ -109,7 +109,7 @@ def _draw(robot: HybridRobot, manifold: Manifold, rng: np.random.Generator, home
         wanted = wanted + _kept(K, rng.normal(size=robot.nv)) * unit * size
         tau = idm(robot, q, v, wanted, passive="solved", on_singular="least-norm")
         force[robot.motor_v] = tau
-    return State(q, v, force, tau, ddm(robot, q, v, tau), K)
+    return ComparedState(q, v, force, tau, ddm(robot, q, v, tau), K)
 
 
 def _kept(K: Array, x: Array) -> Array:

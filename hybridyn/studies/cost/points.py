@@ -47,13 +47,13 @@ Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
-class Point:
+class CostPoint:
     """One setting.
 
     Attributes:
         line: Family that it belongs to: one line of the plot.
         setting: What distinguishes it within its family, in words.
-        error: Relative error (see `Study`); infinite where it is not known.
+        error: Relative error (see `CostStudy`); infinite where it is not known.
         seconds: Time per sample or of the whole run [s].
         fragment: Lines to paste into a scene, or comments if no scene can request it.
         use: "usual" for the default, "command" if a command offers it, "program" if only a program of your
@@ -99,7 +99,7 @@ class Worth(NamedTuple):
 
 
 @dataclass(eq=False)
-class Study:
+class CostStudy:
     """All settings of one question, as far as they have been measured.
 
     Attributes:
@@ -121,24 +121,24 @@ class Study:
     subject: str = "motor efforts"
     reference: str = ""
     own_error: float = 0.0
-    points: list[Point] = field(default_factory=list)
+    points: list[CostPoint] = field(default_factory=list)
     worth: list[Worth] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
     needed: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     done: float = 0.0
 
-    def chosen(self, uses: Sequence[Use]) -> list[Point]:
+    def chosen(self, uses: Sequence[Use]) -> list[CostPoint]:
         """Return the points of some uses that were run as a whole."""
         return [p for p in self.points if p.use in uses and not p.how]
 
 
-Progress = Callable[[Point | Worth], None]
+Progress = Callable[[CostPoint | Worth], None]
 #: A part of a study: its name, and its results as they are measured.
-Step = tuple[str, Iterator[Point | Worth]]
+Step = tuple[str, Iterator[CostPoint | Worth]]
 
 
-def fill(study: Study, steps: Sequence[Step], progress: Progress) -> None:
+def fill(study: CostStudy, steps: Sequence[Step], progress: Progress) -> None:
     """Take the steps of a study; one that cannot be taken, or to its end, becomes a remark."""
     for number, (name, results) in enumerate(steps, 1):
         try:
@@ -178,7 +178,7 @@ def pareto_front(
     return out
 
 
-def front(points: Iterable[Point], own_error: float = 0.0) -> list[Point]:
+def front(points: Iterable[CostPoint], own_error: float = 0.0) -> list[CostPoint]:
     """Return the Pareto front of points that were run as a whole, fastest first.
 
     A point that saves less than `NOISE` of the next more accurate one's time is left out.
@@ -192,12 +192,12 @@ def front(points: Iterable[Point], own_error: float = 0.0) -> list[Point]:
     return [p for p, after in zip(best, following, strict=False) if p.seconds * NOISE <= after]
 
 
-def by_line(points: Sequence[Point]) -> dict[str, list[Point]]:
+def by_line(points: Sequence[CostPoint]) -> dict[str, list[CostPoint]]:
     """Return the points of each family."""
     return {line: [p for p in points if p.line == line] for line in {p.line: 0 for p in points}}
 
 
-def cheapest(study: Study, target: float, uses: Sequence[Use] = ("usual", "command")) -> Point | None:
+def cheapest(study: CostStudy, target: float, uses: Sequence[Use] = ("usual", "command")) -> CostPoint | None:
     """Return the fastest point within the target, by default of those that a command offers, or None.
 
     Among equal times it is the most accurate.
@@ -207,7 +207,7 @@ def cheapest(study: Study, target: float, uses: Sequence[Use] = ("usual", "comma
     return min((p for p in good if p.seconds <= NOISE * least), key=lambda p: p.error, default=None)
 
 
-def advice(study: Study, target: float) -> list[str]:
+def advice(study: CostStudy, target: float) -> list[str]:
     """Recommend a setting for an error of at most `target` in one sentence, and say what others take."""
     portion = f"{100 * target:.4g} %" if 1e-5 <= target < 10 else f"{target:.2g}"
     wanted, best = f"For {portion} on {study.subject}", cheapest(study, target)
@@ -241,7 +241,7 @@ def time_words(seconds: float) -> str:
     return f"{seconds * factor:.3g} {unit}"
 
 
-def error_words(point: Point, study: Study) -> str:
+def error_words(point: CostPoint, study: CostStudy) -> str:
     """Write a point's error; one below that of the reference as "< ...", one of no complete run in words."""
     least = study.own_error
     if point.error == float("inf"):

@@ -25,14 +25,27 @@ from ...dynamics.direct import ddm
 from ...effects.choice import UNITS, Effects, choose, stated_names
 from ...errors import HybridynError
 from ...scenes.scene_file import SceneFile
-from ...scenes.stage import Stage
-from ...simulation.result import Result
+from ...scenes.stage import SceneStage
+from ...simulation.result import SimulationResult
 from ...simulation.simulate import simulate
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..compare.methods import written
-from .models import Trajectory, operations, requested, spared, worded
-from .points import ADVISED, SECOND, SECONDS, SLOWER, Point, Progress, Step, Study, Use, Worth, cheapest, fill
+from .points import (
+    ADVISED,
+    SECOND,
+    SECONDS,
+    SLOWER,
+    CostPoint,
+    CostStudy,
+    Progress,
+    Step,
+    Use,
+    Worth,
+    cheapest,
+    fill,
+)
+from .variants import Trajectory, operations, requested, spared, worded
 
 #: Fixed steps relative to the mean step of the scene's own solver.
 FACTORS = (8.0, 4.0, 2.0, 1.0, 0.5)
@@ -65,7 +78,7 @@ ONE_FAMILY, REFERENCE, ONE_EFFECT = 1 / 16, 1 / 10, 1 / 20
 OF_EFFECTS = 1e-8
 
 #: The outputs of a run so far, and its computing time [s].
-Run = tuple[Result, float]
+Run = tuple[SimulationResult, float]
 
 
 class Setting(NamedTuple):
@@ -74,7 +87,7 @@ class Setting(NamedTuple):
     Attributes:
         options: Arguments of `simulate`.
         line: Family that it belongs to.
-        use: As in `Point`.
+        use: As in `CostPoint`.
         compiled: Whether accelerations are computed in C.
     """
 
@@ -126,7 +139,7 @@ class Runner:
         near: The looser settings that led to the reference, with their runs, until they are measured.
     """
 
-    def __init__(self, ready: Stage, duration: float) -> None:
+    def __init__(self, ready: SceneStage, duration: float) -> None:
         self.ready, self.duration, self.start, self.compiled = ready, duration, (ready.q0, ready.v0), True
         self.near = dict[str, tuple[Setting, Run]]()
 
@@ -172,7 +185,7 @@ class Runner:
         """Times at which postures are compared, as parts of the duration."""
         return OUTPUTS if self.compiled else OUTPUTS[::SPARSE]
 
-    def whole(self, limit: float, effects: Effects) -> Result:
+    def whole(self, limit: float, effects: Effects) -> SimulationResult:
         """Run to the end with some effects, to see what they change.
 
         Raises:
@@ -187,7 +200,7 @@ class Runner:
             )
         return found
 
-    def find_reference(self, limit: float) -> Result:
+    def find_reference(self, limit: float) -> SimulationResult:
         """Find the end of the scene, and the reference: the tightest tolerance that takes so long.
 
         dopri5 is tried first, then the implicit method if fewer than two runs of dopri5 finish. Where the end
@@ -244,7 +257,7 @@ def untold(name: str) -> Iterator[None]:
         logger.removeFilter(drop)
 
 
-def errors(robot: HybridRobot, found: Result, exact: Result) -> dict[str, Any]:
+def errors(robot: HybridRobot, found: SimulationResult, exact: SimulationResult) -> dict[str, Any]:
     """Return the errors of a run: of its last posture, path, energy, and its closures.
 
     Of a run that was stopped, or is compared with one that was, the error at the end is not known: infinite.
@@ -259,7 +272,7 @@ def errors(robot: HybridRobot, found: Result, exact: Result) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def way_off(robot: HybridRobot, found: Result, exact: Result) -> list[float]:
+def way_off(robot: HybridRobot, found: SimulationResult, exact: SimulationResult) -> list[float]:
     """Return the distance from the exact posture at each output that a run came to."""
     return [distance(robot, *pair) for pair in zip(found.q, exact.q, strict=False)]
 
@@ -270,7 +283,7 @@ def distance(robot: HybridRobot, q0: Array, q1: Array) -> float:
     return float(np.abs(move / robot.unit).max(initial=0.0))
 
 
-def states_of(ready: Stage, duration: float, effects: Effects) -> Trajectory:
+def states_of(ready: SceneStage, duration: float, effects: Effects) -> Trajectory:
     """Return the states of a scene, and the accelerations there under its efforts with some effects."""
     run = simulate(
         ready.robot, ready.q0, ready.v0, (0.0, duration), effort=ready.effort, effects=ready.effects,
@@ -280,13 +293,13 @@ def states_of(ready: Stage, duration: float, effects: Effects) -> Trajectory:
 
 
 def study_runs(
-    ready: Stage,
+    ready: SceneStage,
     duration: float,
     progress: Progress = lambda result: None,
     seconds: float = SECONDS,
-    study: Study | None = None,
+    study: CostStudy | None = None,
     target: float = ADVISED,
-) -> Study:
+) -> CostStudy:
     """Measure integrators on a scene.
 
     The error of a run is the distance of its last posture from that of the reference: the largest
@@ -303,7 +316,7 @@ def study_runs(
     Raises:
         HybridynError: The scene cannot be simulated at all.
     """
-    study = Study("", "per run") if study is None else study
+    study = CostStudy("", "per run") if study is None else study
     study.subject = "the last posture"
     runner, limit = Runner(ready, duration), seconds * ONE_FAMILY
     try:
@@ -348,7 +361,9 @@ def study_runs(
     return study
 
 
-def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], left: float) -> Iterator[Point]:
+def _family(
+    runner: Runner, family: list[Setting], tried: dict[str, Setting], left: float
+) -> Iterator[CostPoint]:
     """Measure settings from coarse to fine, until one takes too long or is as exact as the reference.
 
     One that fails is followed by a finer one.
@@ -373,7 +388,7 @@ def _family(runner: Runner, family: list[Setting], tried: dict[str, Setting], le
             return
 
 
-def _point(runner: Runner, setting: Setting, run: Result, seconds: float, left: float) -> Point:
+def _point(runner: Runner, setting: Setting, run: SimulationResult, seconds: float, left: float) -> CostPoint:
     """Return what a run shows of a setting, and take its time without outputs, where time is left [s]."""
     robot, how = runner.ready.robot, ""
     if run.status == "interrupted":
@@ -385,14 +400,14 @@ def _point(runner: Runner, setting: Setting, run: Result, seconds: float, left: 
         bare = partial(runner.run, setting, np.inf, outputs=OUTPUTS[-1:])
         seconds = min([seconds, *(bare()[1] for _ in range(ROUNDS if seconds < SHORT else 1))])
     words = f"take {setting.line}, {setting.words}"
-    return Point(
+    return CostPoint(
         setting.line, setting.words, seconds=seconds, fragment=setting.fragment,
         what="keep what the scene says" if setting.use == "usual" else words,
         use=setting.use, how=how, **errors(robot, run, runner.exact),
     )  # fmt: skip
 
 
-def _elsewhere(study: Study, runner: Runner, best: Point, setting: Setting) -> None:
+def _elsewhere(study: CostStudy, runner: Runner, best: CostPoint, setting: Setting) -> None:
     """Run the advised setting on a second motion, and fill in its error there, infinite if a run fails."""
     runner.start = runner.exact.state.q, SLOWER * runner.exact.state.v
     try:
@@ -461,7 +476,7 @@ def _checked(
         return needed, [f"not compared with every effect that is stated: {failure}"]
 
 
-def every_effect(ready: Stage) -> Effects:
+def every_effect(ready: SceneStage) -> Effects:
     """Return the effects of a scene with those of `DROPPABLE` that the robot's files state besides.
 
     Those of `DROPPABLE` that take no operations act on nothing, as rotors of a robot without: they are left
@@ -480,7 +495,7 @@ def every_effect(ready: Stage) -> Effects:
     return every.without(*(name for name in some if operations(robot, every.without(name), "ddm") == whole))
 
 
-def needed_effects(study: Study, ready: Stage, every: Effects, target: float) -> list[str]:
+def needed_effects(study: CostStudy, ready: SceneStage, every: Effects, target: float) -> list[str]:
     """Return the effects that a scene needs for an error, or nothing if it names them.
 
     Effects are left out, the least important first, as long as their changes together stay below the target.

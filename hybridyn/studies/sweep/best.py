@@ -15,7 +15,7 @@ from .expressions import Expression
 from .shards import About, about_of, read_shards
 
 
-class Rows(NamedTuple):
+class SweepRows(NamedTuple):
     """All rows of a sweep.
 
     Attributes:
@@ -54,7 +54,7 @@ class Best:
     left_out: dict[str, int] = field(default_factory=dict)
 
 
-def rows_of(folder: str | PathLike[str], where: str | None = None) -> Rows:
+def rows_of(folder: str | PathLike[str], where: str | None = None) -> SweepRows:
     """Read the rows of a sweep.
 
     Args:
@@ -72,7 +72,7 @@ def rows_of(folder: str | PathLike[str], where: str | None = None) -> Rows:
     met: Mask = status == "ok"
     if condition is not None:
         met = met & np.asarray(condition(columns), dtype=bool)
-    return Rows(about, columns, status, met)
+    return SweepRows(about, columns, status, met)
 
 
 def find_best(folder: str | PathLike[str], objectives: str, where: str | None = None, top: int = 10) -> Best:

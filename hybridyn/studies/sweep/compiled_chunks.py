@@ -16,8 +16,8 @@ from ...errors import HybridynError, ModelError, TrajectoryError
 from ...spatial import Array, Index
 from ...structure.parameters.slots import differences
 from ...threads import one_thread
-from .compiled_designs import CompiledDesigns, Plan, Structure, check_task
-from .evaluation import Chunk, Designer, Evaluated, Row
+from .compiled_designs import CompiledDesigns, DesignPlan, Structure, check_task
+from .evaluation import Chunk, Designer, DesignRow, Evaluated
 from .study_file import StudyFile
 from .variants import by_structure
 
@@ -30,19 +30,19 @@ MOST_STRUCTURES = 16
 TRIED_OF_STRUCTURE = 16
 
 
-class Models(NamedTuple):
+class ChunkModels(NamedTuple):
     """The compiled models of a run, and what evaluates the other designs."""
 
     designer: Designer
-    plan: Plan | None
+    plan: DesignPlan | None
     of_structures: list[CompiledDesigns]
 
 
 #: The models of the last run, by its identity.
-_kept: dict[str, Models] = {}
+_kept: dict[str, ChunkModels] = {}
 
 
-def models_of(source: StudyFile, plan: Plan) -> Models:
+def models_of(source: StudyFile, plan: DesignPlan) -> ChunkModels:
     """Return the models of a run, which each process builds once.
 
     Raises:
@@ -51,18 +51,18 @@ def models_of(source: StudyFile, plan: Plan) -> Models:
     if plan.run not in _kept:
         designer = Designer(source)
         own = [CompiledDesigns(designer, structure, plan.designs) for structure in plan.structures]
-        _keep(plan, Models(designer, plan, own))
+        _keep(plan, ChunkModels(designer, plan, own))
     return _kept[plan.run]
 
 
-def _keep(plan: Plan, models: Models) -> None:
+def _keep(plan: DesignPlan, models: ChunkModels) -> None:
     """Keep the models of a run instead of those of the last one."""
     _kept.clear()
     _kept[plan.run] = models
 
 
 @one_thread()
-def evaluate_chunk(source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evaluated:
+def evaluate_chunk(source: StudyFile, chunk: Chunk, plan: DesignPlan | None) -> Evaluated:
     """Evaluate the designs of a chunk. Nothing of a design depends on the others.
 
     Args:
@@ -73,20 +73,20 @@ def evaluate_chunk(source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evalua
         HybridynError: This process cannot build the compiled models, or a design differs from the general
             path.
     """
-    models = Models(Designer(source), None, []) if plan is None else models_of(source, plan)
+    models = ChunkModels(Designer(source), None, []) if plan is None else models_of(source, plan)
     started = time.perf_counter()
     with np.errstate(all="ignore"):  # overflow shows in the results
         found = rows_of(models, chunk)
     return replace(found, seconds=time.perf_counter() - started)
 
 
-def rows_of(models: Models, chunk: Chunk) -> Evaluated:
+def rows_of(models: ChunkModels, chunk: Chunk) -> Evaluated:
     """Evaluate the designs of a chunk, and compare some of them with robots built for them.
 
     Raises:
         HybridynError: A design differs from the general path.
     """
-    rows: list[Row] = []
+    rows: list[DesignRow] = []
     found = Evaluated((), 0.0)
     at_once = min((one.at_once for one in models.of_structures), default=len(chunk.values))
     for start in range(chunk.start, chunk.stop, at_once):
@@ -104,7 +104,7 @@ def rows_of(models: Models, chunk: Chunk) -> Evaluated:
             )
             left = np.array([k for k in left.tolist() if k not in measured], dtype=int)
         for k, own_values in enumerate(values):
-            row = Row(start + k, tuple(own_values.tolist()), "ok", measured.get(k, ()), "")
+            row = DesignRow(start + k, tuple(own_values.tolist()), "ok", measured.get(k, ()), "")
             rows.append(row if k in measured else models.designer(start + k, own_values))
         found = replace(found, compiled=found.compiled + len(measured))
     return replace(found, rows=tuple(rows))
@@ -112,7 +112,7 @@ def rows_of(models: Models, chunk: Chunk) -> Evaluated:
 
 def plan_for(
     source: StudyFile, designs: Array, numbers: Index, *, asked: bool = False
-) -> tuple[Plan | None, str]:
+) -> tuple[DesignPlan | None, str]:
     """Choose what is compiled for a study, and compile it.
 
     The models depend on the study alone, so that a run that continues has the same.
@@ -151,8 +151,8 @@ def plan_for(
     count, check = len(designs), source.study.designs.check
     if check is None:
         check = min(MOST_CHECKED, -(-count // CHECKED_SHARE))
-    plan = Plan(uuid4().hex, tuple(one.structure for one in own), count, min(check, count))
-    _keep(plan, Models(designer, plan, own))
+    plan = DesignPlan(uuid4().hex, tuple(one.structure for one in own), count, min(check, count))
+    _keep(plan, ChunkModels(designer, plan, own))
     return plan, ""
 
 

@@ -34,7 +34,7 @@ from ...errors import HybridynError, ModelError
 from ...spatial import Array, Index
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
-from ...tables.trajectory import Motion
+from ...tables.trajectory import TableMotion
 from .evaluation import Designer, effects_of, follow
 from .measures import OF_MOTORS, measures_of
 from .study_file import PYTHON, TaskTable
@@ -65,7 +65,7 @@ class Structure(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Plan:
+class DesignPlan:
     """What the processes of one run need for the same compiled models.
 
     Attributes:
@@ -91,7 +91,7 @@ class _Task(NamedTuple):
 
     name: str
     stated: TaskTable
-    motion: Motion
+    motion: TableMotion
     artifact: Artifact
     evaluator: DesignEvaluator
 

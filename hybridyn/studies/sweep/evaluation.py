@@ -17,13 +17,13 @@ from ...effects import Effects, choose
 from ...errors import AssemblyError, HybridynError, SingularityError
 from ...scenes.scene_file import read_scene
 from ...scenes.stage import play, stage
-from ...simulation.result import Result
+from ...simulation.result import SimulationResult
 from ...spatial import Array
-from ...streams.postures import Postures, postures, rows_named
+from ...streams.postures import TreeSamples, postures, rows_named
 from ...structure.robot import HybridRobot
 from ...tables.columns import ENERGIES, RESIDUAL, Layout, read_layout
 from ...tables.opening import open_table
-from ...tables.trajectory import Motion, read_motions
+from ...tables.trajectory import TableMotion, read_motions
 from ..workspace.workspace import workspace
 from .measures import EVENT, OF_SCENE, OF_WORKSPACE, STATISTICS, call, functions_of, measured
 from .study_file import StudyFile, TaskTable
@@ -39,9 +39,9 @@ class Track:
     """
 
     file: str
-    _kept: tuple[object, Layout, list[Motion]] | None = field(default=None, repr=False)
+    _kept: tuple[object, Layout, list[TableMotion]] | None = field(default=None, repr=False)
 
-    def motions(self, robot: HybridRobot) -> tuple[Layout, list[Motion]]:
+    def motions(self, robot: HybridRobot) -> tuple[Layout, list[TableMotion]]:
         """Return the meaning of the columns, and the motion of a robot's joints and platforms in blocks.
 
         Raises:
@@ -63,7 +63,7 @@ class Track:
 
 def follow(
     robot: HybridRobot, track: Track, passive: str, effects: Effects
-) -> Iterator[tuple[Postures, Array]]:
+) -> Iterator[tuple[TreeSamples, Array]]:
     """Yield the postures of each block of a trajectory, and the efforts of the motors, shape (T, motors).
 
     Args:
@@ -145,18 +145,18 @@ class Player:
         return self._measured(ready.robot, result, functions)
 
     def _measured(
-        self, robot: HybridRobot, result: Result, functions: Mapping[str, Callable[..., Any]]
+        self, robot: HybridRobot, result: SimulationResult, functions: Mapping[str, Callable[..., Any]]
     ) -> dict[str, float]:
         own = {name: _of_run(result, word) for name, word in self.wanted.items()}
         left = {name: word for name, word in self.wanted.items() if own[name] is None}
-        block = Postures(Motion(1, len(result.t), result.t), result.q, result.v, result.a)
+        block = TreeSamples(TableMotion(1, len(result.t), result.t), result.q, result.v, result.a)
         values = measured(robot, left, [(block, result.tau)], functions) | {
             name: value for name, value in own.items() if value is not None
         }
         return {name: values[name] for name in self.wanted}
 
 
-def _of_run(result: Result, word: str) -> float | None:
+def _of_run(result: SimulationResult, word: str) -> float | None:
     """Return a measure that only a simulation has; None for the others."""
     if word in OF_SCENE:
         return {"time": result.state.t, "events": float(len(result.events))}[word]
@@ -177,7 +177,7 @@ MESSAGE = 300
 
 
 @dataclass(frozen=True)
-class Row:
+class DesignRow:
     """One design.
 
     Attributes:
@@ -224,7 +224,7 @@ class Evaluated:
         difference: Largest relative difference found.
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[DesignRow, ...]
     seconds: float
     compiled: int = 0
     checked: int = 0
@@ -245,13 +245,16 @@ class Designer:
         scenes = [name for name, task in source.study.tasks.items() if task.scene is not None]
         self.players = {name: Player(source, name) for name in scenes}
 
-    def __call__(self, design: int, values: Array) -> Row:
+    def __call__(self, design: int, values: Array) -> DesignRow:
         """Evaluate a design.
 
         Args:
             values: Values of the parameters, shape (parameters,).
         """
-        row, nothing = partial(Row, design, tuple(values.tolist())), (math.nan,) * len(self.source.columns)
+        row, nothing = (
+            partial(DesignRow, design, tuple(values.tolist())),
+            (math.nan,) * len(self.source.columns),
+        )
         try:
             robot = self.variants(self.variants.named(values))
         except Exception as error:

@@ -22,11 +22,11 @@ from ...description.side_cars.toml_file import Keys
 from ...dynamics.link_motion import kinematics
 from ...errors import HybridynError, ModelError, TrajectoryError
 from ...spatial import Array, Index
-from ...streams.postures import Postures
+from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
 from ...tables.over_time import mean_over, rms_over
 from ...tables.signals import TWIST, UNITS
-from ...tables.trajectory import Motion
+from ...tables.trajectory import TableMotion
 from ..sizing import MotorLoad, Sizing, motor_rows
 from ..workspace.workspace import Workspace
 from .study_file import PYTHON, StudyFile, python_of
@@ -39,7 +39,7 @@ _FORMS = (
 )
 
 
-def column_of(robot: HybridRobot, block: Postures, tau: Array, column: str) -> Array:
+def column_of(robot: HybridRobot, block: TreeSamples, tau: Array, column: str) -> Array:
     """Return a column of the motion, shape (T,).
 
     Args:
@@ -73,7 +73,7 @@ def column_of(robot: HybridRobot, block: Postures, tau: Array, column: str) -> A
     return rows[:, places[joint].start]
 
 
-def _of_link(robot: HybridRobot, block: Postures, link: str, quantity: str, component: str) -> Array:
+def _of_link(robot: HybridRobot, block: TreeSamples, link: str, quantity: str, component: str) -> Array:
     """Return a coordinate of a link's origin, or a component of its rates, shape (T,), world axes."""
     known = TWIST[:3] if quantity == "pose" else TWIST
     if component not in known:
@@ -256,7 +256,7 @@ class Followed:
 def measured(
     robot: HybridRobot,
     wanted: Mapping[str, str],
-    blocks: Sequence[tuple[Postures, Array]],
+    blocks: Sequence[tuple[TreeSamples, Array]],
     functions: Mapping[str, Callable[..., Any]],
 ) -> dict[str, float]:
     """Measure a motion.
@@ -271,7 +271,10 @@ def measured(
         TrajectoryError: There is no such column.
     """
     check_units(robot, wanted.values())
-    whole, tau = Postures.joined([block for block, _ in blocks]), np.concatenate([tau for _, tau in blocks])
+    whole, tau = (
+        TreeSamples.joined([block for block, _ in blocks]),
+        np.concatenate([tau for _, tau in blocks]),
+    )
     time, loads, out = whole.motion.time, list[MotorLoad](), dict[str, float]()
     if any(word in OF_MOTORS for word in wanted.values()):
         sizing = Sizing(robot)
@@ -329,7 +332,7 @@ def measures_of(
     robot: HybridRobot,
     descriptions: Sequence[Description],
     wanted: Mapping[str, str],
-    motion: Motion,
+    motion: TableMotion,
     table: DesignTable,
     chosen: Index,
 ) -> list[dict[str, float] | None]:
@@ -354,7 +357,7 @@ def measures_of(
         out = [*_loads(robot, descriptions, motors, motion, table, chosen)]
     for i, k in enumerate(chosen.tolist() if others else ()):
         built = replace(robot, description=descriptions[i])
-        block = Postures(motion, table.q[k], table.v[k], table.a[k])
+        block = TreeSamples(motion, table.q[k], table.v[k], table.a[k])
         try:
             out[i] = {**(out[i] or {}), **measured(built, others, [(block, table.tau[k])], {})}
         except Exception:  # the general path says what is wrong
@@ -366,7 +369,7 @@ def _loads(
     robot: HybridRobot,
     descriptions: Sequence[Description],
     words: Mapping[str, str],
-    motion: Motion,
+    motion: TableMotion,
     table: DesignTable,
     chosen: Index,
 ) -> list[dict[str, float]]:

@@ -15,7 +15,7 @@ from typing import Any
 
 from ...errors import HybridynError, required
 from ..results_folder import part, read_record
-from .evaluation import Row
+from .evaluation import DesignRow
 
 _SHARD = re.compile(r"designs-(\d{9,})-(\d{9,})\.parquet")
 
@@ -57,7 +57,7 @@ def gaps(folder: Path, designs: int) -> list[tuple[int, int]]:
     return [(start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if start < stop]
 
 
-def write_shard(folder: Path, about: About, rows: Sequence[Row]) -> None:
+def write_shard(folder: Path, about: About, rows: Sequence[DesignRow]) -> None:
     """Write the rows of consecutive designs as one shard.
 
     Raises:

@@ -17,9 +17,9 @@ from ...spatial import Array, Index
 from ..pools import MOST_DEATHS, Task, open_pool
 from ..results_folder import read_record, writing
 from .compiled_chunks import evaluate_chunk, plan_for
-from .compiled_designs import Plan
+from .compiled_designs import DesignPlan
 from .designs import designs_of
-from .evaluation import Chunk, Designer, Evaluated, Row
+from .evaluation import Chunk, Designer, DesignRow, Evaluated
 from .measures import unit_of
 from .reading import identity, read_study
 from .shards import About, about_of, gaps, read_shards, write_shard
@@ -176,7 +176,7 @@ def _units(source: StudyFile, first: Array) -> dict[str, str]:
     }
 
 
-def _plan_again(folder: Path, source: StudyFile, designs: Array) -> Plan:
+def _plan_again(folder: Path, source: StudyFile, designs: Array) -> DesignPlan:
     """Return the compiled models by which the shards of a folder began."""
     plan, why = plan_for(source, designs, _tried(designs), asked=True)
     if plan is None:
@@ -184,11 +184,11 @@ def _plan_again(folder: Path, source: StudyFile, designs: Array) -> Plan:
     return plan
 
 
-def _lost(source: StudyFile, chunk: Chunk, plan: Plan | None) -> Evaluated:
+def _lost(source: StudyFile, chunk: Chunk, plan: DesignPlan | None) -> Evaluated:
     """Return the row of a design that ends every process that evaluates it."""
     nothing = (float("nan"),) * len(source.columns)
     message = f"its worker process ended without a result {MOST_DEATHS} times; memory may have run out"
-    row = Row(chunk.start, tuple(chunk.values[0].tolist()), "failed", nothing, message)
+    row = DesignRow(chunk.start, tuple(chunk.values[0].tolist()), "failed", nothing, message)
     return Evaluated((row,), 0.0)
 
 
@@ -210,7 +210,7 @@ def _try_some(source: StudyFile, designs: Array) -> float:
         HybridynError: None of the designs tried loads, or fails for another reason than its postures.
     """
     designer = Designer(source)
-    first: Row | None = None
+    first: DesignRow | None = None
     tried = _tried(designs)
     for number in tried.tolist():
         started = time.perf_counter()

@@ -18,7 +18,7 @@ from ...linkage.newton import Closed, Problem, close
 from ...spatial import Array, Index, Mask
 from ...streams.departures import position_limits
 from ...structure.robot import HybridRobot
-from .sweep import Sweep, pose_of
+from .link_sweep import LinkSweep, pose_of
 
 #: Largest number of Newton steps from one pose to the next. A pose that needs more counts as out of reach.
 MOST_NEWTON_STEPS = 25
@@ -26,10 +26,10 @@ MOST_NEWTON_STEPS = 25
 REACHED, OUT_OF_REACH = -1, -2
 
 
-class Closing:
+class PoseClosing:
     """Closes the loops of modules at poses near known postures. Pickled for other processes."""
 
-    def __init__(self, robot: HybridRobot, sweep: Sweep, limits: bool) -> None:
+    def __init__(self, robot: HybridRobot, sweep: LinkSweep, limits: bool) -> None:
         self.robot, self.sweep = robot, sweep
         modules = [robot.modules[k] for k in sweep.modules]
         self.names = [name for module in modules for name in module.joints]

@@ -27,7 +27,7 @@ from ...errors import ActuationError
 from ...linkage.targets import COORDINATES
 from ...spatial import Array, Mask
 from ...structure.robot import HybridRobot
-from .sweep import Sweep
+from .link_sweep import LinkSweep
 
 #: Efforts below this part of their norm, or of the weight over the module's length, are rounding: the motors
 #: of a Delta, for example, hold no torque, and those of a linkage that lies flat no weight.
@@ -43,7 +43,7 @@ class Measures:
         spare: Number of further freedoms: motions of the motors at which the link stays where it is.
     """
 
-    def __init__(self, robot: HybridRobot, sweep: Sweep) -> None:
+    def __init__(self, robot: HybridRobot, sweep: LinkSweep) -> None:
         self.robot, self.sweep = robot, sweep
         self.between = Between.of_pose(robot, sweep.modules, sweep.link, sweep.base)
         self.motors = np.concatenate([robot.modules[k].motor_index for k in sweep.modules])

@@ -27,9 +27,9 @@ from ...linkage.targets import COORDINATES
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot
 from ...threads import one_thread
-from .closing import OUT_OF_REACH, REACHED, Closing
+from .closing import OUT_OF_REACH, REACHED, PoseClosing
+from .link_sweep import LinkSweep, find_sweep, values_at
 from .measures import Measures
-from .sweep import Sweep, find_sweep, values_at
 
 #: Numbers of parts into which a step to a neighbour is divided, one attempt after the other.
 PARTS = (1, 4, 16)
@@ -50,7 +50,7 @@ Pair = tuple[Point, Point]
 class Flood:
     """The lattice points that are reached, and the steps that remain to be tried."""
 
-    def __init__(self, close: Closing, start: Array, step: Array, q: Array) -> None:
+    def __init__(self, close: PoseClosing, start: Array, step: Array, q: Array) -> None:
         """Start at the origin.
 
         Args:
@@ -172,7 +172,7 @@ class Workspace:
             that are not among these may then be reached by another motion.
     """
 
-    sweep: Sweep
+    sweep: LinkSweep
     steps: Array
     start: Array
     index: Index
@@ -230,7 +230,7 @@ def workspace(
     home = _closed_home(robot)
     sweep = find_sweep(robot, module, link, axes, home)
     start, step = values_at(sweep, at or {}), _steps(robot, sweep, steps or {})
-    close, measures = Closing(robot, sweep, limits), Measures(robot, sweep)
+    close, measures = PoseClosing(robot, sweep, limits), Measures(robot, sweep)
     columns = close.q_index
     q0 = home.copy()
     q0[columns] = _at_start(close, start, home)
@@ -254,7 +254,7 @@ def workspace(
     )
 
 
-def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Array:
+def _steps(robot: HybridRobot, sweep: LinkSweep, given: Mapping[str, float]) -> Array:
     """Return the step of each swept coordinate, shape (axes,), [m, rad]."""
     for name in given:
         if name not in sweep.axes:
@@ -269,7 +269,7 @@ def _steps(robot: HybridRobot, sweep: Sweep, given: Mapping[str, float]) -> Arra
     return np.array(out, dtype=float)
 
 
-def _check_origin(close: Closing, q: Array) -> None:
+def _check_origin(close: PoseClosing, q: Array) -> None:
     """Check that the posture at the origin, shape (nq of the modules,), is within the joint limits."""
     joint = int(close.outside(q[None])[0])
     if joint == REACHED:
@@ -288,7 +288,7 @@ def _measured(measures: Measures, q: Array, spread: Spread) -> dict[str, Array]:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _motors(robot: HybridRobot, sweep: Sweep, q: Array) -> dict[str, Array]:
+def _motors(robot: HybridRobot, sweep: LinkSweep, q: Array) -> dict[str, Array]:
     """Return the positions of the modules' motors without continuous joints, shape (n,) each."""
     motors = [name for k in sweep.modules for name in robot.modules[k].motors]
     joints = {name: robot.joint_index[name] for name in motors}
@@ -306,7 +306,7 @@ def _closed_home(robot: HybridRobot) -> Array:
     return assemble_home(robot)
 
 
-def _at_start(close: Closing, start: Array, home: Array) -> Array:
+def _at_start(close: PoseClosing, start: Array, home: Array) -> Array:
     """Step from home to the lattice's origin and return the modules' posture there, shape (their nq,)."""
     sweep = close.sweep
     q: Array = home[close.q_index]

@@ -44,7 +44,7 @@ from ...equations.idle import least_norm
 from ..close import drift
 from ..loop_kernels import Kernel
 from .kernels import ModuleKernels
-from .rows import Rows
+from .rows import TreeRows
 
 #: Least pivot of the motions' measures, and of the targets' rows, relative to their diagonal entries: their
 #: condition numbers are squares of those of the rows.
@@ -141,7 +141,7 @@ class ChainKernels(ModuleKernels):
             "place", self.here, [pack(*(x for b in self.ports.bodies for x in (chain.R0[b], chain.p0[b])))]
         )
 
-    def _twists(self, rows: Rows) -> Expression:
+    def _twists(self, rows: TreeRows) -> Expression:
         """Return the map J from all freedoms to the twists of the ports, own axes, shape (6 ports, nv)."""
         out = zeros(6 * len(self.ports.bodies), self.e.tree.nv)
         for i, body in enumerate(self.ports.bodies):
@@ -171,7 +171,7 @@ class ChainKernels(ModuleKernels):
         factors, guard = Definite.of(dot(weighed.T, Psi), SAME_MOTION)
         return factors, dot(weighed.T, x), guard
 
-    def _least(self, rows: Rows, right: Expression, T: Expression, held: Expression) -> dict[str, Any]:
+    def _least(self, rows: TreeRows, right: Expression, T: Expression, held: Expression) -> dict[str, Any]:
         """Return what a module adds to the targets, and its least motion without them.
 
         Args:
@@ -214,7 +214,7 @@ class ChainKernels(ModuleKernels):
         outputs = [pack(upper(found["S"])), pack(found["e"]), far, pack(kept), motion.pack(), *guards]
         return self.kernel("project", [*self.here, column], outputs), motion
 
-    def _too_open(self, rows: Rows) -> Any:
+    def _too_open(self, rows: TreeRows) -> Any:
         """Return the guard of loops whose residuals differ from those of the general path."""
         turning = [np.arange(c.rows) >= len(c.translations) for c in self.e.closures]
         which = slice(0, self.u.loops) if self.u.spins else np.flatnonzero(np.concatenate([[], *turning]))
@@ -331,7 +331,7 @@ class ChainKernels(ModuleKernels):
         return self.kernel("turn", inputs, [pack(e), motion.pack()]), motion
 
     def _force(
-        self, rows: Rows, J: Expression, factors: Triangular, v: Expression, w: Expression
+        self, rows: TreeRows, J: Expression, factors: Triangular, v: Expression, w: Expression
     ) -> Expression:
         """Compute d/dt (K^T m - J^T w) at constant m and w, over the free freedoms but those of wrists."""
         own, p, tree = self.u.free[: self.u.own], self._pivots, self.e.tree

@@ -150,7 +150,7 @@ class ChainWriter:
 
     def _last_step(
         self, c: _Calls, residual: Shared, here: tuple[Near, list[Each]], there: tuple[Near, list[Each]]
-    ) -> _Step:
+    ) -> _ChainStep:
         """Add the calls of the last step and the rates: each module's, then the targets' small system.
 
         Args:
@@ -177,9 +177,9 @@ class ChainWriter:
         multipliers, open_by, turn, factors_of = (c.shared(k) for k in (2 * m, 1, 1, known.size))
         sources = [c.read(S), c.read(e), residual, c.given_of_chain("g_dot"), c.read(S_0), c.read(F)]
         c.one("meet", function, sources, [multipliers, open_by, turn, factors_of, Worst()])
-        return _Step(handed, multipliers, known, factors_of, [*opened, open_by], [*turned, turn])
+        return _ChainStep(handed, multipliers, known, factors_of, [*opened, open_by], [*turned, turn])
 
-    def _rates(self, c: _Calls, near: Near, step: _Step) -> tuple[list[Each], list[Each], list[Shared]]:
+    def _rates(self, c: _Calls, near: Near, step: _ChainStep) -> tuple[list[Each], list[Each], list[Shared]]:
         """Add the calls of each module's motion by the multipliers; return rates, twists and step sizes."""
         speeds, twists, steps = list[Each](), list[Each](), list[Shared]()
         for group, here, part in zip(self.groups, near, step.parts, strict=True):
@@ -194,7 +194,7 @@ class ChainWriter:
         return speeds, twists, steps
 
     def _accelerations(
-        self, c: _Calls, placed: Sequence[Shared], near: Near, T: Sequence[Each], step: _Step,
+        self, c: _Calls, placed: Sequence[Shared], near: Near, T: Sequence[Each], step: _ChainStep,
         speeds: Sequence[Each], twists: Sequence[Each],
     ) -> None:  # fmt: skip
         """Add the calls of the accelerations of the rule, by the factors of the last step."""
@@ -232,7 +232,7 @@ class _Parts(NamedTuple):
     factors_at: Each
 
 
-class _Step(NamedTuple):
+class _ChainStep(NamedTuple):
     """The last step and the rates of a chain.
 
     Attributes:

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ....assembly.chain.bodies import Place
+from ....assembly.chain.bodies import CarriedFrame
 from ....assembly.chain.problem import Relative
 from ....linkage.targets import PoseTarget
 from ....spatial import Array
@@ -89,7 +89,7 @@ class ChainTargets:
             out.append(_then(self._carrier(base, out), _inner(base)))
         return out
 
-    def _carrier(self, place: Place, bases: Sequence[Frame]) -> Frame:
+    def _carrier(self, place: CarriedFrame, bases: Sequence[Frame]) -> Frame:
         """Return the frame of the body that carries a place."""
         if place.part < 0:
             return numbers(np.eye(3)), zeros(3)
@@ -97,7 +97,7 @@ class ChainTargets:
             return bases[place.part] if place.body == 0 else _still()
         return _then(bases[place.part], self._frame(place.part, place.body))
 
-    def _of(self, place: Place) -> Frame:
+    def _of(self, place: CarriedFrame) -> Frame:
         return _then(self._carrier(place, self._bases), _inner(place))
 
     def _seen(self, one: Relative) -> Frame:
@@ -248,7 +248,7 @@ class ChainTargets:
         return ca.Function("meet", [f_col, e_col, d_col, g_col], [pack(solved)])
 
 
-def _inner(place: Place) -> Frame:
+def _inner(place: CarriedFrame) -> Frame:
     return plain(place.inner.R[0]), plain(place.inner.p[0])
 
 

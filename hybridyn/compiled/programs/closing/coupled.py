@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ....assembly.chain.coupling import Chain, chains_of, ways_between
+from ....assembly.chain.coupling import CoupledModules, chains_of, ways_between
 from ....assembly.chain.problem import ChainProblem, Relative
 from ....assembly.chain.solve import LeftToRule, chain_task, cut_positions
 from ....assembly.module_request import ModuleRequest
@@ -20,7 +20,7 @@ from ....linkage.targets import CoordinateTarget, PoseTarget
 from ....linkage.tree import Motion
 from ....spatial import Array, quaternion_from_rotation
 from ....structure.robot import HybridRobot
-from .given import ANGLE, NUMBER, POSE, WIDTH, Coordinates, Given, modules_of
+from .given import ANGLE, NUMBER, POSE, WIDTH, Given, GivenCoordinates, modules_of
 
 
 @dataclass(frozen=True)
@@ -167,14 +167,17 @@ def coupled_of(
     parts = tuple(place[k] for k in modules)
     states = robot.home[None], *np.zeros((2, 1, robot.nv))
     poses = sorted(poses, key=lambda i: requests.poses[i].motion is None)
-    first = Chain(modules, tuple(requests.poses[i].part(0, 1) for i in poses))
+    first = CoupledModules(modules, tuple(requests.poses[i].part(0, 1) for i in poses))
     if any(own[i].targets for i in parts) or not _closed_between(robot, first):
         return None
     task = chain_task(robot, first, [one_sample(own[i]) for i in parts], states)
     targets = [one.target for one in task.problem.relatives]
     whole = sum(isinstance(target, PoseTarget) for target in targets)
     given = Prescribed(
-        (), (), (1,) * whole, tuple(Coordinates.of(t) for t in targets if isinstance(t, CoordinateTarget))
+        (),
+        (),
+        (1,) * whole,
+        tuple(GivenCoordinates.of(t) for t in targets if isinstance(t, CoordinateTarget)),
     )
     names = tuple(part.module for part in task.parts)
     left = LeftToRule(task.left, names) if task.redundant else None
@@ -182,7 +185,7 @@ def coupled_of(
     return out if task.problem.rank == out.rows else None
 
 
-def _closed_between(robot: HybridRobot, chain: Chain) -> bool:
+def _closed_between(robot: HybridRobot, chain: CoupledModules) -> bool:
     """Return whether the modules of a chain alone move its links in one another."""
     moved = {k for pose in chain.poses for way in ways_between(robot, pose) for k, _ in way}
     return all(k in chain.modules or not robot.modules[k].mobility for k in moved) and all(

@@ -20,7 +20,7 @@ from ....assembly.task import module_task
 from ....joints.kinds import JointKind
 from ....linkage.angles import angles_of
 from ....linkage.newton import LoopProblem
-from ....linkage.reduction import Block
+from ....linkage.reduction import LegBlock
 from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, TurnTarget
 from ....linkage.tree import Motion, Tree
 from ....spatial import Array, Index, cross, quaternion_from_rotation
@@ -42,7 +42,7 @@ WIDTH, RATES = (1, 1, 7), (1, 1, 6)
 
 
 @dataclass(frozen=True)
-class Coordinates:
+class GivenCoordinates:
     """Some coordinates of a link's pose that are prescribed.
 
     Attributes:
@@ -58,7 +58,7 @@ class Coordinates:
     target: CoordinateTarget = field(compare=False)
 
     @classmethod
-    def of(cls, target: CoordinateTarget) -> Coordinates:
+    def of(cls, target: CoordinateTarget) -> GivenCoordinates:
         """Return the coordinates that a target prescribes."""
         zero = np.zeros((1, len(target.names)))
         at_zero = target._replace(value=zero, rate=zero, acceleration=zero, heading=None)
@@ -89,7 +89,7 @@ class Given:
     joints: tuple[int, ...]
     kinds: tuple[int, ...]
     bodies: tuple[int, ...]
-    coordinates: tuple[Coordinates, ...] = ()
+    coordinates: tuple[GivenCoordinates, ...] = ()
 
     @property
     def all_kinds(self) -> tuple[int, ...]:
@@ -186,7 +186,7 @@ def given_of(request: ModuleRequest) -> Given:
         tuple(request.given),
         tuple(kinds.get(tree.joints[joint].kind, NUMBER) for joint in request.given),
         tuple(pose.body for _, pose in request.targets if isinstance(pose, PoseTarget)),
-        tuple(map(Coordinates.of, _by_coordinates(request))),
+        tuple(map(GivenCoordinates.of, _by_coordinates(request))),
     )
 
 
@@ -248,7 +248,7 @@ class Part:
 
     module: Module
     given: Given
-    blocks: Sequence[Block]
+    blocks: Sequence[LegBlock]
     spins: tuple[Spin, ...] = ()
 
     @property

@@ -21,7 +21,7 @@ import numpy as np
 
 from ....joints import displacement
 from ....linkage.newton import LONGEST_STEP
-from ....linkage.reduction import Block
+from ....linkage.reduction import LegBlock
 from ....spatial import Array, Index
 from ....structure.module import Module
 from ...equations.arguments import ModuleArguments
@@ -44,7 +44,7 @@ from ..close import drift
 from ..loop_kernels import Kernel
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
-from .rows import Places, Rows, row_scales, rows_at
+from .rows import Places, TreeRows, row_scales, rows_at
 
 #: Pivots smaller than the best by this factor may be chosen to keep the rows sparse.
 SPARSE_CLOSING = 0.1
@@ -163,7 +163,7 @@ class ModuleKernels:
         self,
         modules: Sequence[Module],
         given: Given,
-        blocks: Sequence[Block],
+        blocks: Sequence[LegBlock],
         arguments: Sequence[ModuleArguments | None] = (),
         places: tuple[Places, Places] = ({}, {}),
         spins: Sequence[Spin] = (),
@@ -236,12 +236,12 @@ class ModuleKernels:
 
     def _rows(
         self, z: Expression, folding: Folding, v: Expression | None = None, *, exact: bool = False
-    ) -> Rows:
+    ) -> TreeRows:
         """Write the rows with arguments at positions of the joints and rates v; `exact` as in `rows_at`."""
         trees, places = self.u.with_arguments, self.u.places_with_arguments
         return rows_at(trees, self.u.given, folding, z, self.u.targets(), places, v, exact=exact)
 
-    def _guard(self, doubts: Expression, rows: Rows) -> Any:
+    def _guard(self, doubts: Expression, rows: TreeRows) -> Any:
         """Return the guard of pivots and of axes that must not point the wrong way."""
         wrong = (ca.if_else(cosine > 0.0, 0.0, 2.0) for cosine in rows.upright)
         return reduce(ca.fmax, wrong, squares(doubts))
@@ -251,7 +251,7 @@ class ModuleKernels:
         size = step[self.u.free] / self.e.unit[self.u.free]
         return ca.SX(largest(size[: self.u.own])), ca.SX(largest(size[self.u.own :]))
 
-    def _solved(self, rows: Rows, right: Expression) -> tuple[Expression, Expression]:
+    def _solved(self, rows: TreeRows, right: Expression) -> tuple[Expression, Expression]:
         """Solve K_f x = right; the entries of given freedoms are zero, shape (nv, k).
 
         Of spins, which the rows leave open, x has the least.
@@ -265,7 +265,7 @@ class ModuleKernels:
         least_norm(out, motions, self.e.weight)
         return out, doubts
 
-    def _newton(self, rows: Rows, z: tuple[ca.SX, Expression], folding: Folding) -> ca.Function:
+    def _newton(self, rows: TreeRows, z: tuple[ca.SX, Expression], folding: Folding) -> ca.Function:
         """Return the kernel of a Newton step, no longer than `LONGEST_STEP`."""
         step, doubts = self._solved(rows, -rows.residual[:, None])
         size, wrist = self._sizes(step[:, 0])
@@ -277,7 +277,7 @@ class ModuleKernels:
         outputs = [*self.u.outside(moved), size, wrist, far, squares(doubts)]
         return self._at(z[0], folding, "newton", "q_0 p_0 g", outputs)
 
-    def _settle(self, rows: Rows, z: tuple[ca.SX, Expression], folding: Folding) -> ca.Function:
+    def _settle(self, rows: TreeRows, z: tuple[ca.SX, Expression], folding: Folding) -> ca.Function:
         """Return the kernel of a last step and of the rates before it."""
         given, tree = self.u.given.columns(self.e.tree), self.e.tree
         rate, acceleration = zeros(tree.nv), zeros(tree.nv)
@@ -303,7 +303,7 @@ class ModuleKernels:
         ]
         return self._at(z[0], folding, "settle", "q_0 p_0 q_1 p_1 g_0 g g_dot g_ddot", outputs)
 
-    def _wanted(self, rows: Rows, targets: Expression) -> Expression:
+    def _wanted(self, rows: TreeRows, targets: Expression) -> Expression:
         """Return the prescribed rates (or accelerations) of all rows, shape (rows,)."""
         turned = [
             dot(A.T, targets[at : at + 3]) for i, A in enumerate(rows.frames) for at in (6 * i, 6 * i + 3)

@@ -21,7 +21,7 @@ from ...equations.rigid import links_of, quaternion_matrix
 from ...program import Program
 from ..writer import ModuleWriter, alike
 from .extended import Extended, extended
-from .given import ANGLE, CLOSED_TO_ROUNDING, Coordinates, Given, Part, kinds_of
+from .given import ANGLE, CLOSED_TO_ROUNDING, Given, GivenCoordinates, Part, kinds_of
 
 #: For each link, its body and its placement (R, p) there, which may be arguments (`Bodies.place`).
 Places = Mapping[str, tuple[int, Any, Any]]
@@ -29,7 +29,7 @@ Places = Mapping[str, tuple[int, Any, Any]]
 LEAST_COSINE = 1e-6
 
 
-class Rows(LoopRows):
+class TreeRows(LoopRows):
     """Rows at one posture: first those of the tree after the cuts, then those of its wrists.
 
     Attributes:
@@ -55,7 +55,7 @@ class Rows(LoopRows):
             whole = cosines[0] + cosines[1] + cosines[2] - 1.0
             self.upright.append(cosines[2] if closure.rotation == "parallel" else whole)
 
-    def prescribe(self, some: Coordinates, wanted: Expression, frames: Frames) -> None:
+    def prescribe(self, some: GivenCoordinates, wanted: Expression, frames: Frames) -> None:
         """Add the rows of coordinates of a link: x, y, z, roll, pitch and yaw as in `linkage.targets`.
 
         Args:
@@ -115,7 +115,7 @@ def rows_at(
     v: Expression | None = None,
     *,
     exact: bool = False,
-) -> Rows:
+) -> TreeRows:
     """Write the rows of modules of one shape.
 
     Args:
@@ -124,12 +124,12 @@ def rows_at(
         z: Positions of the extended tree, shape (nq,).
         targets: Prescribed poses, then coordinates, shape (7 poses + coordinates,).
         places: Frames of the links whose coordinates are prescribed.
-        v: Rates of the freedoms, for `Rows.rates`, or None.
+        v: Rates of the freedoms, for `TreeRows.rates`, or None.
         exact: Whether rows on rods hold for open loops, too.
     """
     links = fold_links(folding, [links_of(t.joints, [np.zeros(10)] * len(t.joints)) for t in trees])
     nv = trees[0].tree.nv
-    out = Rows(sweep(links, z, zeros(nv) if v is None else v, zeros(6)), v)
+    out = TreeRows(sweep(links, z, zeros(nv) if v is None else v, zeros(6)), v)
     out.exact = exact
     closures, couplings = [t.closures for t in trees], [t.couplings for t in trees]
     out.close_all(closures, couplings, trees[0].rods, folding, [z[at] for at in trees[0].tree.q_slices])

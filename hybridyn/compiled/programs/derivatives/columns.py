@@ -25,7 +25,7 @@ from .sweeps import DENSE, PART, Block, Number, Sweep
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
+class ModuleCoordinates:
     """Coordinates of one module, or of a base with a prescribed motion.
 
     Attributes:
@@ -39,22 +39,24 @@ class Coordinates:
     kinds: tuple[JointKind, ...]
 
 
-def coordinates_of(robot: HybridRobot) -> list[Coordinates]:
+def coordinates_of(robot: HybridRobot) -> list[ModuleCoordinates]:
     """Return the coordinates of each module, preceded by those of a base with a prescribed motion."""
     modules = [set(module.v_index.tolist()) for module in robot.modules]
     left = set(range(robot.nv)).difference(*modules)
     return [coordinates_of_freedoms(robot, x) for x in ([left] if left else []) + modules]
 
 
-def coordinates_of_freedoms(robot: HybridRobot, freedoms: set[int]) -> Coordinates:
+def coordinates_of_freedoms(robot: HybridRobot, freedoms: set[int]) -> ModuleCoordinates:
     """Return the coordinates of some freedoms."""
     joints = [i for i, at in enumerate(robot.v_slices) if at.start in freedoms]
     q = [k for i in joints for k in range(robot.q_slices[i].start, robot.q_slices[i].stop)]
     v = [k for i in joints for k in range(robot.v_slices[i].start, robot.v_slices[i].stop)]
-    return Coordinates(np.array(q, int), np.array(v, int), tuple(robot.kinds[i] for i in joints))
+    return ModuleCoordinates(np.array(q, int), np.array(v, int), tuple(robot.kinds[i] for i in joints))
 
 
-def collect(sweep: Sweep, numbers: Sequence[Number], target: Target, at: Coordinates | None = None) -> None:
+def collect(
+    sweep: Sweep, numbers: Sequence[Number], target: Target, at: ModuleCoordinates | None = None
+) -> None:
     """Add the call that adds up the tangents or adjoints of numbers.
 
     Args:
@@ -92,7 +94,7 @@ def tangent(kinds: Sequence[JointKind], x: Expression) -> Expression:
     return out
 
 
-def changes_of_coordinates(w: Writer, at: Coordinates, along: Block, count: int) -> Block:
+def changes_of_coordinates(w: Writer, at: ModuleCoordinates, along: Block, count: int) -> Block:
     """Return changes of coordinates from those along freedoms, one column in each lane."""
     if all(kind.additive for kind in at.kinds):
         return along

@@ -44,8 +44,8 @@ from .columns import (
     coordinates_of_freedoms,
 )
 from .motor_motion import MotorMotion, motion_nodes, spins_in_v
-from .relations import JOINED, Group, Place, Relations, groups_of
-from .sweeps import DENSE, Graph, Reading, Sweep, nodes_of
+from .relations import JOINED, ConnectedModules, Place, Relations, groups_of
+from .sweeps import DENSE, ProgramGraph, Reading, Sweep, nodes_of
 
 
 @dataclass
@@ -63,11 +63,11 @@ class Responses:
     """
 
     writer: Writer
-    relations: Mapping[Group, Relations]
-    to_motion: dict[Place, dict[Group, Each]] = field(default_factory=dict)
-    to_wrench: dict[Place, dict[Group, Each]] = field(default_factory=dict)
+    relations: Mapping[ConnectedModules, Relations]
+    to_motion: dict[Place, dict[ConnectedModules, Each]] = field(default_factory=dict)
+    to_wrench: dict[Place, dict[ConnectedModules, Each]] = field(default_factory=dict)
     motion: dict[Place, Each] = field(default_factory=dict)
-    own: dict[Group, Each] = field(default_factory=dict)
+    own: dict[ConnectedModules, Each] = field(default_factory=dict)
     onwards: dict[Place, Each] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -82,7 +82,7 @@ class Responses:
             for place in group.children:
                 self._to_wrench(group, place)
 
-    def _follow(self, place: Place, child: Group) -> None:
+    def _follow(self, place: Place, child: ConnectedModules) -> None:
         """Add the responses of a group and all that it carries to the motion of its base."""
         x = self.relations[child]
         first, count = x.moved
@@ -93,7 +93,7 @@ class Responses:
                 terms = [(by_columns(known, 0, A.size), A), (by_columns(known, A.size, V.size), V)]
                 self.to_motion[place][group] = self._product(count, terms, [], self.relations[group].motions)
 
-    def _to_wrench(self, group: Group, place: Place) -> None:
+    def _to_wrench(self, group: ConnectedModules, place: Place) -> None:
         """Add the responses of all groups to a wrench on an output."""
         x, at = self.relations[group], self.relations[group].wrench_at(place)
         out = {group: x.of_units["motions"].part(at)}
@@ -118,7 +118,7 @@ class Responses:
                     out[other] = self._product(6, [(by_columns(known, 0, 6), moved)], [], size)
         self.to_wrench[place] = out
 
-    def _settle(self, group: Group) -> None:
+    def _settle(self, group: ConnectedModules) -> None:
         """Add the responses of a group to the wrench on its base, which moves the base."""
         x, below = self.relations[group], self.motion.get(group.base)
         if below is None:
@@ -151,7 +151,9 @@ def _runs(modules: Sequence[ModuleCalls]) -> list[list[ModuleCalls]]:
 class Results:
     """Add the derivatives to the results: for each input the columns of each group."""
 
-    def __init__(self, w: Writer, widths: dict[str, int], relations: Mapping[Group, Relations]) -> None:
+    def __init__(
+        self, w: Writer, widths: dict[str, int], relations: Mapping[ConnectedModules, Relations]
+    ) -> None:
         """Prepare the results.
 
         Args:
@@ -183,7 +185,7 @@ class Results:
             mapped = (y.Psi, y.pattern) if y.pattern is not None and (terms or motions) else None
             add_terms(w, len(index), len(y.rows), terms, motions, place, mapped, more)
 
-    def _terms(self, source: Group, ends: dict[str, Own], group: Group) -> list[Term]:
+    def _terms(self, source: ConnectedModules, ends: dict[str, Own], group: ConnectedModules) -> list[Term]:
         """Return the motions of a group that changes in another, or at its own base, bring about."""
         responses = self._responses
         for k, output in enumerate(source.children):
@@ -217,7 +219,7 @@ def inverse_derivatives(request: Request, *, order: Index | None = None) -> Prog
     tau, given = w.result("tau", np.arange(motors)), [w.from_given(x, np.arange(size)) for x, size in inputs]
     adjoints = Sweep(w, motors, part=DENSE)
     adjoints.seed(tau, Constants(np.eye(motors)))
-    adjoints.through(Graph.between(nodes, given, [tau]), back=True)
+    adjoints.through(ProgramGraph.between(nodes, given, [tau]), back=True)
 
     def block(name: str, columns: Index) -> Target:
         """Return the place of some columns."""
@@ -272,7 +274,7 @@ def _by_groups(request: Request, w: Writer, widths: dict[str, int], *, motors: b
     steps = w.calls_from(start)
     motions = {calls.k: motion_nodes(w, calls) for calls in balance}
     given = [w.from_given(name, np.arange(size)) for name, size in w.inputs]
-    known: dict[Group, Relations] = {}
+    known: dict[ConnectedModules, Relations] = {}
     for group in reversed(groups_of(request, balance, held=held)):
         if motors and not group.mobility:
             continue
@@ -283,7 +285,7 @@ def _by_groups(request: Request, w: Writer, widths: dict[str, int], *, motors: b
         own = {id(call) for member in group.modules for call in member.calls}
         inputs = [*given, a, *group.moved(), *(W for *_, W in outputs)]
         nodes = nodes_of(w, (call for call in steps if id(call) in own))
-        graphs = Graph.between(moving, leaves, [a]), Graph.between(nodes, inputs, group.results)
+        graphs = ProgramGraph.between(moving, leaves, [a]), ProgramGraph.between(nodes, inputs, group.results)
         runs = _runs(group.modules)
         parts = [MotorMotion(w, run, held=held) for run in runs] if motors else []
         carried = {place: [known[x].H for x in children] for place, children in group.children.items()}

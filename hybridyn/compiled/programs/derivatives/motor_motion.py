@@ -32,7 +32,7 @@ from ...program import Constants, Each, Own, Shared, Source, Worst
 from ..module_calls import ModuleCalls, Ports, Stages
 from ..writer import Writer
 from .columns import by_columns, changes_of_coordinates, collect, coordinates_of_freedoms, matrix
-from .sweeps import PART, Block, Graph, Node, Sweep, nodes_of
+from .sweeps import PART, Block, ProgramGraph, StageNode, Sweep, nodes_of
 
 #: For each idle spin of a module its freedoms in v, and its share (`parts.Spin`).
 Spins = tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]
@@ -64,7 +64,7 @@ def motions_at(calls: ModuleCalls, name: str, *, held: bool) -> Shared:
     return Shared(port.start + first, port.size - first)
 
 
-def motion_nodes(w: Writer, calls: ModuleCalls) -> list[Node]:
+def motion_nodes(w: Writer, calls: ModuleCalls) -> list[StageNode]:
     """Return the nodes that lead from u_dot of a module to its accelerations, a = Psi u_dot + a_0.
 
     The motion of platforms, which the legs read, is computed. Equal modules share their code.
@@ -145,7 +145,7 @@ class MotorMotion:
         rates = [(w.from_given("v", at.v[self._rest]), self._D)] if self._D else []
         return [(w.from_given("q", at.q), moved), *rates]
 
-    def close(self, over_u: Sweep, graph: Graph) -> None:
+    def close(self, over_u: Sweep, graph: ProgramGraph) -> None:
         """Add how the joints follow, and the changes of accelerations over rates.
 
         Args:
@@ -196,7 +196,7 @@ class MotorMotion:
             )  # fmt: skip
         return found
 
-    def _spinning(self, graph: Graph) -> Shared:
+    def _spinning(self, graph: ProgramGraph) -> Shared:
         """Add S of a module, for all lanes column by column."""
         w, n, size = self._w, len(self._spins), len(self._at.v)
         S, over_spins = w.each(n, size), Sweep(w, n, self.over_v.known)
@@ -205,7 +205,7 @@ class MotorMotion:
         collect(over_spins, self._numbers, S)
         return by_columns(S, 0, n)
 
-    def _rates(self, E: Each, graph: Graph) -> None:
+    def _rates(self, E: Each, graph: ProgramGraph) -> None:
         """Add D, the change of the rates of joints without a motor."""
         w, n, size, kinds = self._w, len(self.motors), len(self._at.v), self._at.kinds
         rest, rows, reading = self._rest, self._rows, self.over_v.reading(self._numbers)

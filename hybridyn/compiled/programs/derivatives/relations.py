@@ -27,9 +27,9 @@ from ...equations.request import Request
 from ...program import Constants, Each, Own, Shared, Source, Target
 from ..module_calls import ModuleCalls, read
 from ..writer import Writer
-from .columns import Coordinates, by_columns, coordinates_of_freedoms, factors, matrix, solved
+from .columns import ModuleCoordinates, by_columns, coordinates_of_freedoms, factors, matrix, solved
 from .motor_motion import MotorMotion, motions_at, moved_by_spins
-from .sweeps import PART, Block, Graph, Reading, Sweep
+from .sweeps import PART, Block, ProgramGraph, Reading, Sweep
 
 #: Largest number of motions of modules that are joined: what the lanes of a vector hold.
 JOINED = 8
@@ -39,7 +39,7 @@ Place = tuple[int, int]
 
 
 @dataclass(eq=False)
-class Group:
+class ConnectedModules:
     """Connected modules.
 
     Attributes:
@@ -51,10 +51,10 @@ class Group:
     """
 
     modules: list[ModuleCalls]
-    parent: Group | None
-    at: Coordinates
+    parent: ConnectedModules | None
+    at: ModuleCoordinates
     held: bool
-    children: dict[Place, list[Group]] = field(default_factory=dict)
+    children: dict[Place, list[ConnectedModules]] = field(default_factory=dict)
 
     @property
     def base(self) -> Place:
@@ -94,12 +94,12 @@ class Group:
         ends += [self.modules[0].ports["F_base"]] if self.parent else []
         return ends + [end for place in self.children for end in self.output(place)[:2]]
 
-    def subtree(self) -> list[Group]:
+    def subtree(self) -> list[ConnectedModules]:
         """Return the group and all groups that it carries."""
         return [self, *(x for child in chain(*self.children.values()) for x in child.subtree())]
 
 
-def groups_of(request: Request, balance: list[ModuleCalls], *, held: bool) -> list[Group]:
+def groups_of(request: Request, balance: list[ModuleCalls], *, held: bool) -> list[ConnectedModules]:
     """Join modules to groups, outwards; those without motions join any, so that they are alone on a base."""
     members: list[list[ModuleCalls]] = []
     of: dict[int, list[ModuleCalls]] = {}
@@ -111,12 +111,12 @@ def groups_of(request: Request, balance: list[ModuleCalls], *, held: bool) -> li
         else:
             members.append(below := [calls])
         of[calls.k] = below
-    groups: list[Group] = []
-    by_module: dict[int, Group] = {}
+    groups: list[ConnectedModules] = []
+    by_module: dict[int, ConnectedModules] = {}
     for modules in members:
         freedoms = {int(k) for calls in modules for k in calls.module.v_index}
         parent = by_module.get(modules[0].module.parent)
-        group = Group(modules, parent, coordinates_of_freedoms(request.robot, freedoms), held)
+        group = ConnectedModules(modules, parent, coordinates_of_freedoms(request.robot, freedoms), held)
         groups.append(group)
         by_module |= {calls.k: group for calls in modules}
         if parent:
@@ -141,8 +141,8 @@ class Relations:
     def __init__(
         self,
         writer: Writer,
-        group: Group,
-        graphs: tuple[Graph, Graph],
+        group: ConnectedModules,
+        graphs: tuple[ProgramGraph, ProgramGraph],
         runs: list[list[ModuleCalls]],
         a: Source,
         carried: dict[Place, list[Shared]],

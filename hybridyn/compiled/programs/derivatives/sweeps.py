@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from ...equations.expressions import pack
-from ...program import Add, Call, Constants, Each, Given, Own, Result, Shared, Source, Target, Worst
+from ...program import Add, Call, Constants, Each, GivenPlace, Own, ResultPlace, Shared, Source, Target, Worst
 from ..writer import Writer
 
 #: A number of a program: the place it is stored in, and its index there.
@@ -32,7 +32,7 @@ INLINED = 2.0
 
 
 @dataclass(frozen=True)
-class Node:
+class StageNode:
     """A call whose function has the earlier stages of its module inlined.
 
     Attributes:
@@ -59,7 +59,7 @@ class Node:
         return [(sources[s][col], targets[n][row]) for n, row, s, col in entries]
 
 
-def nodes_of(w: Writer, calls: Iterable[Call], limit: float = INLINED) -> list[Node]:
+def nodes_of(w: Writer, calls: Iterable[Call], limit: float = INLINED) -> list[StageNode]:
     """Return the nodes of calls in their order; each producer of passed numbers is among the calls.
 
     Args:
@@ -90,7 +90,7 @@ def _inlined(w: Writer, calls: list[Call], limit: float) -> set[Any]:
     return {place for place, count in needed.items() if place.size > limit * count}
 
 
-def _node(w: Writer, call: Call, producers: dict[Any, tuple[Call, int]], inlined: set[Any]) -> Node:
+def _node(w: Writer, call: Call, producers: dict[Any, tuple[Call, int]], inlined: set[Any]) -> StageNode:
     """Return the node of one call."""
     sources: dict[Any, Source] = {}
 
@@ -110,7 +110,9 @@ def _node(w: Writer, call: Call, producers: dict[Any, tuple[Call, int]], inlined
     kept = [n for n, x in enumerate(call.targets) if not isinstance(x, Worst) and x not in inlined]
     key = ("joined", whole, tuple(kept))
     function = w.once(key, _joined, w, whole, len(sources), kept)
-    return Node(key, function, call.copies, tuple(sources.values()), tuple(call.targets[n] for n in kept))
+    return StageNode(
+        key, function, call.copies, tuple(sources.values()), tuple(call.targets[n] for n in kept)
+    )
 
 
 def _joined(w: Writer, whole: tuple[Any, ...], count: int, kept: list[int]) -> ca.Function:
@@ -136,7 +138,7 @@ def _joined(w: Writer, whole: tuple[Any, ...], count: int, kept: list[int]) -> c
 def identity(source: Source) -> Any:
     """Return what equal sources have in common."""
     match source:
-        case Given(index) | Result(index):
+        case GivenPlace(index) | ResultPlace(index):
             return type(source), index.shape, index.tobytes()
         case Constants(values):
             return Constants, values.shape, values.tobytes()
@@ -160,7 +162,7 @@ class Local:
     own: tuple[Entry, ...]
 
 
-def local_jacobian(node: Node, ins: list[int], out_of: list[tuple[int, int]]) -> Local:
+def local_jacobian(node: StageNode, ins: list[int], out_of: list[tuple[int, int]]) -> Local:
     """Differentiate a node.
 
     Args:
@@ -241,7 +243,7 @@ def block_size(block: Block) -> int:
 
 
 @dataclass(frozen=True)
-class Graph:
+class ProgramGraph:
     """Nodes between inputs and results.
 
     Attributes:
@@ -250,14 +252,14 @@ class Graph:
         needed: Numbers that the results depend on.
     """
 
-    nodes: list[Node]
+    nodes: list[StageNode]
     live: set[Number]
     needed: set[Number]
 
     @classmethod
     def between(
-        cls, nodes: list[Node], inputs: Sequence[Source], results: Sequence[Source | Target]
-    ) -> Graph:
+        cls, nodes: list[StageNode], inputs: Sequence[Source], results: Sequence[Source | Target]
+    ) -> ProgramGraph:
         """Return the graph of nodes between inputs and results."""
         live = {x for end in inputs for x in end.numbers(0)}
         needed = {x for end in results for x in end.numbers(0)}
@@ -269,7 +271,7 @@ class Graph:
         return cls(nodes, live, needed)
 
 
-def _require(node: Node, needed: set[Number]) -> None:
+def _require(node: StageNode, needed: set[Number]) -> None:
     """Add the numbers of a node's sources on which needed numbers of its targets depend."""
     for n, target in enumerate(node.targets):
         ends = [target.numbers(copy) for copy in range(node.copies)]
@@ -305,7 +307,7 @@ class Sweep:
         for k, number in enumerate(end if isinstance(end, list) else end.numbers(0)):
             self.of.setdefault(number, []).append((block, k))
 
-    def through(self, graph: Graph, *, back: bool = False) -> None:
+    def through(self, graph: ProgramGraph, *, back: bool = False) -> None:
         """Add the calls that compute what the seeds change or, `back`, what changes the seeds.
 
         These are the tangents of all needed numbers, or the adjoints of all live ones.
@@ -319,7 +321,7 @@ class Sweep:
         """Return the reading of the tangents or adjoints of some numbers."""
         return Reading.of([self.of.get(number, []) for number in numbers])
 
-    def _node(self, node: Node, graph: Graph, *, back: bool) -> None:
+    def _node(self, node: StageNode, graph: ProgramGraph, *, back: bool) -> None:
         """Add the calls of one node: its local derivatives and what they lead to, copy by copy."""
         used = graph.live & graph.needed
         ins = [n for n, x in enumerate(node.sources) if not used.isdisjoint(node.numbers(x))]
@@ -333,7 +335,7 @@ class Sweep:
             self._products(node.ends(local.own, i), (local.key, "own"), values, used, back)
 
     def _evaluated(
-        self, node: Node, ins: list[int], outs: list[int], needed: set[Number]
+        self, node: StageNode, ins: list[int], outs: list[int], needed: set[Number]
     ) -> tuple[Local, Shared, Each]:
         """Return a node's local derivatives, and their places: sums over its copies, and of each copy."""
         w, key = self.writer, (node.key, tuple(map(identity, node.sources)), tuple(ins), tuple(outs))

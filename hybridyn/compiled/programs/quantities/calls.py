@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ....dynamics.direct import acceleration_of_base
 from ....dynamics.energy import Energy, energy
 from ....dynamics.link_motion import LinkMotion, motions_of, named_links
-from ....dynamics.quantities.independent import Coordinates, independent_coordinates
+from ....dynamics.quantities.independent import IndependentCoordinates, independent_coordinates
 from ....dynamics.quantities.joint_map import JointMap, related, side_motions
 from ....dynamics.quantities.links import delassus, link_jacobian, operational_inertia
 from ....dynamics.quantities.model import bias, coriolis, coriolis_matrix, gravity, mass_matrix, motion_map
@@ -156,7 +156,7 @@ class Quantities(Postures):
         whole = all(len(own) == m.mobility for m, own in zip(self.robot.modules, u.own, strict=True))
         return self._over(u) if whole else None
 
-    def _over(self, u: Coordinates) -> Following | None:
+    def _over(self, u: IndependentCoordinates) -> Following | None:
         """Return the motions over coordinates; None if the general path computes them.
 
         It alone computes idle motions, which take least-norm rates, and it alone explains joints that are
@@ -304,7 +304,7 @@ class Quantities(Postures):
         q = self._posture_at(q) if isinstance(q, Mapping) else q
         return related(self.robot, q, joints, self._side_motions)
 
-    def _side_motions(self, q: Array, v: Array | None, side: Coordinates) -> tuple[Array, Array]:
+    def _side_motions(self, q: Array, v: Array | None, side: IndependentCoordinates) -> tuple[Array, Array]:
         """Compute motions over one side of a map, and with rates its accelerations at rest of that side."""
         moves = self._over(side)
 

@@ -26,7 +26,7 @@ import numpy as np
 from ....dynamics.energy import add_energy_of_laws, effective_model, leg_bodies
 from ....dynamics.guards import IMMOVABLE
 from ....dynamics.quantities.engine import blocks, polar_form, rate_of_map
-from ....dynamics.quantities.independent import Coordinates
+from ....dynamics.quantities.independent import IndependentCoordinates
 from ....dynamics.quantities.joint_map import side_motions
 from ....dynamics.quantities.links import inverse_of
 from ....dynamics.quantities.model import of_brackets
@@ -61,7 +61,7 @@ class Following:
         dtype: Type of the results.
     """
 
-    def __init__(self, robot: HybridRobot, u: Coordinates, built: Built) -> None:
+    def __init__(self, robot: HybridRobot, u: IndependentCoordinates, built: Built) -> None:
         """Load the program."""
         self.robot, self.u, self._calls = robot, u, Library(built).programs["following"]
         self.dtype, parts = self._calls.dtype, blocks(robot, u)
@@ -104,7 +104,7 @@ class Following:
         return outputs[output], good
 
 
-def artifact_of(robot: HybridRobot, u: Coordinates, dtype: str) -> Artifact:
+def artifact_of(robot: HybridRobot, u: IndependentCoordinates, dtype: str) -> Artifact:
     """Return the library of the program "following"."""
     scalar = Scalar(dtype, best_lanes(dtype))
 

@@ -14,8 +14,8 @@ from ....errors import ModelError
 from ....joints.kinds import JointKind
 from ....spatial import Array
 from ....structure.robot import HybridRobot
-from ..engine import Engine, NotComparableError, OwnFile, at_points, refuse_other_joints
 from ..methods import Method, Setting, Solver, grid
+from ..peer_engine import NotComparableError, OwnFile, PeerEngine, at_points, refuse_other_joints
 from ..states import DEPENDENT
 
 #: Widths of MuJoCo's positions and velocities by its number for the kind of joint: free, ball, slide, hinge.
@@ -167,7 +167,7 @@ class MujocoEngine:
         return int(self.model.nv - np.linalg.matrix_rank(rows, rtol=DEPENDENT))
 
 
-def ways(robot: HybridRobot, own: OwnFile) -> Iterator[tuple[str, Callable[[], Engine]]]:
+def ways(robot: HybridRobot, own: OwnFile) -> Iterator[tuple[str, Callable[[], PeerEngine]]]:
     """Yield the ways into MuJoCo: by its reader, and by hybridyn's MJCF."""
     if own.format in ("URDF", "MJCF"):
         yield f"its {own.format} reader", partial(_read, robot, own)
@@ -182,7 +182,7 @@ def _compiled(load: Callable[[str], Any], given: str) -> Any:
         raise NotComparableError(f"MuJoCo refuses it: {' '.join(str(error).split())[:200]}") from None
 
 
-def _read(robot: HybridRobot, own: OwnFile) -> Engine:
+def _read(robot: HybridRobot, own: OwnFile) -> PeerEngine:
     """Read the robot's own file with MuJoCo's reader."""
     from mujoco import MjModel
 
@@ -191,7 +191,7 @@ def _read(robot: HybridRobot, own: OwnFile) -> Engine:
     return MujocoEngine(robot, _compiled(load, given), f"its {own.format} reader")
 
 
-def _converted(robot: HybridRobot) -> Engine:
+def _converted(robot: HybridRobot) -> PeerEngine:
     """Write the robot as MJCF."""
     model, losses = converted(robot)
     names = [closure.name for closure in robot.description.closures]

@@ -25,8 +25,8 @@ from ....description.placement import placement_from
 from ....description.records import Closure
 from ....spatial import Array, Index
 from ....structure.robot import HybridRobot
-from ..engine import Engine, NotComparableError, OwnFile, at_points, refuse_other_joints
 from ..methods import Method, Model, Setting, Solver, grid
+from ..peer_engine import NotComparableError, OwnFile, PeerEngine, at_points, refuse_other_joints
 from ..states import DEPENDENT
 
 #: Distance of the two points that stand for a hinge from its centre, relative to the robot's size.
@@ -131,14 +131,14 @@ class PinocchioEngine:
         return int(self.model.nv - rank)
 
 
-def ways(robot: HybridRobot, own: OwnFile) -> Iterator[tuple[str, Callable[[], Engine]]]:
+def ways(robot: HybridRobot, own: OwnFile) -> Iterator[tuple[str, Callable[[], PeerEngine]]]:
     """Yield the ways into Pinocchio: by its reader of URDF, and by constraint models."""
     if own.format == "URDF":
         yield "its URDF reader", partial(_read, robot, own)
     yield "rigid constraints", partial(with_constraints, robot)
 
 
-def _read(robot: HybridRobot, own: OwnFile) -> Engine:
+def _read(robot: HybridRobot, own: OwnFile) -> PeerEngine:
     """Read the robot's own file with Pinocchio's reader."""
     root = [] if robot.base == "fixed" else [pin.JointModelFreeFlyer()]
     try:

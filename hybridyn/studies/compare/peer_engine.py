@@ -34,7 +34,7 @@ class NotComparableError(HybridynError):
     """An engine refuses the robot, or makes another robot of it; the message says what."""
 
 
-class Engine(Protocol):
+class PeerEngine(Protocol):
     """A robot inside another engine, in the robot's own coordinates.
 
     Attributes:

@@ -27,9 +27,9 @@ from ...scenes.references import MotorAxes
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ...tables.rates import derivatives
-from ...tables.trajectory import Motion
+from ...tables.trajectory import TableMotion
 from ..compare.methods import Method, Setting, State, each, grid, methods_of, swept, written
-from .points import ADVISED, QUANTITIES, SLOWER, Point, Progress, Step, Study, Use, Worth, fill, timed
+from .points import ADVISED, QUANTITIES, SLOWER, CostPoint, CostStudy, Progress, Step, Use, Worth, fill, timed
 
 GENERAL, IN_C, SINGLE, DIFFERENCES = "general path", "compiled", "compiled, float32", "central differences"
 #: The setting that leaves no effect out.
@@ -63,7 +63,7 @@ class Way(NamedTuple):
 
     Attributes:
         method: The method.
-        use, what, fragment: As in `Point`.
+        use, what, fragment: As in `CostPoint`.
         setting: What distinguishes it from others of its name.
         threads: Number of threads that share a batch.
     """
@@ -270,7 +270,7 @@ class Trajectory(NamedTuple):
     v: Array
     a: Array
     time: Array | None
-    motion: Motion | None = None
+    motion: TableMotion | None = None
 
 
 def study_models(
@@ -278,12 +278,12 @@ def study_models(
     trajectory: Trajectory,
     effects: Effects,
     progress: Progress = lambda result: None,
-    study: Study | None = None,
+    study: CostStudy | None = None,
     *,
     quantity: str = "idm",
     engines: Sequence[str] = (),
     target: float = ADVISED,
-) -> Study:
+) -> CostStudy:
     """Measure the settings of a model along a trajectory.
 
     The error of a setting is the largest difference from the reference: of an effort, relative to the motor's
@@ -302,7 +302,7 @@ def study_models(
         HybridynError: The model cannot follow the trajectory.
     """
     methods = {name: methods_of(name, quantity) for name in engines}
-    study = Study("", "per sample") if study is None else study
+    study = CostStudy("", "per sample") if study is None else study
     study.subject = QUANTITIES[quantity]
     study.question = f"error of {study.subject} against time per sample, {len(trajectory.q):,} rows"
     if not robot.motors:
@@ -345,7 +345,7 @@ class Measured:
     """
 
     def __init__(
-        self, study: Study, robot: HybridRobot, trajectory: Trajectory, effects: Effects, quantity: str
+        self, study: CostStudy, robot: HybridRobot, trajectory: Trajectory, effects: Effects, quantity: str
     ) -> None:
         """Compute the states and the reference."""
         self.study, self.robot, self.trajectory = study, robot, trajectory
@@ -391,7 +391,7 @@ class Measured:
             out.append(max(map(compare, stacked, wanted)))
         return out[0], out[1]
 
-    def by_way(self, way: Way) -> Iterator[Point]:
+    def by_way(self, way: Way) -> Iterator[CostPoint]:
         """Measure a way at each of its settings: a batch; every effect in C by one call a sample, too."""
         method, states = way.method, self.motions[0]
         least = THREADED if way.threads > 1 else MANY if self.quantity.endswith("jacobian") else 1
@@ -404,7 +404,7 @@ class Measured:
                 self.closing[stage] = self._stages(stage, one.solve)
             error, elsewhere = self.errors(one.solve, method.batches)
             own = timed(one.call, threads=way.threads)[0] / one.samples
-            yield Point(
+            yield CostPoint(
                 f"{method.name}, one call a sample" if one.single and method.batches else method.name,
                 written(one.setting) or way.setting, error, self.closing[stage] + own, way.fragment,
                 use="program" if one.single and singly else way.use, what=way.what,
@@ -433,7 +433,7 @@ class Measured:
             )
         return closing / part.size
 
-    def by_ticks(self) -> Iterator[Point]:
+    def by_ticks(self) -> Iterator[CostPoint]:
         """Measure calls from the motors, tick after tick, as a controller makes them."""
         model, name = (
             compile(self.robot, self.effects, wait=True),
@@ -448,7 +448,7 @@ class Measured:
                 last = getattr(model, name)(*sample, last=last)[-3]
 
         error, elsewhere = self.errors(solver(self.quantity, self.robot, self.effects, model))
-        yield Point(
+        yield CostPoint(
             f"{IN_C}, one call a sample", "from the motors", error, timed(calls)[0] / len(motors[0]),
             f"# hybridyn.compile(robot, effects).{name}", "program", "call it sample by sample",
             one_call=True, elsewhere=elsewhere,
@@ -474,7 +474,7 @@ def worded(names: Sequence[str]) -> str:
     return listed([name.replace("_", " ") for name in names])
 
 
-def by_effects(run: Measured, target: float) -> Iterator[Worth | Point]:
+def by_effects(run: Measured, target: float) -> Iterator[Worth | CostPoint]:
     """Measure what each effect is worth; then build and run the set that suffices for an error.
 
     Errors without an effect are those of the general path; its time follows from the operations of the
@@ -504,7 +504,7 @@ def by_effects(run: Measured, target: float) -> Iterator[Worth | Point]:
         yield from run.by_way(Way(method, "command", what, lines, f"without {worded(gone)}"))
 
 
-def by_rates(run: Measured) -> Iterator[Point]:
+def by_rates(run: Measured) -> Iterator[CostPoint]:
     """Compare rates from a spline and from differences of the motors' positions with those of the table.
 
     Raises:
@@ -527,7 +527,7 @@ def by_rates(run: Measured) -> Iterator[Point]:
     }
     for words, rule in rules.items():
         moved = model.assemble(motors=(x, *rule()), guess=q[0])
-        yield Point(
+        yield CostPoint(
             "rates of the trajectory", words,
             off(efforts(*(one[inner] for one in moved)), wanted, efforts=True),
             timed(rule)[0] / len(time) + after, f"# rates by {words} of the motors' positions",

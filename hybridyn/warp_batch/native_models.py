@@ -41,7 +41,7 @@ CONTRADICTING = "its motors depend on each other: their positions contradict eac
 Ends = list[tuple[str, int]]
 
 
-class Models:
+class NativeModels:
     """Native functions of a robot.
 
     Attributes:

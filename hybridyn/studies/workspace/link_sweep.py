@@ -19,7 +19,7 @@ from ...tables.signals import WORLD
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class LinkSweep:
     """The coordinates of a link relative to another.
 
     Attributes:
@@ -71,7 +71,7 @@ def find_module(robot: HybridRobot, wanted: int | str | None) -> int:
 
 def find_sweep(
     robot: HybridRobot, module: int | str | None, link: str | None, axes: Sequence[str] | None, q: Array
-) -> Sweep:
+) -> LinkSweep:
     """Choose links and coordinates.
 
     Args:
@@ -102,7 +102,7 @@ def find_sweep(
     if not swept:
         raise TrajectoryError(f"link '{link}' does not move")
     home = values[[COORDINATES.index(name) for name in names]]
-    return Sweep(modules, link, base, names, swept, home)
+    return LinkSweep(modules, link, base, names, swept, home)
 
 
 def _ends(robot: HybridRobot, module: int | str | None, key: str | None) -> tuple[tuple[int, ...], str, str]:
@@ -133,7 +133,7 @@ def _ends(robot: HybridRobot, module: int | str | None, key: str | None) -> tupl
     return (number,), link, chosen.base
 
 
-def values_at(sweep: Sweep, at: Mapping[str, float]) -> Array:
+def values_at(sweep: LinkSweep, at: Mapping[str, float]) -> Array:
     """Return the home values of a sweep's coordinates with some of them replaced, shape (names,), [m, rad].
 
     Args:
@@ -151,7 +151,7 @@ def values_at(sweep: Sweep, at: Mapping[str, float]) -> Array:
     return np.array([at.get(name, value) for name, value in zip(sweep.names, sweep.home, strict=True)])
 
 
-def pose_of(sweep: Sweep, values: Array) -> Any:
+def pose_of(sweep: LinkSweep, values: Array) -> Any:
     """Convert coordinates to a pose for `assemble`.
 
     Args:

@@ -43,7 +43,7 @@ def worth_in_time(freedoms: int) -> int:
 
 
 @dataclass(eq=False)
-class Engine:
+class EngineChoice:
     """The engine of a command.
 
     Attributes:
@@ -76,7 +76,7 @@ def choose_engine(
     obstacles: Mapping[str, bool],
     *,
     alone: bool = False,
-) -> Engine:
+) -> EngineChoice:
     """Choose the engine: the one the user asks for, else by the robot and the number of samples.
 
     Args:
@@ -92,24 +92,24 @@ def choose_engine(
         CompileError: "compiled" is asked for and cannot be built.
     """
     if asked == "general":
-        return Engine(None, "as asked")
+        return EngineChoice(None, "as asked")
     size = (samples or 0) * robot.nv
     cached = alone and asked is None and LOADED * worth <= size < worth and _is_built(robot, effects)
     if asked is None and size < worth and not cached:
-        return Engine(None, f"{size:,} samples times freedoms; compiled from {worth:,} on")
+        return EngineChoice(None, f"{size:,} samples times freedoms; compiled from {worth:,} on")
     wanted = ", ".join(name for name, there in obstacles.items() if there)
     if wanted and asked:
         raise ModelError(f"--engine compiled: compiled models cannot do: {wanted}; use --engine general")
     if wanted:
-        return Engine(None, f"compiled models cannot do: {wanted}")
+        return EngineChoice(None, f"compiled models cannot do: {wanted}")
     try:
         model = hybridyn.compile(robot, effects)
     except HybridynError as error:
         if asked:
             raise
-        return Engine(None, f"not compiled: {error}")
+        return EngineChoice(None, f"not compiled: {error}")
     known = "; the model is in the cache" * cached
-    return Engine(model, "as asked" if asked else f"{size:,} samples times freedoms{known}")
+    return EngineChoice(model, "as asked" if asked else f"{size:,} samples times freedoms{known}")
 
 
 def _is_built(robot: HybridRobot, effects: Effects) -> bool:
