@@ -43,7 +43,7 @@ UNLIMITED = 1e30
 #: Children of `<joint>` that are read.
 JOINT_PARTS = (
     "origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "drake:mimic", "rotor_inertia",
-    "gear_ratio",
+    "gear_ratio", "drake:rotor_inertia", "drake:gear_ratio",
 )  # fmt: skip
 #: What `<limit>` states.
 LIMIT = {

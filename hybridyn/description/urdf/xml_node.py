@@ -31,9 +31,12 @@ LARGEST_NUMBER = 1e150
 READ_ALIKE = {
     "ERR_HYPHEN_IN_COMMENT": "'--' in a comment",
     "NS_ERR_UNDEFINED_NAMESPACE": "a prefix without xmlns",
+    "NS_ERR_QNAME": "a name that begins with ':'",
     "ERR_RESERVED_XML_NAME": "an XML declaration that is not the first line",
     "ERR_LT_IN_ATTRIBUTE": "'<' in an attribute",
 }
+#: The only prefix with a meaning.
+LOST_PREFIX = "drake"
 #: The declaration at the start of a file. Other readers ignore what it says.
 _DECLARATION = re.compile(rb"\s*<\?xml\b[^<>]*\?>")
 
@@ -129,10 +132,10 @@ def _tree(text: bytes, parser: etree.XMLParser, file: str) -> tuple[etree._Eleme
 
 
 def _written(xml: etree._Element) -> str:
-    """Return the name of an element with its prefix; its tag has the namespace instead."""
+    """Return the name of an element with its prefix; its tag has the namespace instead, or ':' alone."""
     tag = str(xml.tag)
     if tag[0] != "{":
-        return tag
+        return f"{LOST_PREFIX}{tag}" if tag[0] == ":" else tag
     name = tag.rpartition("}")[2]
     return f"{xml.prefix}:{name}" if xml.prefix else name
 
@@ -140,7 +143,8 @@ def _written(xml: etree._Element) -> str:
 @cache
 def _patterns(tags: tuple[str, ...]) -> tuple[str, ...]:
     """Return what matches elements with one of these names, in any namespace; every element for no name."""
-    return tuple(f"{{*}}{name}" for tag in tags for name in {tag, tag.rpartition(":")[2]}) or ("*",)
+    bare = {tag: tag.rpartition(":")[2] for tag in tags}
+    return tuple(f"{{*}}{name}" for tag in tags for name in {tag, bare[tag], f":{bare[tag]}"}) or ("*",)
 
 
 class XmlNode(NamedTuple):
