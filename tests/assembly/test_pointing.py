@@ -10,13 +10,9 @@ from scipy.optimize import least_squares
 
 import hybridyn
 from hybridyn import AssemblyError, TrajectoryError
-from hybridyn.assembly.assemble import assemble_requests
-from hybridyn.assembly.requests import first_guess, gather_requests
-from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.linkage.pointing import DirectionTarget, DistanceTarget
 from hybridyn.linkage.tree import Motion
 from hybridyn.spatial import Array, rotation_from_vector
-from hybridyn.structure.building import build_robot
 from tests.assembly.test_angles import arm
 from tests.assembly.test_chains import (
     ALMOST,
@@ -32,7 +28,6 @@ from tests.assembly.test_chains import (
 from tests.comparing import close_to, refused
 from tests.posing import far_apart, of_link
 from tests.samples import slow
-from tests.shipped import shipped
 
 KINDS = ("gough", "delta_bars", "stewart_arm", "stack", "scara_delta")
 SLOPE, SLOPED = 1e-6, 1e-7  # of central differences, and their error
@@ -188,19 +183,6 @@ def test_rows_are_the_derivatives_of_residuals_wherever_the_body_is() -> None:
                     for s in steps
                 ]
                 close_to(rows, np.array(slopes).T, SLOPED * (1 + 10 * (turn > 3)), 1.0)
-
-
-def test_long_tables_of_directions_are_those_of_short_ones() -> None:
-    """Kernels in C do not know them, and hand them over."""
-    robot = build_robot(shipped("gough_stewart"))
-    t = np.linspace(0.0, 0.1, 5)
-    words = {"x": 0.1 * t, "y": 0.0 * t, "z": 0.65 + 0.0 * t, "yaw": 0.0 * t}
-    words |= {"zx": t, "zy": 0.1 * t, "zz": 1.0 - t}
-    requests = gather_requests(robot, {}, {"m1_platform": (words, dict.fromkeys(words, 0.0 * t))})
-    guess = first_guess(robot, None)
-    found = Assembler(robot).assemble(requests, guess)
-    for one, wanted in zip(found, assemble_requests(robot, requests, guess), strict=True):
-        close_to(one, wanted, 1e-12)
 
 
 # -------------------------------------------------------------------- wrong

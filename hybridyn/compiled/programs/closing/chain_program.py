@@ -143,19 +143,26 @@ class ChainWriter:
         placed, near = c.placed("q_0", "p_0", "g")
         before, far = c.placed("q_1", "p_1", "g_0")
         (residual, T), (_, T_0) = c.coupled(placed, "g"), c.coupled(before, "g_0")
-        step = self._last_step(c, residual, (near, T), (far, T_0))
+        asked = c.shared(self._targets.rows)
+        sources = [*placed, c.given_of_chain("g"), c.given_of_chain("g_dot")]
+        c.one("asked", self._targets.asked(), sources, [asked])
+        step = self._last_step(c, (residual, asked), (near, T), (far, T_0))
         speeds, twists, steps = self._rates(c, near, step)
         self._accelerations(c, placed, near, T, step, speeds, twists)
         c.results(step=c.largest(steps), open=c.largest(step.opened), turning=c.largest(step.turned))
 
     def _last_step(
-        self, c: _Calls, residual: Shared, here: tuple[Near, list[Each]], there: tuple[Near, list[Each]]
+        self,
+        c: _Calls,
+        wanted: tuple[Shared, Shared],
+        here: tuple[Near, list[Each]],
+        there: tuple[Near, list[Each]],
     ) -> _ChainStep:
         """Add the calls of the last step and the rates: each module's, then the targets' small system.
 
         Args:
             c: The calls.
-            residual: Place of the targets' residual.
+            wanted: Places of the targets' residual, and of their prescribed rates.
             here: Postures, and places of the targets' maps there.
             there: Those of the row before.
         """
@@ -175,7 +182,7 @@ class ChainWriter:
             c.call(group, "settle", kernel, sources, targets)
         function, known = self._targets.settle()
         multipliers, open_by, turn, factors_of = (c.shared(k) for k in (2 * m, 1, 1, known.size))
-        sources = [c.read(S), c.read(e), residual, c.given_of_chain("g_dot"), c.read(S_0), c.read(F)]
+        sources = [c.read(S), c.read(e), *wanted, c.read(S_0), c.read(F)]
         c.one("meet", function, sources, [multipliers, open_by, turn, factors_of, Worst()])
         return _ChainStep(handed, multipliers, known, factors_of, [*opened, open_by], [*turned, turn])
 
@@ -200,10 +207,11 @@ class ChainWriter:
         """Add the calls of the accelerations of the rule, by the factors of the last step."""
         m = self._targets.rows
         of_rates = Shared(step.multipliers.start + m, m)
-        drift = c.shared(m)
+        asked = c.shared(m)
         changes = [c.each(group, 6 * len(group.kernels.ports.bodies)) for group in self.groups]
-        sources = [*placed, c.given_of_chain("g"), *c.by_part(twists), of_rates]
-        c.one("change", self._targets.change(), sources, [drift, *c.by_part(changes)])
+        given = [c.given_of_chain(name) for name in ("g", "g_dot", "g_ddot")]
+        sources = [*placed, *given, *c.by_part(twists), of_rates]
+        c.one("change", self._targets.change(), sources, [asked, *c.by_part(changes)])
         again, last = c.sum(m), []
         each = zip(self.groups, near, T, speeds, step.parts, changes, strict=True)
         for group, here, own, speed, part, change in each:
@@ -213,7 +221,7 @@ class ChainWriter:
             given = [*here, own, speed, part.factors_at, of_rates, change, c.given("g_ddot", group)]
             c.call(group, "turn", kernel, given, [again, place])
         multipliers = c.shared(m)
-        sources = [step.factors_at, c.read(again), drift, c.given_of_chain("g_ddot")]
+        sources = [step.factors_at, c.read(again), asked]
         c.one("meet_again", self._targets.meet_again(step.factors), sources, [multipliers])
         for group, here, speed, part, (motion, place) in zip(
             self.groups, near, speeds, step.parts, last, strict=True

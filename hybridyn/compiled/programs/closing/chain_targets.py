@@ -11,7 +11,8 @@ import numpy as np
 
 from ....assembly.chain.bodies import CarriedFrame
 from ....assembly.chain.problem import Relative
-from ....linkage.targets import PoseTarget
+from ....linkage.pointing import DirectionTarget, DistanceTarget
+from ....linkage.targets import CoordinateTarget, PoseTarget
 from ....spatial import Array
 from ...equations.expressions import (
     Expression,
@@ -32,16 +33,14 @@ from ...equations.guarded_elimination import largest
 from ...equations.rigid import quaternion_matrix
 from .chain_kernels import SAME_MOTION
 from .coupled import Coupled
-from .given import ANGLE, POSE, WIDTH
+from .given import ANGLE
+from .pointing_rows import NO_LENGTH, PointingRows, direction_rows, distance_rows, met_direction_rows
 from .rows import LEAST_COSINE, coordinate_rows
 
 #: Least cosine of the angle from a prescribed orientation: beyond, the shorter way is not clear.
 SHORTER_WAY = -0.5
 #: Least cosine between the meant yaw and its heading: beyond, the general path finds a new heading.
 CLEAR = 0.1
-#: Added to squared lengths to avoid 0 / 0.
-NO_LENGTH = 1e-300
-
 #: Axes and origin of a frame.
 Frame = tuple[Expression, Expression]
 
@@ -59,7 +58,7 @@ class ChainTargets:
         self._coupled, self.bodies = coupled, [coupled.ports(k) for k in range(len(coupled.parts))]
         self.rows = coupled.rows
         self._places = [symbols(f"place_{k}", 12 * len(own)) for k, own in enumerate(self.bodies)]
-        self._g = symbols("g", coupled.given.size)
+        self._g, self._g_dot = symbols("g", coupled.given.size), symbols("g_dot", coupled.given.rates)
 
     def couple(self) -> tuple[ca.Function, list[tuple[Array, ...]]]:
         """Write the kernel of residuals and maps; return which entries of each body's map are not zero.
@@ -69,7 +68,7 @@ class ChainTargets:
         """
         residual, guard = self._residual
         maps, packed = [], []
-        for T in self._maps:
+        for T in self._maps():
             mask = np.array([[not is_zero(x) for x in row] for row in T], dtype=bool).reshape(T.shape)
             maps.append(tuple(np.split(mask, T.shape[1] // 6, axis=1)))
             packed.append(pack(T[mask]))
@@ -107,10 +106,19 @@ class ChainTargets:
 
     def _goal(self, number: int) -> Expression:
         """Return what is prescribed of a target."""
-        sizes = [WIDTH[POSE]] * len(self._coupled.given.bodies)
-        sizes += [len(some.names) for some in self._coupled.given.coordinates]
-        start = sum(sizes[:number])
-        return self._g[1][start : start + sizes[number]]
+        return self._g[1][self._coupled.given.places[number]]
+
+    def _rate(self, number: int) -> Expression:
+        """Return the prescribed rates of a target."""
+        return self._g_dot[1][self._coupled.given.rate_places[number]]
+
+    def _pointed(self, number: int) -> PointingRows | None:
+        """Return the rows of a direction or a distance; None for other targets."""
+        one, goal, rate = self._coupled.relatives[number], self._goal(number), self._rate(number)
+        target, (R, p) = one.target, self._seen(one)
+        if isinstance(target, DirectionTarget):
+            return direction_rows(R, target.axis, goal, rate)
+        return distance_rows(p, goal, rate) if isinstance(target, DistanceTarget) else None
 
     def _along(self, number: int, R: Expression) -> Any:
         """Return the cosine of the angle between a link's first axis, seen from above, and its heading."""
@@ -130,7 +138,11 @@ class ChainTargets:
         out, guard = [zeros(0)], ca.SX(0.0)
         for i, one in enumerate(self._coupled.relatives):
             (R, p), goal = self._seen(one), self._goal(i)
-            if isinstance(one.target, PoseTarget):
+            pointed = self._pointed(i)
+            if pointed:
+                miss = pointed.residual
+                guard = ca.fmax(guard, ca.if_else(pointed.cosine > SHORTER_WAY, 0.0, 2.0))
+            elif isinstance(one.target, PoseTarget):
                 turn, cosine = _rotation_vector(dot(R, quaternion_matrix(goal[3:]).T))
                 miss = np.concatenate([p - goal[:3], turn])
                 guard = ca.fmax(guard, ca.if_else(cosine > SHORTER_WAY, 0.0, 2.0))
@@ -150,20 +162,23 @@ class ChainTargets:
             out.append(miss / one.target.units)
         return np.concatenate(out), guard
 
-    @cached_property
-    def _maps(self) -> list[Expression]:
-        """T of each part, from twists of its ports, own axes, to the rates of all rows, (rows, 6 ports)."""
-        out = []
+    def _maps(self, *, met: bool = False) -> list[Expression]:
+        """Return T of each part, from twists of its ports, own axes, to the rates of all rows.
+
+        Args:
+            met: Whether directions are those prescribed.
+
+        Returns:
+            Each of shape (rows, 6 ports).
+        """
+        out, numbers = [], range(len(self._coupled.relatives))
         for part, bodies in enumerate(self.bodies):
-            columns = [
-                np.concatenate([self._map(i, part, body) for i in range(len(self._coupled.relatives))])
-                for body in bodies
-            ]
+            columns = [np.concatenate([self._map(i, part, body, met) for i in numbers]) for body in bodies]
             out.append(np.concatenate([zeros(self.rows, 0), *columns], axis=1))
         return out
 
-    def _map(self, number: int, part: int, body: int) -> Expression:
-        """Return the map from the twist of a port to the rates of a target's rows."""
+    def _map(self, number: int, part: int, body: int, met: bool) -> Expression:
+        """Return the map from the twist of a port to the rates of a target's rows; `met` as in `_maps`."""
         one = self._coupled.relatives[number]
         ways = [self._coupled.problem.carried.way(place).get(part) for place in (one.link, one.other)]
         sign = (ways[0] == body) - (ways[1] == body)
@@ -174,7 +189,12 @@ class ChainTargets:
             turn = dot(R_other.T, R) * sign
             T[:3, :3], T[3:, 3:] = turn, turn
             T[:3, 3:] = -dot(turn, hat(dot(R.T, point - p)))
-        if not isinstance(one.target, PoseTarget):
+        pointed = self._pointed(number)
+        if isinstance(one.target, DirectionTarget) and pointed:
+            T = dot(met_direction_rows(self._seen(one)[0], one.target.axis) if met else pointed.map, T[3:])
+        elif pointed:
+            T = dot(pointed.map, T[:3])
+        elif isinstance(one.target, CoordinateTarget):
             some = self._coupled.given.coordinates[number - len(self._coupled.given.bodies)]
             R, p = self._seen(one)
             to_rates = coordinate_rows(R, p, self._side(number, R))[1]
@@ -191,24 +211,34 @@ class ChainTargets:
         m = self.rows
         return [symbols("S", m * (m + 1) // 2), symbols("e", k * m), symbols("r", m)]
 
-    @property
-    def _per_unit(self) -> Array:
-        return np.concatenate([1.0 / one.target.units for one in self._coupled.relatives])
+    @cached_property
+    def _asked(self) -> Expression:
+        """Prescribed rates of all rows, without units: T V equals them."""
+        out = [zeros(0)]
+        for i, one in enumerate(self._coupled.relatives):
+            pointed = self._pointed(i)
+            out.append((pointed.asked if pointed else self._rate(i)) / one.target.units)
+        return np.concatenate(out)
+
+    def asked(self) -> ca.Function:
+        """From placements, what is prescribed and its rates to the rates of all rows, without units."""
+        inputs = [*(column for column, _ in self._places), self._g[0], self._g_dot[0]]
+        return ca.Function("asked", inputs, [pack(self._asked)])
 
     def settle(self) -> tuple[ca.Function, Handed]:
         """Write the kernel of the multipliers of the last step and of the rates.
 
-        From S, e, residual, rates, S_0 and F to (multipliers, the largest residual, how far the rows have
+        From S, e, residual, `asked`, S_0 and F to (multipliers, the largest residual, how far the rows have
         turned, factors); last is a guard.
         """
         m = self.rows
         (s_col, s), (e_col, e), (r_col, r) = self._sums(2)
-        g_col, g_dot = symbols("g_dot", m)
+        a_col, asked = symbols("asked", m)
         (s0_col, s_0), (f_col, F) = (symbols(name, len(s)) for name in ("S_0", "F"))
         factors, guard = Definite.of(symmetric(s, m), SAME_MOTION)
         before, guard_before = Definite.of(symmetric(s_0, m), SAME_MOTION)
         turned = ca.sqrt(ca.fmax(before.trace(symmetric(F, m)), 0.0))
-        right = np.stack([-r - e[:m], g_dot * self._per_unit - e[m:]], axis=1)
+        right = np.stack([-r - e[:m], asked - e[m:]], axis=1)
         handed = Handed(lower=factors.lower, inverses=factors.inverses)
         outputs = [
             pack(factors.solve(right).T),
@@ -217,35 +247,45 @@ class ChainTargets:
             handed.pack(),
             ca.fmax(guard, guard_before),
         ]
-        return ca.Function("meet", [s_col, e_col, r_col, g_col, s0_col, f_col], outputs), handed
+        return ca.Function("meet", [s_col, e_col, r_col, a_col, s0_col, f_col], outputs), handed
 
     def change(self) -> ca.Function:
-        """From placements, what is prescribed, twists of the ports and l to T_dot V and d/dt T^T l."""
+        """Write the kernel of what changes while the modules move at their rates.
+
+        From placements, what is prescribed, its rates and accelerations, twists of the ports and l to the
+        prescribed accelerations of all rows less T_dot V, without units, and d/dt T^T l.
+        """
         twists = [symbols(f"V_{k}", 6 * len(own)) for k, own in enumerate(self.bodies)]
-        l_col, multipliers = symbols("l", self.rows)
+        (l_col, multipliers), g_col = symbols("l", self.rows), ca.SX.sym("g_ddot", self._coupled.given.rates)
         changes = []
         for (_, entries), (_, V), own in zip(self._places, twists, self.bodies, strict=True):
             for i in range(len(own)):
                 R, twist = entries[12 * i : 12 * i + 9].reshape(3, 3), V[6 * i : 6 * i + 6]
                 changes += [dot(R, hat(twist[3:])), dot(R, twist[:3])]
-        places, rate = ca.vertcat(*(column for column, _ in self._places)), pack(*changes)
-        fixed = [ca.SX.sym("V", column.numel()) for column, _ in twists]
-        y = reduce(plus, (dot(T, unpack(V)) for T, V in zip(self._maps, fixed, strict=True)))
-        drift = ca.jtimes(pack(y), places, rate)
-        drift = ca.substitute(drift, ca.vertcat(*fixed), ca.vertcat(*(column for column, _ in twists)))
-        forces = [ca.jtimes(pack(dot(T.T, multipliers)), places, rate) for T in self._maps]
-        inputs = [*(column for column, _ in (*self._places, self._g, *twists)), l_col]
-        return ca.Function("change", inputs, [ca.densify(x) for x in (drift, *forces)])
+        given = self._coupled.given
+        moved = zeros(given.size)  # only directions and points that move change the rows
+        first = len(given.bodies) + len(given.coordinates)
+        for at, to in zip(given.places[first:], given.rate_places[first:], strict=True):
+            moved[at] = self._g_dot[1][to]
+        state = ca.vertcat(*(column for column, _ in self._places), self._g[0])
+        rate = pack(*changes, moved)
+        maps, fixed = self._maps(met=True), [ca.SX.sym("V", column.numel()) for column, _ in twists]
+        y = pack(reduce(plus, (dot(T, unpack(V)) for T, V in zip(maps, fixed, strict=True))))
+        asked = ca.jtimes(pack(self._asked), ca.vertcat(state, self._g_dot[0]), ca.vertcat(rate, g_col))
+        drift = ca.substitute(
+            ca.jtimes(y, state, rate), ca.vertcat(*fixed), ca.vertcat(*(column for column, _ in twists))
+        )
+        forces = [ca.jtimes(pack(dot(T.T, multipliers)), state, rate) for T in maps]
+        inputs = [*(column for column, _ in (*self._places, self._g, self._g_dot)), g_col]
+        inputs += [*(column for column, _ in twists), l_col]
+        return ca.Function("change", inputs, [ca.densify(x) for x in (asked - drift, *forces)])
 
     def meet_again(self, handed: Handed) -> ca.Function:
-        """From factors, e, T_dot V and accelerations to the multipliers of these."""
+        """From factors, e and what `change` asks to the multipliers of accelerations."""
         f_col, known = handed.again("factors")
-        (e_col, e), (d_col, drift), (g_col, g_ddot) = (
-            symbols(name, self.rows) for name in ("e", "d", "g_ddot")
-        )
-        right = g_ddot * self._per_unit - drift - e
-        solved = Definite(known["lower"], known["inverses"]).solve(right[:, None])
-        return ca.Function("meet", [f_col, e_col, d_col, g_col], [pack(solved)])
+        (e_col, e), (a_col, asked) = (symbols(name, self.rows) for name in ("e", "a"))
+        solved = Definite(known["lower"], known["inverses"]).solve((asked - e)[:, None])
+        return ca.Function("meet", [f_col, e_col, a_col], [pack(solved)])
 
 
 def _inner(place: CarriedFrame) -> Frame:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,21 +17,74 @@ from ....assembly.chain.problem import ChainProblem, Relative
 from ....assembly.chain.solve import LeftToRule, chain_task, cut_positions
 from ....assembly.module_request import ModuleRequest
 from ....assembly.requests import Requests
+from ....linkage.pointing import DirectionTarget, DistanceTarget
 from ....linkage.targets import CoordinateTarget, PoseTarget
 from ....linkage.tree import Motion
 from ....spatial import Array, quaternion_from_rotation
 from ....structure.robot import HybridRobot
-from .given import ANGLE, NUMBER, POSE, WIDTH, Given, GivenCoordinates, modules_of
+from .given import ANGLE, NUMBER, POSE, RATES, WIDTH, Given, GivenCoordinates, modules_of
+
+#: Targets in the order of what they prescribe.
+TARGETS = PoseTarget, CoordinateTarget, DirectionTarget, DistanceTarget
+
+
+@dataclass(frozen=True)
+class Pointing:
+    """A direction or a distance that is prescribed.
+
+    Attributes:
+        axis: Number of the link's axis that has the direction; None for a distance from a point.
+    """
+
+    axis: int | None
+
+    @property
+    def width(self) -> int:
+        """Number of prescribed numbers: the direction's, or the distance and the point."""
+        return 4 if self.axis is None else 3
+
+    def at(self, motion: Motion, known: Array) -> Array:
+        """Compute what a link has of it, shape (1, width), in the frame in which its motion is.
+
+        Args:
+            known: What is prescribed, shape (width,): of a point, it is where this says.
+        """
+        if self.axis is not None:
+            out: Array = motion.R[:, 1, :, self.axis]
+            return out
+        away = np.linalg.norm(motion.p[0, 1] - known[1:])
+        return np.concatenate([[away], known[1:]])[None]
 
 
 @dataclass(frozen=True)
 class Prescribed(Given):
-    """What poses through several modules prescribe: at the end a heading for each link with angles."""
+    """What poses through several modules prescribe: at the end a heading for each link with angles.
+
+    Attributes:
+        pointing: Directions and distances, after the coordinates.
+    """
+
+    pointing: tuple[Pointing, ...] = ()
 
     @property
     def all_kinds(self) -> tuple[int, ...]:
         """The kind of each prescribed position, then those of the headings."""
-        return (*super().all_kinds, *(NUMBER,) * len(self.turning))
+        more = sum(one.width for one in self.pointing) + len(self.turning)
+        return (*super().all_kinds, *(NUMBER,) * more)
+
+    @property
+    def places(self) -> list[slice]:
+        """The prescribed numbers of each target."""
+        widths = [WIDTH[POSE]] * len(self.bodies) + [len(some.names) for some in self.coordinates]
+        ends = np.cumsum([0, *widths, *(one.width for one in self.pointing)]).tolist()
+        return [slice(*pair) for pair in pairwise(ends)]
+
+    @property
+    def rate_places(self) -> list[slice]:
+        """The prescribed rates of each target."""
+        less = np.cumsum([0, *(WIDTH[POSE] - RATES[POSE] for _ in self.bodies)]).tolist()
+        shift = [*pairwise(less), *[(less[-1],) * 2] * (len(self.coordinates) + len(self.pointing))]
+        return [slice(at.start - a, at.stop - b) for at, (a, b) in zip(self.places, shift, strict=True)]
 
     @property
     def turning(self) -> list[int]:
@@ -65,9 +119,8 @@ class Coupled:
 
     @property
     def relatives(self) -> list[Relative]:
-        """The targets, those of whole poses first."""
-        whole = [one for one in self.problem.relatives if isinstance(one.target, PoseTarget)]
-        return whole + [one for one in self.problem.relatives if not isinstance(one.target, PoseTarget)]
+        """The targets: whole poses, coordinates, directions, distances."""
+        return sorted(self.problem.relatives, key=lambda one: TARGETS.index(type(one.target)))
 
     @property
     def rows(self) -> int:
@@ -91,18 +144,19 @@ class Coupled:
             met: Whether the posture has these coordinates.
         """
         out, first, headings = [], np.zeros(1, dtype=int), []
-        motions = self.seen(robot, q)
-        whole, at = len(self.given.bodies), WIDTH[POSE] * len(self.given.bodies)
-        for motion in motions[:whole]:
-            out += [motion.p[:, 1], quaternion_from_rotation(motion.R[:, 1])]
-        for some, motion in zip(self.given.coordinates, motions[whole:], strict=True):
-            own = known[None, at : at + len(some.names)]
-            at += len(some.names)
-            target = some.target._replace(value=own)
-            target = target.headed_at(motion, own) if met else target.headed(motion, first)
-            out.append(target.coordinates(motion, first))
-            if target.turns and target.heading is not None:
-                headings.append(target.heading[:1, None])
+        prescribed = *self.given.bodies, *self.given.coordinates, *self.given.pointing
+        for one, at, motion in zip(prescribed, self.given.places, self.seen(robot, q), strict=True):
+            own = known[None, at]
+            if isinstance(one, Pointing):
+                out.append(one.at(motion, own[0]))
+            elif isinstance(one, GivenCoordinates):
+                target = one.target._replace(value=own)
+                target = target.headed_at(motion, own) if met else target.headed(motion, first)
+                out.append(target.coordinates(motion, first))
+                if target.turns and target.heading is not None:
+                    headings.append(target.heading[:1, None])
+            else:
+                out += [motion.p[:, 1], quaternion_from_rotation(motion.R[:, 1])]
         return np.concatenate([*out, *headings], axis=1)
 
     def seen(self, robot: HybridRobot, q: Array) -> list[Motion]:
@@ -117,12 +171,15 @@ class Coupled:
         The headings are zero, see `numbers_at`.
         """
         levels: list[tuple[Array, ...]] = []
-        for pose in (requests.poses[i] for i in self.poses):
-            if (m := pose.motion) is not None:
-                pairs = (m.p, quaternion_from_rotation(m.R)), (m.p_dot, m.w), (m.p_ddot, m.w_dot)
-                levels.append(tuple(np.concatenate(pair, axis=1) for pair in pairs))
-            else:
-                levels.append(tuple(np.stack([x[i] for x in pose.coordinates.values()], 1) for i in range(3)))
+        poses = [requests.poses[i] for i in self.poses]
+        for m in (pose.motion for pose in poses if pose.motion is not None):
+            pairs = (m.p, quaternion_from_rotation(m.R)), (m.p_dot, m.w), (m.p_ddot, m.w_dot)
+            levels.append(tuple(np.concatenate(pair, axis=1) for pair in pairs))
+        for some in (pose.coordinates for pose in poses if pose.coordinates):
+            levels.append(tuple(np.stack([x[i] for x in some.values()], 1) for i in range(3)))
+        levels += [tuple(pose.direction[1]) for pose in poses if pose.direction is not None]
+        for far, centre in (pose.distance for pose in poses if pose.distance is not None):
+            levels.append(tuple(np.concatenate([far[:, :, None], centre], axis=2)))
         g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*levels, strict=True))
         return np.concatenate([g, np.zeros((len(g), len(self.given.turning)))], axis=1), g_dot, g_ddot
 
@@ -134,13 +191,20 @@ Split = tuple[list[int], list[tuple[tuple[int, ...], tuple[int, ...]]]]
 def split_poses(robot: HybridRobot, requests: Requests) -> Split:
     """Return which poses modules meet alone, and which modules meet the others together.
 
+    Directions and distances are among the others, also where one module meets them alone.
+
     Raises:
         AssemblyError: As in `chains_of`.
     """
     alone, chains = chains_of(robot, requests)
     number = {id(pose): i for i, pose in enumerate(requests.poses)}
     found = [(chain.modules, tuple(number[id(pose)] for pose in chain.poses)) for chain in chains]
-    return sorted(number[id(pose)] for pose in alone.poses), found
+    own: dict[int, list[int]] = {}
+    for pose in alone.poses:
+        own.setdefault(robot.body_owner[robot.bodies.place[pose.link][0]][0], []).append(number[id(pose)])
+    pointing = [k for k, poses in own.items() if any(requests.poses[i].further for i in poses)]
+    found += [((k,), tuple(own.pop(k))) for k in pointing]
+    return sorted(i for poses in own.values() for i in poses), sorted(found)
 
 
 def coupled_of(
@@ -152,8 +216,8 @@ def coupled_of(
 ) -> Coupled | None:
     """Return modules that poses couple; None if the general path must assemble them.
 
-    Kernels know whole poses and single coordinates, each of which the modules can move, between links that no
-    other module moves.
+    Kernels know whole poses, single coordinates, directions and distances, all rows of which the modules can
+    move, between links that no other module moves.
 
     Args:
         modules: Numbers of the modules.
@@ -173,12 +237,10 @@ def coupled_of(
     task = chain_task(robot, first, [one_sample(own[i]) for i in parts], states)
     targets = [one.target for one in task.problem.relatives]
     whole = sum(isinstance(target, PoseTarget) for target in targets)
-    given = Prescribed(
-        (),
-        (),
-        (1,) * whole,
-        tuple(GivenCoordinates.of(t) for t in targets if isinstance(t, CoordinateTarget)),
-    )
+    some = tuple(GivenCoordinates.of(t) for t in targets if isinstance(t, CoordinateTarget))
+    pointing = [Pointing(t.axis) for t in targets if isinstance(t, DirectionTarget)]
+    pointing += [Pointing(None) for t in targets if isinstance(t, DistanceTarget)]
+    given = Prescribed((), (), (1,) * whole, some, tuple(pointing))
     names = tuple(part.module for part in task.parts)
     left = LeftToRule(task.left, names) if task.redundant else None
     out = Coupled(modules, parts, tuple(poses), given, task.problem, left)
@@ -189,7 +251,7 @@ def _closed_between(robot: HybridRobot, chain: CoupledModules) -> bool:
     """Return whether the modules of a chain alone move its links in one another."""
     moved = {k for pose in chain.poses for way in ways_between(robot, pose) for k, _ in way}
     return all(k in chain.modules or not robot.modules[k].mobility for k in moved) and all(
-        pose.frame is None and pose.turn is None and not pose.further for pose in chain.poses
+        pose.frame is None and pose.turn is None for pose in chain.poses
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from ....assembly.assemble import assemble_requests
 from ....assembly.chain.solve import motion_of
+from ....assembly.poses import PoseRequest
 from ....assembly.requests import Requests
 from ....assembly.spanning import spanning_positions
 from ....errors import HybridynError
@@ -20,7 +21,7 @@ from ....linkage.newton import LoopProblem, close
 from ....linkage.targets import COORDINATES
 from ....linkage.tree import Motion
 from ....manifold.manifold import Manifold
-from ....spatial import Array, Mask, rotation_from_vector
+from ....spatial import Array, Mask, cross, rotation_from_vector
 from ....structure.parameters.entries import Parameters
 from ....structure.robot import HybridRobot, joint_position
 from ...code.scalars import Scalar
@@ -410,8 +411,9 @@ def _nearby(
         shift, turn, v, w, a, alpha = (
             ROW_AWAY * rng.normal(size=(6, 1, 3)) * np.array([size, bool(size)] * 3)[:, None, None]
         )
+        R = np.matmul(rotation_from_vector(turn), seen.R)
+        pose = _pointing_nearby(pose, Motion(R, seen.p + shift, w, v, alpha, a))
         if pose.motion is not None:
-            R = np.matmul(rotation_from_vector(turn), seen.R)
             poses.append(pose._replace(motion=Motion(R, seen.p + shift, w, v, alpha, a)))
             continue
         values = np.concatenate([seen.p + shift, angles_of(seen.R) + turn], axis=1)
@@ -424,3 +426,19 @@ def _nearby(
         )
         poses.append(pose._replace(coordinates={name: every[name].T for name in pose.coordinates}))
     return requests._replace(samples=1, single=False, joints=joints, poses=tuple(poses), strict=True)
+
+
+def _pointing_nearby(pose: PoseRequest, motion: Motion) -> PoseRequest:
+    """Return a pose whose direction and distance are those of a link's motion, shape (1, ...)."""
+    if pose.direction is not None:
+        axis, w = pose.direction[0], motion.w
+        d = motion.R[:, :, axis]
+        d_dot = cross(w, d)
+        levels = np.stack([d, d_dot, cross(motion.w_dot, d) + cross(w, d_dot)])
+        pose = pose._replace(direction=(axis, levels))
+    if pose.distance is not None:
+        centre = pose.distance[1][:, :1]
+        far = np.linalg.norm(motion.p - centre[0], axis=1)
+        speeds = motion.p_dot[:, 0], motion.p_ddot[:, 0]
+        pose = pose._replace(distance=(np.stack([far, *speeds]), centre))
+    return pose
