@@ -212,11 +212,11 @@ def spin(robot: hybridyn.HybridRobot, q: Array, v: Array, a: Array | None, rng: 
         for one in spins_of(m, state.module.motor_columns):
             cols, axis, share = list(one.cols), one.axis.astype(float), one.share.astype(float)
             tree[:, cols] += (rng.normal(size=len(q)) - tree[:, cols] @ share)[:, None] * axis
-        own = m.cut.to_spanning(tree)
-        target = m.tree.sweep(state.q, state.v, None if a is None else tree)
-        rates = (own, None) if a is None else (v[:, at], own)
-        m.wrists.recover(q[:, state.module.q_index], *rates, target)
-        changed[:, at] = own
+        if a is None:
+            still = np.zeros_like(tree)
+            changed[:, at] = m.spanning_rates(q[:, state.module.q_index], state.q, tree, still)[0]
+        else:
+            changed[:, at] = state.spanning_accelerations(v, tree)
 
 
 def cylinder(seed: int = 0) -> Description:

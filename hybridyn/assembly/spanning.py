@@ -29,12 +29,8 @@ def spanning_states(
         guess: As for `spanning_positions`.
         trajectories: As for `spanning_positions`.
     """
-    m, (x, x_dot, x_ddot) = module.mechanism, states
-    q = spanning_positions(module, x, target, guess, trajectories=trajectories)
-    v, a = m.cut.to_spanning(x_dot), m.cut.to_spanning(x_ddot)
-    m.wrists.recover(q, v, None, target)
-    m.wrists.recover(q, v, a, target)
-    return q, v, a
+    q = spanning_positions(module, states[0], target, guess, trajectories=trajectories)
+    return q, *module.mechanism.spanning_rates(q, *states)
 
 
 def spanning_positions(
@@ -61,7 +57,7 @@ def spanning_positions(
         relative = end.seen_from(target.of_body(m.cut.tree_body(first)))
         goal = whole_target(len(tree.joints), relative, m.length)
         free = np.ones(tree.nv, dtype=bool)
-        none, units = Closures(tree, [], []), m.spanning_col_scale[m.wrists.columns(number)]
+        none, units = Closures(tree, [], []), m.wrists.unit(number)
         blocks = [LegBlock(np.arange(6), np.arange(tree.nv))]
         problem = LoopProblem(none, np.zeros(0), units, free, [goal], tree.nv, blocks)
         name = f"wrist of '{module.joints[wrist.joints[-1]]}'"

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 
 from ..linkage.reduction import Basis
-from ..linkage.tree import Motion
 from ..spatial import Array
 from ..structure.module import ModuleState
 from .inertia_solve import InertiaFactor
@@ -17,7 +16,6 @@ class ArticulatedModule:
     Attributes:
         state: The module's state.
         basis: Basis of its motions and drift.
-        unforced: Motion of its tree at x_ddot = 0.
         legs: Inertia and forces of its legs.
         I_star: Articulated inertias of its outputs, shape (T, outputs, 6, 6).
         beta_star: Biases of its outputs, shape (T, outputs, 6).
@@ -34,7 +32,6 @@ class ArticulatedModule:
 
     state: ModuleState
     basis: Basis
-    unforced: Motion
     legs: LegTerms
     I_star: Array
     beta_star: Array

@@ -139,7 +139,7 @@ def solve(
     # Without velocity terms, forces depend on the observer: the classical one is taken for all others.
     states = forward(robot, q, v, None, on.gravity, classical=on.velocity is not None, base=a)
     residual = check_closed(robot, states, q, v)
-    accelerate(robot, articulate(robot, states, loads, tau, prescribed), q, v, a)
+    accelerate(robot, articulate(robot, states, loads, tau, prescribed), v, a)
     return residual
 
 

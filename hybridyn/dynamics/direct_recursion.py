@@ -89,7 +89,7 @@ def _equation_of_motion(
     A_t += congruence(a, I_star).sum(axis=1)  # Eq. (43)
     E += np.matmul(np.swapaxes(a, 2, 3), np.matmul(I_star, X)).sum(axis=1)  # Eq. (42)
     Q_0 -= np.einsum("toij,toi->tj", a, b)  # Eq. (44)
-    return ArticulatedModule(s, basis, unforced, legs, I_star, beta_star, tau, a, X, c, b, f, A_t, E, Q_0)
+    return ArticulatedModule(s, basis, legs, I_star, beta_star, tau, a, X, c, b, f, A_t, E, Q_0)
 
 
 def _onto_base(x: ArticulatedModule) -> tuple[Array, Array]:
@@ -104,12 +104,11 @@ def _onto_base(x: ArticulatedModule) -> tuple[Array, Array]:
     return inertia, bias
 
 
-def accelerate(robot: HybridRobot, modules: list[ArticulatedModule], q: Array, v: Array, a: Array) -> None:
+def accelerate(robot: HybridRobot, modules: list[ArticulatedModule], v: Array, a: Array) -> None:
     """Run the forward sweep: compute the accelerations of the spanning tree.
 
     Args:
         modules: The robot's modules after `articulate`.
-        q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         a: Accelerations, shape (T, nv), filled in place.
     """
@@ -124,4 +123,4 @@ def accelerate(robot: HybridRobot, modules: list[ArticulatedModule], q: Array, v
         outputs.append(moved + x.c)  # Eq. (53)
         x_ddot = np.einsum("tij,tj->ti", x.basis.Psi, u_dot) + x.basis.drift  # Eqs. (35), (36)
         check_accelerations(x, carried, x_ddot, robot.gravity)
-        a[:, module.v_index] = s.spanning_accelerations(q, v, x_ddot, x.unforced)
+        a[:, module.v_index] = s.spanning_accelerations(v, x_ddot)

@@ -46,17 +46,16 @@ class ModuleLoad:
         Returns:
             Wrench on the base, shape (T, 6), base frame; generalised force along x, shape (T, n).
         """
-        m, s = state.mechanism, state.spanning
+        m, s = state.mechanism, state.whole
         base, along = np.zeros_like(state.V), np.zeros((len(state.V), m.tree.nv))
         tree = m.spec.tree_body
         for body, wrench in self.bodies:
             if body in tree and tree.index(body) in m.spec.outputs:
                 continue
-            base += wrench_to_base(s.R[:, body], s.p[:, body], wrench)
-            if body in tree:
-                J = m.jacobian(state.motion, tree.index(body))
-            else:  # a massless link inside a cut wrist
-                J = m.wrists.link_jacobian(s, state.motion, body)
+            at = m.cut.whole_body(body)
+            base += wrench_to_base(s.R[:, at], s.p[:, at], wrench)
+            # a body outside the tree is a massless link inside a cut wrist
+            J = m.jacobian(state.motion, at) if body in tree else m.wrists.link_jacobian(s, at)
             along += np.einsum("tij,ti->tj", J, wrench)
         return base, along
 
@@ -64,18 +63,17 @@ class ModuleLoad:
         """Compute the wrench of a cut wrist's links on the wrist's target.
 
         Returns:
-            Shape (T, 6), base axes, at the origin of the wrist's end.
+            Shape (T, 6), in the axes of the wrist's end, at its origin.
         """
-        m, s = state.mechanism, state.spanning
-        wrist, cols = m.spec.wrists[number], m.wrists.columns(number)
-        out, origin = np.zeros_like(state.V), np.zeros_like(state.V[:, :3])
+        m, s = state.mechanism, state.whole
+        out = np.zeros_like(state.V)
         for end, wrench in self.wrist_ends:
             if end == number:
-                out += wrench_to_base(s.R[:, wrist.end], origin, wrench)
+                out += wrench
         for body, wrench in self.bodies:
-            if body - 1 in wrist.joints and body not in m.spec.tree_body:
-                own = m.spanning.jacobian(s, body)[:, :, cols] * m.spanning_col_scale[cols]
-                along = np.einsum("tij,ti->tj", own, wrench_to_base(s.R[:, body], origin, wrench))
+            if body - 1 in m.spec.wrists[number].joints and body not in m.spec.tree_body:
+                own = m.wrists.of_link(s, number, m.cut.whole_body(body))
+                along = np.einsum("tij,ti->tj", own, wrench)
                 inverse = np.linalg.pinv(m.wrists.jacobian(s, number), rcond=1e-12)
                 out += np.einsum("tij,ti->tj", inverse, along) / np.array([m.length] * 3 + [1.0] * 3)
         return out

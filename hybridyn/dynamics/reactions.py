@@ -6,7 +6,7 @@ import numpy as np
 
 from ..linkage.closures import TreeClosure, normals
 from ..linkage.tree import Motion
-from ..spatial import Array, Mask, cross, hat, rotate_back
+from ..spatial import Array, Mask, hat, rotate_back, wrench_to_base
 from ..structure.module import ModuleState
 from .guards import LOST_PIVOT
 from .loads import ModuleLoad
@@ -78,7 +78,7 @@ def module_reactions(
     for i, (name, at) in enumerate(module.named_rows()):
         lam, free = multipliers[:, at], idle[:, at]
         if i < authors:
-            author = m.spanning_closures.closures[i]
+            author = m.author_closures.closures[i]
             wrenches = _closure_wrenches(state, m.closures.closures[i], author)
             lam = np.einsum("tij,tj->ti", wrenches, lam) + _from_cut_wrists(state, load, author)
             free = np.matmul(wrenches, free)
@@ -128,7 +128,7 @@ def _closure_wrenches(state: ModuleState, cut: TreeClosure, author: TreeClosure)
     Args:
         state: State of the module.
         cut: The closure on the tree after the cuts.
-        author: The author's closure on the spanning tree.
+        author: The author's closure on the whole tree.
 
     Returns:
         Shape (T, 6, rows of the closure), in the frame of `_wrench_frame`.
@@ -136,12 +136,11 @@ def _closure_wrenches(state: ModuleState, cut: TreeClosure, author: TreeClosure)
     A, _, B, pb = _frames(state.motion, cut)
     turns = np.swapaxes(normals(cut.rotation, A, B[:, :, 2]), 1, 2)
     force = np.concatenate([A[:, :, cut.translations], np.zeros_like(turns)], axis=2)
-    A_out, p_out = _wrench_frame(state.spanning, author)
+    A_out, p_out = _wrench_frame(state, author)
     moment = np.matmul(hat(pb - p_out), force)
     moment[:, :, len(cut.translations) :] = turns
     # The closure that replaces a wrist may have predecessor and successor exchanged.
-    numbers = state.mechanism.cut.bodies
-    sign = 1.0 if numbers[cut.body_b] == author.body_b or numbers[cut.body_a] == author.body_a else -1.0
+    sign = 1.0 if cut.body_b == author.body_b or cut.body_a == author.body_a else -1.0
     return sign * np.concatenate([np.matmul(np.swapaxes(A_out, 1, 2), x) for x in (force, moment)], axis=1)
 
 
@@ -153,23 +152,24 @@ def _from_cut_wrists(state: ModuleState, load: ModuleLoad, author: TreeClosure) 
     """
     out = np.zeros_like(state.V)
     for number, wrist in enumerate(state.mechanism.spec.wrists):
-        if wrist.carries or {wrist.end, wrist.target} != {author.body_a, author.body_b}:
+        end, target = (state.mechanism.cut.whole_body(body) for body in (wrist.end, wrist.target))
+        if wrist.carries or {end, target} != {author.body_a, author.body_b}:
             continue
-        handed = load.through_wrist(state, number)
-        A, p = _wrench_frame(state.spanning, author)
-        moment = handed[:, 3:] + cross(state.spanning.p[:, wrist.end] - p, handed[:, :3])
-        sign = 1.0 if wrist.target == author.body_b else -1.0
-        out += sign * np.concatenate([rotate_back(A, handed[:, :3]), rotate_back(A, moment)], axis=-1)
+        A, p = _wrench_frame(state, author)
+        motion = state.whole.of_body(end)
+        handed = wrench_to_base(motion.R, motion.p - p, load.through_wrist(state, number))
+        sign = 1.0 if target == author.body_b else -1.0
+        out += sign * np.concatenate([rotate_back(A, x) for x in (handed[:, :3], handed[:, 3:])], axis=-1)
     return out
 
 
-def _wrench_frame(motion: Motion, author: TreeClosure) -> tuple[Array, Array]:
+def _wrench_frame(state: ModuleState, author: TreeClosure) -> tuple[Array, Array]:
     """Return the axes and the origin, in the base frame, in which a closure's wrench is expressed.
 
     The axes are those of the predecessor's closure frame as placed by the author. (Frame A differs from it,
     because z of frame A is the axis of the closure.) The origin is that of the successor's closure frame.
     """
-    A, _, _, p = _frames(motion, author)
+    A, _, _, p = _frames(state.whole, author)
     return A @ author.turn.T, p
 
 

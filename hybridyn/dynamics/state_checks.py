@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..spatial import Array
-from ..structure.cut import is_locked
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, same_samples
+from ..structure.wrist_rows import is_locked
 from .guards import NOT_CLOSED, check
 
 #: Largest closure residual of given positions and rates, as a part of the module's length.
@@ -111,13 +111,13 @@ def check_closed(
     largest = largest_rates(robot, v, given)
     levels = (("rates", "opening"), ("accelerations", "accelerating apart"))[: 1 if a is None else 2]
     for s in states:
-        m, spanning, index = s.mechanism, s.spanning, s.module.v_index
-        if not m.spanning_closures.rows:
+        m = s.mechanism
+        if not m.author_closures.rows:
             continue
         slack, unit = STATE_CLOSED + m.rounding, m.reduction.col_scale
-        open_by = np.abs(m.residual(q[:, s.module.q_index], spanning))
+        open_by = np.abs(m.author_closures.residual(s.z, s.whole)) * m.spanning_row_scale
         worst = np.maximum(worst, open_by.max(axis=1))
-        every = list(zip(s.module.closures, m.spanning_closures.row_slices, strict=True))
+        every = list(zip(s.module.closures, m.author_closures.row_slices, strict=True))
         _check(s, "positions", "open", every, open_by, np.full(len(q), slack))
         natural = natural_sizes(robot, largest, m.length)
         speed, size = (np.abs(x / unit).max(axis=1, initial=0.0) for x in (s.v, s.a))
@@ -128,9 +128,9 @@ def check_closed(
             _check(s, what, how, s.module.named_rows(), value, limit)
         if all(wrist.carries for wrist in m.spec.wrists):
             continue
-        turning, turned = (np.abs(x).max(axis=(1, 2)) for x in (spanning.w, spanning.w_dot))
+        turning, turned = (np.abs(x).max(axis=(1, 2)) for x in (s.whole.w, s.whole.w_dot))
         limits = _limits(natural, slack, np.maximum(speed, turning), np.maximum(size, turned))
-        own = m.spanning_closures.rates(spanning, v[:, index], given[:, index])
+        own = m.author_closures.rates(s.whole, *(m.cut.with_still_wrists(x) for x in (s.v, s.a)))
         rates = np.abs(own) * m.spanning_row_scale
         for (what, how), value, limit in zip(levels, rates, limits, strict=False):
             _check(s, what, how, every, _of_free_wrists(s, value, limit), limit)
@@ -157,9 +157,9 @@ def _of_free_wrists(s: ModuleState, value: Array, limit: Array) -> Array:
         The rates, zero for a wrist in gimbal lock, and for every closure where a wrist that carries a
         platform is near it: there the joints of the wrist do not determine the rates of the platform.
     """
-    m, motion = s.mechanism, s.spanning
+    m, motion = s.mechanism, s.whole
     value[m.wrists.near_gimbal_lock(motion)] = 0.0
-    closures = list(zip(m.spanning_closures.closures, m.spanning_closures.row_slices, strict=False))
+    closures = list(zip(m.spec.closures, m.author_closures.row_slices, strict=False))
     for number, wrist in enumerate(m.spec.wrists):
         for closure, rows in closures:
             if wrist.carries or {closure.body_a, closure.body_b} != {wrist.end, wrist.target}:

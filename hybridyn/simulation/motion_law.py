@@ -190,7 +190,7 @@ class MotionLaw:
         states = forward(
             self.robot, q, v, None, self.on.gravity, classical=self.on.velocity is not None, base=a
         )
-        accelerate(self.robot, articulate(self.robot, states, loads, tau, None, passing=True), q, v, a)
+        accelerate(self.robot, articulate(self.robot, states, loads, tau, None, passing=True), v, a)
         return a, tau
 
     def _efforts(self, t: Array, q: Array, v: Array) -> tuple[Array, bool]:

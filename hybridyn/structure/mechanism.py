@@ -11,6 +11,7 @@ For an output that is a leg link, a_o = J_o Psi.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,10 +24,11 @@ from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask, indices, spatial_inertia, to_body_axes
-from .cut import GIMBAL_LOCK, Cut, WristMotion
+from .cut import Cut
 from .leg_model import LegModel, LongLegs
 from .module_spec import ModuleSpec, freedom_units, leg_by_leg, module_length, row_factors
 from .rank_evidence import dropped_rows, rank_by_home, singular_home
+from .wrist_rows import GIMBAL_LOCK, WristRows
 
 #: A freedom is locked if it moves no more than this when its module moves by one (rad, module lengths). The
 #: limit is about 5e4 times the machine epsilon.
@@ -55,12 +57,12 @@ class SweptModule(NamedTuple):
     """Motion of a module at the samples of a batch.
 
     Attributes:
-        spanning: Motion of its spanning tree.
-        motion: Motion of its tree after the cuts.
+        whole: Motion of its whole tree.
+        motion: Motion of its tree after the cuts, whose bodies come first in the whole tree.
         q, v, a: Positions, rates and accelerations of this tree, shapes (T, nq), (T, nv), (T, nv).
     """
 
-    spanning: Motion
+    whole: Motion
     motion: Motion
     q: Array
     v: Array
@@ -72,16 +74,17 @@ class Mechanism:
 
     Attributes:
         spec: The joints, closures and inertias from which it was built.
-        cut: The spanning tree, the tree after the cuts, and the maps between them.
+        cut: The whole tree, the spanning tree and the tree after the cuts, and the maps between them.
         spanning: Tree of all joints of the module (`cut.spanning`).
         tree: Tree after the cuts (`cut.tree`).
         closures: Closures on `tree`.
         spanning_closures: The author's closures, on `spanning`.
         length: Length of the module [m], a power of two.
+        unit: Unit of each freedom of the whole tree, shape (its nv,).
         legs: Model of the legs: `LegModel`, or `LongLegs` for hundreds of freedoms.
         inertias: 6-D inertias of the outputs, shape (outputs, 6, 6), body frames.
         reduction: Elimination of `closures`, with fixed ranks.
-        wrists: Motion of the cut wrists.
+        wrists: Rows of the wrists that were cut.
         home: Home position of `tree`, shape (nq,).
         home_closes: Whether the loops are closed at home; a file may describe a robot with open loops.
         postures: Generic postures of `tree` with closed loops, shape (samples, nq).
@@ -116,9 +119,10 @@ class Mechanism:
         self.inertias = np.array(inertias).reshape(-1, 6, 6)
         model = LegModel if self.tree.nv <= MOST_PINOCCHIO_FREEDOMS else LongLegs
         self.legs = model(self.tree, list(spec.leg_bodies))
-        self.spanning_col_scale = freedom_units(self.spanning, self.length)
+        self.unit = freedom_units(self.cut.whole, self.length)
+        self.spanning_col_scale = self.unit[self.cut.v_of]
         self.spanning_row_scale = row_factors(self.spanning, self.spanning_closures, self.length)
-        self.wrists = WristMotion(spec.wrists, self.cut, self.length, self.spanning_col_scale)
+        self.wrists = WristRows(spec.wrists, self.cut, self.length, self.unit)
         if like is None or not self._follows(like, tolerances):
             self._fix_ranks(tolerances.rank, self._find_postures(tolerances.closure))
 
@@ -199,6 +203,13 @@ class Mechanism:
         return self.reduction.mobility
 
     @cached_property
+    def author_closures(self) -> Closures:
+        """The author's closures and couplings, on the whole tree."""
+        of = self.cut.whole_body
+        closures = [replace(c, body_a=of(c.body_a), body_b=of(c.body_b)) for c in self.spec.closures]
+        return Closures(self.cut.whole, closures, list(self.spec.cut_couplings))
+
+    @cached_property
     def turned_inertia(self) -> Array:
         """Trace of the inertia of each freedom's body about its joint, zero of slides, shape (nv,), [kg m^2].
 
@@ -233,12 +244,14 @@ class Mechanism:
             a: Accelerations, shape (T, nv), or None if they are not needed.
         """
         spanning = self.spanning.sweep(q, v, a)
-        x, x_dot, x_ddot = self.cut.coordinates(q, v, a, spanning)
-        motion = self.cut.motion(spanning, x) if self.spec.wrists else spanning
-        locked = self.wrists.near_gimbal_lock(spanning)
+        z, *rates = self.cut.coordinates(q, v, a, spanning)
+        whole = self.cut.motion(spanning, z)
+        motion = self.cut.of_tree(whole)
+        x, (x_dot, x_ddot) = z[:, : self.tree.nq], (each[:, : self.tree.nv] for each in rates)
+        locked = self.wrists.near_gimbal_lock(whole)
         if len(locked):
             self.platforms_from_legs(x, x_dot, None if a is None else x_ddot, motion, locked)
-        return SweptModule(spanning, motion, x, x_dot, x_ddot)
+        return SweptModule(whole, motion, x, x_dot, x_ddot)
 
     def platforms_from_legs(
         self, x: Array, x_dot: Array, x_ddot: Array | None, motion: Motion, samples: Index
@@ -252,7 +265,7 @@ class Mechanism:
             x_dot: Rates, shape (T, nv).
             x_ddot: Accelerations, shape (T, nv), or None.
             motion: Motion of `tree` as computed from the spanning tree.
-            samples: The samples to correct (`WristMotion.near_gimbal_lock`).
+            samples: The samples to correct (`WristRows.near_gimbal_lock`).
         """
         r, cols = self.reduction, indices(self.tree.v_slices[i] for i in self.spec.platforms)
         K = r.scaled(self.closures.matrix(motion.take(samples)))
@@ -270,6 +283,25 @@ class Mechanism:
             right = self.tree.sweep(x[samples], x_dot[samples], x_ddot[samples])
         for name in ("w", "p_dot", "w_dot", "p_ddot"):
             getattr(motion, name)[samples] = getattr(right, name)
+
+    def spanning_rates(self, q: Array, x: Array, x_dot: Array, x_ddot: Array) -> tuple[Array, Array]:
+        """Compute rates and accelerations of the spanning tree, whose wrists follow the bodies they connect.
+
+        Args:
+            q: Positions of the spanning tree, shape (T, nq).
+            x, x_dot, x_ddot: Positions, rates and accelerations of `tree` at the same posture, shapes
+                (T, its nq), (T, its nv), (T, its nv).
+
+        Returns:
+            Shapes (T, nv), (T, nv).
+        """
+        if self.spec.wrists:
+            z = np.empty((len(q), self.cut.whole.nq))
+            z[:, self.cut.q_of], z[:, : self.tree.nq] = q, x
+            x_dot, x_ddot = (self.cut.with_still_wrists(each) for each in (x_dot, x_ddot))
+            self.wrists.follow(z, x_dot)
+            self.wrists.follow(z, x_dot, x_ddot)
+        return self.cut.to_spanning(x_dot), self.cut.to_spanning(x_ddot)
 
     def residual(self, q: Array, motion: Motion) -> Array:
         """Compute the residuals of the author's closures, without units.

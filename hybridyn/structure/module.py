@@ -139,8 +139,8 @@ class ModuleState:
     """State of one module at every sample.
 
     Attributes:
-        spanning: Motion of its spanning tree relative to its base.
-        motion: The same motion on the tree after the cuts.
+        whole: Motion of its whole tree relative to its base.
+        motion: The part of it that belongs to the tree after the cuts.
         q: Positions on the tree after the cuts, shape (T, nq).
         v: Rates x_dot, shape (T, n).
         a: Accelerations x_ddot, shape (T, n); zero if none were given.
@@ -156,7 +156,7 @@ class ModuleState:
     """
 
     module: Module
-    spanning: Motion
+    whole: Motion
     motion: Motion
     q: Array
     v: Array
@@ -166,6 +166,12 @@ class ModuleState:
     outputs: Array
     outputs_dot: Array
     convective: Array
+
+    @property
+    def z(self) -> Array:
+        """Positions of the whole tree, shape (T, its nq)."""
+        assert self.whole.q is not None
+        return self.whole.q
 
     @cached_property
     def K(self) -> Array:
@@ -183,24 +189,20 @@ class ModuleState:
         bodies = list(self.mechanism.spec.outputs)
         return self.motion.R[:, bodies], self.motion.p[:, bodies]
 
-    def spanning_accelerations(
-        self, q: Array, v: Array, x_ddot: Array, unforced: Motion | None = None
-    ) -> Array:
+    def spanning_accelerations(self, v: Array, x_ddot: Array) -> Array:
         """Compute accelerations of the module's spanning tree from those of the tree after the cuts.
 
         Args:
-            q: Positions of the robot, shape (T, nq).
             v: Rates of the robot, shape (T, nv).
             x_ddot: Accelerations of the tree after the cuts, shape (T, n).
-            unforced: Motion of this tree at x_ddot = 0, if it is known.
 
         Returns:
             Shape (T, nv of the module). The joints of wrists that were cut follow the bodies they connect.
         """
         m = self.mechanism
-        out = m.cut.to_spanning(x_ddot)
-        if m.spec.wrists:
-            target = m.tree.sweep(self.q, self.v, x_ddot, unforced)
-            own = q[:, self.module.q_index], v[:, self.module.v_index]
-            m.wrists.recover(*own, out, target, self.spanning)
-        return out
+        if not m.spec.wrists:
+            return m.cut.to_spanning(x_ddot)
+        z_dot, z_ddot = (m.cut.with_still_wrists(x) for x in (self.v, x_ddot))
+        z_dot[:, m.cut.v_of] = v[:, self.module.v_index]
+        m.wrists.follow(self.z, z_dot, z_ddot, self.whole)
+        return m.cut.to_spanning(z_ddot)

@@ -86,9 +86,7 @@ def moving_states(
         )
         if not spins:
             _take_out_spins(module, rates)
-        out = m.cut.to_spanning(rates)
-        m.wrists.recover(own, out, None, m.tree.sweep(x, rates))
-        v[:, module.v_index] = out
+        v[:, module.v_index] = m.spanning_rates(own, x, rates, np.zeros_like(rates))[0]
     tau = rng.normal(size=(count, len(robot.motors))) * _weight(robot)
     return q, v, tau
 
@@ -112,10 +110,7 @@ def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0, *, 
         x_ddot = np.einsum("tij,tj->ti", basis.Psi, u_dot) + basis.drift
         if not spins:
             _take_out_spins(state.module, x_ddot)
-        own = m.cut.to_spanning(x_ddot)
-        target = m.tree.sweep(state.q, state.v, x_ddot)
-        m.wrists.recover(q[:, state.module.q_index], v[:, at], own, target)
-        out[:, at] = own
+        out[:, at] = state.spanning_accelerations(v, x_ddot)
     if robot.base == "moving":
         out[:, :6] = np.random.default_rng(seed + 1).normal(size=(len(q), 6))
     return out

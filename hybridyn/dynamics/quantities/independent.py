@@ -193,7 +193,7 @@ def module_motions(
     if v is not None:
         drift = basis.drift / unit
         drift = (drift - np.einsum("tij,tkj,tk->ti", idle, idle, drift, optimize=True)) * unit
-        E_drift = s.spanning_accelerations(q, v, drift)
+        E_drift = s.spanning_accelerations(v, drift)
         miss = E_drift[:, freedoms].copy()
         drift = drift - np.einsum("tij,tj->ti", Psi, miss)  # Eq. (4)
         E_drift = E_drift - np.einsum("tij,tj->ti", E, miss)
@@ -212,10 +212,7 @@ def _spanning_rates(s: ModuleState, X: Array) -> Array:
         Shape (T, nv, k). The joints of wrists that were cut follow the bodies that they connect.
     """
     m = s.mechanism
-    out = m.cut.to_spanning(X)
-    for number in range(len(m.spec.wrists)):
-        out[:, m.wrists.columns(number)] = m.wrists.rates_of(s.spanning, s.motion, number, X)
-    return out
+    return m.cut.to_spanning(m.wrists.rates(s.whole, X) if m.spec.wrists else X)
 
 
 def _right_inverse(

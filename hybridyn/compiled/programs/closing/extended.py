@@ -1,7 +1,4 @@
-"""A module's tree after the cuts, with the joints of its wrists as further branches welded to their targets.
-
-Its coordinates hold every joint of the spanning tree once, and each platform's pose.
-"""
+"""The whole tree of a module as the kernels that close loops need it: its rods that spin, and arguments."""
 
 from __future__ import annotations
 
@@ -91,30 +88,16 @@ def extended(m: Mechanism) -> Extended:
     """Return the extended tree of a mechanism."""
     from ...equations.loops import along_rods, spinning_rods
 
-    joints, source = list(m.tree.joints), list(m.spec.tree_joint)
-    unit, welds = [m.reduction.col_scale], []
-    for number, wrist in enumerate(m.spec.wrists):
-        first = m.spanning.joints[wrist.joints[0]].parent
-        body = m.cut.tree_body(first)
-        for joint, record in zip(wrist.joints, m.wrists.joints(number), strict=True):
-            joints.append(replace(record, parent=body))
-            source.append(joint)
-            body = len(joints)
-        unit.append(m.spanning_col_scale[m.wrists.columns(number)])
-        target = m.cut.tree_body(wrist.target)
-        welds.append(
-            TreeClosure("", "", body, np.eye(3), np.zeros(3), target, wrist.R, wrist.p, (0, 1, 2), "fixed")
-        )
     rods = spinning_rods(m, m.spec.tree, m.spec.cut_closures)
     return Extended(
-        Tree(joints),
-        tuple(joints),
+        m.cut.whole,
+        m.cut.whole.joints,
         len(m.tree.joints),
-        tuple(source),
+        tuple(m.cut.source),
         along_rods(m.closures.closures, rods),
         m.closures.couplings,
-        tuple(welds),
-        np.concatenate(unit),
+        m.cut.welds,
+        m.unit,
         m.reduction.row_scale,
         m.length,
         rods,

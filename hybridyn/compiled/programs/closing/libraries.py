@@ -344,9 +344,7 @@ def _move(part: Part, number: int, start: Array, wanted: Rows) -> Rows:
     x_ddot = basis.Psi @ rng.normal(size=m.mobility) + basis.drift
     motion = tree.sweep(x, x_dot, x_ddot)
     q = spanning_positions(module, x, motion, start[at])
-    v, a = m.cut.to_spanning(x_dot), m.cut.to_spanning(x_ddot)
-    m.wrists.recover(q, v, None, motion)
-    m.wrists.recover(q, v, a, motion)
+    v, a = m.spanning_rates(q, x, x_dot, x_ddot)
     wanted[0][at], wanted[1][to], wanted[2][to] = q[0], v[0], a[0]
     held, bodies = part.given.columns(tree), part.given.bodies
     twists = [np.concatenate([motion.p_dot[0, b], motion.w[0, b]]) for b in bodies]
