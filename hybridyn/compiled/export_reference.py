@@ -15,7 +15,7 @@ from ..effects.choice import Effects
 from ..errors import HybridynError
 from ..spatial import Array
 from ..structure.robot import HybridRobot, joint_position
-from .code.kernels import literal
+from .code.c_tables import literal
 from .code.plain_c import WRITTEN
 from .code.scalars import REAL
 from .program import Program

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import casadi as ca
 
     from ..spatial import Array, Index
-    from .code.drivers import Tables
+    from .code.c_tables import Tables
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,9 @@ from importlib import import_module, resources
 from importlib.util import find_spec
 from typing import Any
 
+from ..compiled.code.c_tables import Tables
 from ..compiled.code.drivers import HEAD as SAMPLES
-from ..compiled.code.drivers import MOVES, Tables, across_samples
+from ..compiled.code.drivers import MOVES, across_samples
 from ..compiled.code.kernels import kernel_graph, kernel_text
 from ..compiled.code.rules import check, trimmed
 from ..compiled.code.scalars import GUARD_LIMIT, REAL, SINES, arithmetic

@@ -10,16 +10,15 @@ the same bits.
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from itertools import accumulate
 from types import MappingProxyType
 
 import numpy as np
 
-from ...spatial import Array, Index
+from ...spatial import Index
 from ..program import Add, Call, Constants, Each, Own, Program, Shared, Source, Start, Target, Worst
-from .kernels import literal
+from .c_tables import Tables
 from .rules import overlap
 
 #: The C functions that move numbers.
@@ -57,34 +56,6 @@ def section(program: Program, prefix: str = "") -> str:
 def placed(program: Program, prefix: str = "") -> str:
     """Return what puts a function into that section; nothing for models that are not `CALLED_ALONE`."""
     return f"IN_SECTION({section(program, prefix)}) " if program.name in CALLED_ALONE else ""
-
-
-class Tables:
-    """Collect tables; `text` declares them in C."""
-
-    def __init__(self, dtype: str = "float64") -> None:
-        """Start with no tables. `dtype`: type that numbers are rounded to before they are printed."""
-        self._known: dict[str, str] = {}
-        self._dtype = dtype
-
-    @property
-    def text(self) -> str:
-        """The C declarations."""
-        return "\n".join(f"static const {head.format(name)};" for head, name in self._known.items())
-
-    def places(self, index: Index) -> str:
-        """Return the name of a table of indices, of any shape."""
-        return self._named("int {}", "", map(str, index.ravel().tolist()), index.size)
-
-    def numbers(self, values: Array) -> str:
-        """Return the name of a table of numbers, of any shape."""
-        entries = map(literal, values.astype(self._dtype).ravel().tolist())
-        return self._named("S {} ", " ALIGNED", entries, values.size)
-
-    def _named(self, head: str, tail: str, entries: Iterable[str], size: int) -> str:
-        """Return the name of a table."""
-        text = f"{head}[{max(size, 1)}]{tail} = {{{{{', '.join(entries)}}}}}"
-        return self._known.setdefault(text, f"d{hashlib.sha256(text.encode()).hexdigest()[:12]}")
 
 
 class _CallBlock:

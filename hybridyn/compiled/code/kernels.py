@@ -18,6 +18,7 @@ from itertools import chain
 import casadi as ca
 
 from ..program import Kernel
+from .c_tables import literal
 from .graph import TRUTH, Graph, Operation, Reference, graph_of
 
 
@@ -168,8 +169,3 @@ def _expression(graph: Graph, node: Operation, names: list[str]) -> str:
         return f"CHOOSE({read(x[0], True)}, {read(x[1])})"
     truth = node.name in ("not", "and", "or")
     return f"{node.name.upper()}({', '.join(read(y, truth) for y in x)})"
-
-
-def literal(value: float) -> str:
-    """Return a finite number or an infinity as an exact C literal."""
-    return repr(float(value)).replace("inf", "HUGE_VAL")

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..program import Call, Program, stored
+from .c_tables import Tables
 from .drivers import (
     CALLED_ALONE,
     COPIES_HEAD,
     HEAD,
     MOVES,
-    Tables,
     across_copies,
     across_samples,
     placed,

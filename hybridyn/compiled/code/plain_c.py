@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..program import Call, Program, stored
-from .drivers import CALLED_ALONE, HEAD, MOVES, Tables, across_copies, across_samples, placed, section
+from .c_tables import Tables
+from .drivers import CALLED_ALONE, HEAD, MOVES, across_copies, across_samples, placed, section
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import FUNCTIONS, REAL, SINES, arithmetic, moves_of_copies, single, text_of
