@@ -118,7 +118,7 @@ def commands(ctx: click.Context, debug: bool, robots: str | None, completion: st
     elif completion:
         from .lists import show_completion
 
-        show_completion(completion)
+        show_completion(commands, completion)
     elif ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
 

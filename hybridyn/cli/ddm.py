@@ -15,10 +15,13 @@ from ..studies.check.remarks import free_motions_of
 from ..tables.columns import acceleration_columns
 from ..tables.signals import unit_of
 from ..tables.trajectory import base_acceleration
+from .common.each_table import for_each_table
 from .common.engine_choice import EngineChoice, choose_engine, worth_of
+from .common.one_table import CommandTables
 from .common.options import RobotChoice
-from .common.tables import CommandPlan, CommandTables, Summary, about, for_each_table
-from .common.tables import run as run_pass
+from .common.summary import Summary, about
+from .common.table_pass import CommandPlan
+from .common.table_pass import run as run_pass
 
 
 def run(**words: Any) -> int:
@@ -45,12 +48,7 @@ def _one(load: RobotChoice, tables: CommandTables, effects: tuple[str, ...], eng
 
 
 def accelerations(
-    robot: HybridRobot,
-    block: TreeSamples,
-    *,
-    effects: Effects,
-    reactions: bool,
-    engine: EngineChoice,
+    robot: HybridRobot, block: TreeSamples, *, effects: Effects, reactions: bool, engine: EngineChoice
 ) -> BlockResults:
     """Compute the accelerations of a block as rows of the result, and the reactions if they are wanted.
 

@@ -19,21 +19,10 @@ from .common.options import RobotChoice, refuse
 
 
 def run(
-    load: RobotChoice,
-    log: str | None,
-    excite: str | None,
-    evaluations: int,
-    effects: Sequence[str],
-    symmetric: bool,
-    period: float | None,
-    output: str | None,
-    report: str | None,
-    plot: str | None,
-    engine: str | None,
-    known: Sequence[str] | None,
-    only: Sequence[str] | None,
-    **words: Any,
-) -> None:
+    load: RobotChoice, log: str | None, excite: str | None, evaluations: int, effects: Sequence[str],
+    symmetric: bool, period: float | None, output: str | None, report: str | None, plot: str | None,
+    engine: str | None, known: Sequence[str] | None, only: Sequence[str] | None, **words: Any,
+) -> None:  # fmt: skip
     """Identify the parameters of a robot, or compute a motion to measure."""
     refuse(
         (

@@ -15,10 +15,14 @@ from ..streams.one_pass import BlockResults, Pass
 from ..streams.postures import TreeSamples
 from ..streams.reaction_columns import reaction_rows
 from ..structure.robot import HybridRobot
+from ..tables.columns import Layout
+from .common.each_table import for_each_table
 from .common.engine_choice import EngineChoice, choose_engine, worth_of
+from .common.one_table import CommandTables
 from .common.options import RobotChoice, refuse
-from .common.tables import CommandPlan, CommandTables, Observer, Summary, about, for_each_table
-from .common.tables import run as run_pass
+from .common.summary import Summary, about
+from .common.table_pass import CommandPlan, Observer
+from .common.table_pass import run as run_pass
 
 #: Exit status where the motion exceeds a limit.
 EXCEEDED = 1
@@ -48,76 +52,83 @@ def _one(
         tell_effects(load, tables, wanted, engine)
         return 0
 
-    def plan(given: Pass) -> CommandPlan:
-        """Build the plan for a robot and a table."""
-        robot, layout, on = given.robot, given.layout, choose(given.robot, wanted)
-        for name in model["weights"]:
-            hint = did_you_mean(name, robot.motors)
-            refuse((name not in robot.motors, f"--weights: there is no motor '{name}'{hint}"))
-        if loads:  # the report names the limits
-            on = on.without("limits")
-        idle = {*DEFAULT, *FROM_FILES, "limits"} - {*stated_names(robot)}
-        loaded = layout.wrenches or not {*on.names} <= idle or has_mass(robot.description)
-        if robot.motors and not loaded and (on.names or not outputs):
-            raise ModelError(
-                "nothing has mass, so that every effort would be zero: give the links an <inertial>",
-                file=robot.description.source,
-            )
-        reactions = tables.reactions is not None
-        obstacles = {
-            "--reactions": reactions,
-            "--passive solved": model["passive"] != "given",
-            "--on-singular least-norm": model["on_singular"] != "raise",
-            "--weights": bool(model["weights"]),
-            "wrenches in the table": bool(layout.wrenches),
-        }
-        worth, alone = worth_of(layout, robot), layout.full_state
-        chosen = choose_engine(engine, robot, on, given.table.rows, worth, obstacles, alone=alone)
-        inverse = partial(efforts, effects=on, reactions=reactions, engine=chosen, **model)
-        if loads:
-            from .common.reports import LoadReport, motor_states
-
-            states = partial(motor_states, efforts=inverse)
-            return CommandPlan(states, None, [LoadReport(robot, tables)], chosen, about(robot, layout, on))
-        columns = [f"{name}/effort" for name in robot.motors]
-        observers: list[Observer] = []
-        if outputs:
-            from ..studies.map_table import map_columns
-            from .common.maps import MapSummary, map_rows
-
-            columns = map_columns(robot, outputs, motion=True, efforts=bool(on.names))
-            inverse = partial(map_rows, joints=outputs, efforts=inverse if on.names else None)
-            observers.append(MapSummary(robot, outputs))
-        observers.append(Summary(robot, "effort", robot.effort_units, columns))
-        return CommandPlan(inverse, columns, observers, chosen, about(robot, layout, on))
-
+    plan = partial(
+        _plan, tables=tables, loads=loads, outputs=outputs, effects=wanted, engine=engine, model=model
+    )
     left = run_pass(tables, load, plan, outputs=outputs or ())
     fails = (fail_on or ("limit" if loads else "never")) == "limit"
     return EXCEEDED if fails and any(left) else 0
 
 
+def _plan(
+    given: Pass, *, tables: CommandTables, loads: bool, outputs: Sequence[str] | None,
+    effects: Sequence[str], engine: str | None, model: dict[str, Any],
+) -> CommandPlan:  # fmt: skip
+    """Build the plan for a robot and a table.
+
+    Args:
+        model: Options of the inverse model: passive, on_singular, weights.
+    """
+    robot, layout, on = given.robot, given.layout, choose(given.robot, effects)
+    if loads:  # the report names the limits
+        on = on.without("limits")
+    _check(robot, layout, on, model["weights"], only_map=bool(outputs) and not on.names)
+    reactions = tables.reactions is not None
+    obstacles = {
+        "--reactions": reactions,
+        "--passive solved": model["passive"] != "given",
+        "--on-singular least-norm": model["on_singular"] != "raise",
+        "--weights": bool(model["weights"]),
+        "wrenches in the table": bool(layout.wrenches),
+    }
+    worth, alone = worth_of(layout, robot), layout.full_state
+    chosen = choose_engine(engine, robot, on, given.table.rows, worth, obstacles, alone=alone)
+    inverse = partial(efforts, effects=on, reactions=reactions, engine=chosen, **model)
+    if loads:
+        from .common.reports import LoadReport, motor_states
+
+        states = partial(motor_states, efforts=inverse)
+        return CommandPlan(states, None, [LoadReport(robot, tables)], chosen, about(robot, layout, on))
+    columns = [f"{name}/effort" for name in robot.motors]
+    observers: list[Observer] = []
+    if outputs:
+        from ..studies.map_table import map_columns
+        from .common.maps import MapSummary, map_rows
+
+        columns = map_columns(robot, outputs, motion=True, efforts=bool(on.names))
+        inverse = partial(map_rows, joints=outputs, efforts=inverse if on.names else None)
+        observers.append(MapSummary(robot, outputs))
+    observers.append(Summary(robot, "effort", robot.effort_units, columns))
+    return CommandPlan(inverse, columns, observers, chosen, about(robot, layout, on))
+
+
+def _check(
+    robot: HybridRobot, layout: Layout, on: Effects, weights: Mapping[str, float], *, only_map: bool
+) -> None:
+    """Refuse weights of what is no motor, and a robot whose efforts would all be zero."""
+    for name in weights:
+        hint = did_you_mean(name, robot.motors)
+        refuse((name not in robot.motors, f"--weights: there is no motor '{name}'{hint}"))
+    idle = {*DEFAULT, *FROM_FILES, "limits"} - {*stated_names(robot)}
+    loaded = layout.wrenches or not {*on.names} <= idle or has_mass(robot.description)
+    if robot.motors and not loaded and not only_map:
+        raise ModelError(
+            "nothing has mass, so that every effort would be zero: give the links an <inertial>",
+            file=robot.description.source,
+        )
+
+
 def efforts(
-    robot: HybridRobot,
-    block: TreeSamples,
-    *,
-    effects: Effects,
-    passive: str,
-    on_singular: str,
-    weights: Mapping[str, float],
-    reactions: bool,
-    engine: EngineChoice,
-) -> BlockResults:
+    robot: HybridRobot, block: TreeSamples, *, effects: Effects, reactions: bool, engine: EngineChoice,
+    weights: Mapping[str, float], **model: Any,
+) -> BlockResults:  # fmt: skip
     """Compute the efforts of a block, shape (T, motors), and the reactions if they are wanted.
 
     Args:
-        robot: The robot.
         block: The motion.
-        effects: As in `hybridyn.idm`, like the next three.
-        passive: Source of the passive joints' accelerations.
-        on_singular: Behaviour at singular postures.
-        weights: Weights of redundant motors.
         reactions: Whether reactions are computed.
         engine: What computes.
+        model: Options of `hybridyn.idm`, as `effects` and `weights` are.
     """
     if (compiled := engine.model) is not None:
         before = compiled.recomputed
@@ -131,12 +142,11 @@ def efforts(
         block.v,
         block.a,
         wrenches=block.motion.wrenches or None,
-        passive=passive,
-        on_singular=on_singular,
         weights=weights or None,
         effects=effects,
         time=block.motion.time,
         reactions=reactions,
+        **model,
     )
     left = departures(robot, block.q, block.v, found.values)
     inner = None if found.reactions is None else reaction_rows(robot, found.reactions)

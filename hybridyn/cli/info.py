@@ -20,7 +20,7 @@ from ..studies.home import branch
 from .common.figures import save
 from .common.options import RobotChoice
 from .common.text import counted
-from .words import PRINTED
+from .words.robots import PRINTED
 
 #: Exit status where a finding has the severity of --fail-on.
 FOUND = 1
@@ -49,39 +49,43 @@ def run(
     except HybridynError as error:
         problem = error
     found = check(
-        load.robot,
-        robot,
-        motors=load.motors,
-        xacro_args=load.xacro_args or None,
-        package_dirs=load.package_dirs,
-        rank_tolerance=load.rank_tolerance,
-        closure_tolerance=load.closure_tolerance,
-        meshes=not no_meshes,
-    )
+        load.robot, robot, motors=load.motors, xacro_args=load.xacro_args or None,
+        package_dirs=load.package_dirs, rank_tolerance=load.rank_tolerance,
+        closure_tolerance=load.closure_tolerance, meshes=not no_meshes,
+    )  # fmt: skip
     if problem is not None and not as_json and (load.strict or not is_readable(found)):
         raise problem
     found = [finding for finding in found if finding.code not in ignore]
     singular = {one.element.partition("'")[2][:-1] for one in found if one.code.startswith("singular")}
     tree = [] if robot is None else cards(robot, home_residuals(robot), singular)
-    width = min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
     if as_json:
         facts = [asdict(one) | {"element": one.element or None, "severity": one.severity} for one in found]
         click.echo(json.dumps(facts, indent=2))
     else:
+        width = min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
         if robot is not None:
-            above = [line for told in (*_head(robot), *branch(robot)) for line in _wrapped(told, width, "")]
-            click.echo("\n".join([*above, "", *lines(tree, width)]))
-            click.echo(f"\n{LETTERS}\n")
-        counts = Counter[str](finding.severity for finding in found)
-        parts = [counted(counts[level], level) for level in SEVERITIES if counts[level]]
-        tally = f"{load.robot}: {', '.join(parts) or 'nothing looks wrong'}"
-        click.echo("\n".join([*_findings(found, width, everything), tally]))
+            click.echo("\n".join(_tree(robot, tree, width)))
+        click.echo("\n".join([*_findings(found, width, everything), f"{load.robot}: {_tally(found)}"]))
     if problem is not None:
         raise problem
     if plot:
         save(figure_of_cards(tree), plot)
     failing = SEVERITIES[: SEVERITIES.index(fail_on) + 1] if fail_on != "never" else ()
     return FOUND if any(finding.severity in failing for finding in found) else 0
+
+
+def _tree(robot: HybridRobot, tree: Sequence[Card], width: int) -> Iterator[str]:
+    """Yield the lines on a robot: what it is, its modules, and the letters that they use."""
+    for told in (*_head(robot), *branch(robot)):
+        yield from _wrapped(told, width, "")
+    yield from ("", *lines(tree, width), "", LETTERS, "")
+
+
+def _tally(found: Sequence[Finding]) -> str:
+    """Return the numbers of findings by severity, in words."""
+    counts = Counter[str](finding.severity for finding in found)
+    parts = [counted(counts[level], level) for level in SEVERITIES if counts[level]]
+    return ", ".join(parts) or "nothing looks wrong"
 
 
 def _wrapped(text: str, width: int, first: str = "  ", others: str = "    ") -> list[str]:

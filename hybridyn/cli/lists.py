@@ -6,7 +6,6 @@ import click
 from click.shell_completion import shell_complete
 
 from ..description.shipped import shipped_robots, shown
-from . import commands
 from .common.options import refuse
 from .common.text import aligned_rows
 
@@ -47,7 +46,7 @@ def show_robots(form: str) -> None:
     click.echo("\n".join(aligned_rows(rows, right=(1, 2))))
 
 
-def show_completion(shell: str) -> None:
-    """Print the completion script of a shell."""
+def show_completion(commands: click.Command, shell: str) -> None:
+    """Print the script with which a shell completes the commands."""
     click.echo(f"# {WHERE[shell]}")
     shell_complete(commands, {}, "hybridyn", VARIABLE, f"{shell}_source")

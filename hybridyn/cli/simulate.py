@@ -28,7 +28,7 @@ from .common.figures import save, title_of
 from .common.files import check_targets
 from .common.options import refuse
 from .common.progress import progress
-from .common.tables import effects_line
+from .common.summary import effects_line
 from .common.text import counted
 
 FAILED = ("unreachable", "unsolved", "singular")

@@ -22,19 +22,10 @@ BLOCKS = 6
 
 
 def run(
-    load: RobotChoice,
-    module: str | None,
-    link: str | None,
-    sweep: Sequence[str] | None,
-    at: dict[str, float],
-    steps: dict[str, float],
-    no_limits: bool,
-    output: str | None,
-    plot: str | None,
-    jobs: int | None,
-    outputs: Sequence[str] | None,
-    grid: Grid | None,
-) -> None:
+    load: RobotChoice, module: str | None, link: str | None, sweep: Sequence[str] | None,
+    at: dict[str, float], steps: dict[str, float], no_limits: bool, output: str | None, plot: str | None,
+    jobs: int | None, outputs: Sequence[str] | None, grid: Grid | None,
+) -> None:  # fmt: skip
     """Find the poses that a link reaches, or the map over a grid."""
     others = any((module, link, sweep, at, steps, no_limits, plot, jobs))
     refuse(
@@ -52,25 +43,12 @@ def run(
     robot = load()
     with Workers(0 if jobs in (None, 1) else jobs) as workers, progress("poses") as show:
         found = workspace(
-            robot,
-            module,
-            link=link,
-            axes=sweep,
-            at=at,
-            steps=steps,
-            limits=not no_limits,
-            spread=workers.over,
-            progress=lambda poses: show(poses, None),
-        )
+            robot, module, link=link, axes=sweep, at=at, steps=steps, limits=not no_limits,
+            spread=workers.over, progress=lambda poses: show(poses, None),
+        )  # fmt: skip
     _write(found, output)
     if plot:
-        units = dict.fromkeys(
-            robot.effort_units[i] for k in found.sweep.modules for i in robot.modules[k].motor_index
-        )
-        title = f"{robot.name}: {found.sweep.link}"
-        swept = [*found.sweep.axes, *(name for name in found.sweep.names if name not in found.sweep.axes)]
-        poses = {name: found.coordinates[:, found.sweep.names.index(name)] for name in swept}
-        save(figure_of_workspace(poses, found.measures, title=title, unit=" or ".join(units)), plot)
+        _draw(robot, found, plot)
     for line in _summary(robot, found, time.perf_counter() - started):
         click.echo(line, err=True)
 
@@ -83,6 +61,15 @@ def _write(found: Workspace, output: str | None) -> None:
     columns |= found.measures
     with open_results(output, list(columns)) as write:
         write(np.column_stack(list(columns.values())))
+
+
+def _draw(robot: HybridRobot, found: Workspace, plot: str) -> None:
+    sweep = found.sweep
+    units = dict.fromkeys(robot.effort_units[i] for k in sweep.modules for i in robot.modules[k].motor_index)
+    swept = [*sweep.axes, *(name for name in sweep.names if name not in sweep.axes)]
+    poses = {name: found.coordinates[:, sweep.names.index(name)] for name in swept}
+    title = f"{robot.name}: {sweep.link}"
+    save(figure_of_workspace(poses, found.measures, title=title, unit=" or ".join(units)), plot)
 
 
 def _summary(robot: HybridRobot, found: Workspace, seconds: float) -> list[str]:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.cli.common.tables import LONG_FOR_COMPILED, _processes
+from hybridyn.cli.common.table_pass import LONG_FOR_COMPILED, _processes
 from hybridyn.errors import AssemblyError, TrajectoryError
 from hybridyn.streams import one_pass
 from hybridyn.streams.one_pass import rows_at_once

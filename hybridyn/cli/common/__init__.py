@@ -1,8 +1,9 @@
 """Code that commands share: the options of the robot, files, the engine, progress, tables.
 
 `options`, `files` and the options of `figures` are what `words` is made of: they import nothing large. Then
-read `tables` (a command from table to table, and the observers of its pass), `batch` (the same for many
-tables), `engine`. `reports` and `maps` are what `idm` says beside efforts.
+read `one_table` (the files of a command from table to table), `batch` (the same for many tables),
+`each_table` (which of the two), `table_pass` and `summary` (what is computed, and what is told), and
+`engine_choice`. `reports` and `maps` are what `idm` says beside efforts.
 
 May import: the same as `cli`.
 """

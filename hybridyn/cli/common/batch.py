@@ -19,9 +19,9 @@ from ...studies.pools import MOST_DEATHS, open_pool
 from ...studies.results_folder import by_name, digest, part, writing
 from ...threads import one_thread
 from .. import explained
+from .one_table import one_table
 from .options import RobotChoice, refuse
 from .progress import progress
-from .tables import one_table
 from .text import counted
 
 #: Options that change no shard, and that of the robot, whose parts are named by themselves.

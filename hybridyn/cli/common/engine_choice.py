@@ -68,15 +68,9 @@ class EngineChoice:
 
 
 def choose_engine(
-    asked: str | None,
-    robot: HybridRobot,
-    effects: Effects,
-    samples: int | None,
-    worth: int,
-    obstacles: Mapping[str, bool],
-    *,
-    alone: bool = False,
-) -> EngineChoice:
+    asked: str | None, robot: HybridRobot, effects: Effects, samples: int | None, worth: int,
+    obstacles: Mapping[str, bool], *, alone: bool = False,
+) -> EngineChoice:  # fmt: skip
     """Choose the engine: the one the user asks for, else by the robot and the number of samples.
 
     Args:

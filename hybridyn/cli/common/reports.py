@@ -14,14 +14,15 @@ from ...streams.departures import Departures
 from ...streams.one_pass import BlockResults, read_postures
 from ...streams.postures import TreeSamples, rows_named
 from ...structure.robot import HybridRobot
-from ...studies.effect_worth import EffectSets, contributions
+from ...studies.effect_worth import Contribution, EffectSets, contributions
 from ...studies.sizing import MotorLoad, Peak, Sizing, motor_rows
 from ...tables.columns import Layout
 from .engine_choice import WORTH_OF_EFFECTS, choose_engine
 from .figures import save, title_of
 from .files import write_report
+from .one_table import CommandTables
 from .options import RobotChoice
-from .tables import CommandTables, about
+from .summary import about
 from .text import aligned_rows, counted
 
 #: Part of the numbers that make it up, below which a sum is their rounding.
@@ -154,24 +155,14 @@ def tell_effects(
     sets = None if chosen.model is None else EffectSets(chosen.model)
     with rows_named(layout, motion):
         contributed = contributions(robot, q, v, a, on, wrenches=motion.wrenches, time=motion.time, sets=sets)
-    told: list[dict[str, Any]] = [
-        {"effect": one.name, "motor": motor, "unit": robot.effort_units[i]}
-        | {
-            name: float(values[i]) if math.isfinite(values[i]) else None
-            for name, values in (("peak", one.peak), ("rms", one.rms), ("share", one.share))
-        }
+    told = [
+        _contribution(one, i, motor, robot.effort_units[i])
         for one in contributed
         for i, motor in enumerate(robot.motors)
     ]
     if tables.output:
         write_report(tables.output, told)
-    rows = [["effect", "motor", "peak", "RMS", "unit", "share"]]
-    for one in told:  # without an effect, a passive motion may need an effort that no motor has
-        cells = ["needed", "", "", ""]
-        if one["peak"] is not None:
-            cells = [f"{one['peak']:.4g}", f"{one['rms']:.4g}", one["unit"], f"{one['share']:.2%}"]
-        rows.append([one["effect"], one["motor"], *cells])
-    click.echo("\n".join(aligned_rows(rows, right=(2, 3, 5))))
+    click.echo("\n".join(_table_of_effects(told)))
     if tables.plot:
         title = f"{title_of(robot, tables.source)}: what each effect adds"
         save(chart_of_report(told, title=title), tables.plot)
@@ -183,3 +174,21 @@ def tell_effects(
         made = counted(len(sets.models), "set")
         lines.append(f"{made} of effects compiled, {len(sets.refused)} left to the general path")
     click.echo("\n".join([*lines, str(chosen)]), err=True)
+
+
+def _contribution(one: Contribution, i: int, motor: str, unit: str) -> dict[str, Any]:
+    """Return what an effect adds at the motor of an index, None for what is unknown."""
+    values = {"peak": one.peak, "rms": one.rms, "share": one.share}
+    known = {name: float(x[i]) if math.isfinite(x[i]) else None for name, x in values.items()}
+    return {"effect": one.name, "motor": motor, "unit": unit} | known
+
+
+def _table_of_effects(told: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the printed table: one line per effect and motor."""
+    rows = [["effect", "motor", "peak", "RMS", "unit", "share"]]
+    for one in told:  # without an effect, a passive motion may need an effort that no motor has
+        cells = ["needed", "", "", ""]
+        if one["peak"] is not None:
+            cells = [f"{one['peak']:.4g}", f"{one['rms']:.4g}", one["unit"], f"{one['share']:.2%}"]
+        rows.append([one["effect"], one["motor"], *cells])
+    return aligned_rows(rows, right=(2, 3, 5))

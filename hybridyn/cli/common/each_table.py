@@ -1,0 +1,28 @@
+"""What a command computes from a table, for one or for each of several ones."""
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from .files import report_file, result_file, several
+from .one_table import one_table
+from .options import refuse
+
+
+def for_each_table(compute: Callable[..., int], words: dict[str, Any], *, report: bool = False) -> int:
+    """Compute a table, or each of several ones, and return the exit status.
+
+    Args:
+        compute: Function of `tables`, the files, and the other values, that computes a table.
+        words: Values of arguments and options.
+        report: Whether the result is no table but a report, .csv or .json.
+    """
+    resume = words.pop("resume")
+    if several(words["source"]):
+        from .batch import compute_each
+
+        return compute_each(compute, words, ".csv" if report else "", resume=resume)
+    refuse((resume, "--resume belongs to several tables"))
+    (report_file if report else result_file)(click.get_current_context(), None, words["output"])
+    return one_table(compute, words)
