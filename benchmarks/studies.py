@@ -17,7 +17,8 @@ from benchmarks.results import Row
 from benchmarks.timing import spent
 from hybridyn.effects.choice import choose
 from hybridyn.streams.one_pass import read_postures
-from hybridyn.studies.cost.variants import Trajectory, study_models
+from hybridyn.studies.cost.measured import Trajectory
+from hybridyn.studies.cost.variants import study_models
 
 #: Robots whose files state more effects than those that are on by default.
 ROBOTS = ("five_bar", "gough_stewart", "lx4")

@@ -124,8 +124,9 @@ def _measure(
     from ..effects.choice import choose, stated_names
     from ..scenes.stage import stage
     from ..streams.one_pass import read_postures
+    from ..studies.cost.measured import Trajectory
     from ..studies.cost.runs import states_of, study_runs
-    from ..studies.cost.variants import Trajectory, study_models
+    from ..studies.cost.variants import study_models
 
     show = partial(_show, study, time.perf_counter())
     if trajectory is None:

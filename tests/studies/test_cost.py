@@ -17,7 +17,10 @@ import hybridyn
 from hybridyn.effects import choose
 from hybridyn.effects.choice import FROM_FILES
 from hybridyn.scenes.stage import SceneStage, stage
-from hybridyn.studies.cost import points, runs, variants
+from hybridyn.studies.cost import measured as measuring
+from hybridyn.studies.cost import points, reference, runs, scene_effects, spared, variants, ways
+from hybridyn.studies.cost import runner as runners
+from hybridyn.studies.cost.measured import UNJUDGED, Measured, Trajectory
 from hybridyn.studies.cost.points import (
     CostPoint,
     CostStudy,
@@ -29,17 +32,11 @@ from hybridyn.studies.cost.points import (
     front,
     timed,
 )
-from hybridyn.studies.cost.runs import (
-    Runner,
-    Setting,
-    distance,
-    effects_fragment,
-    errors,
-    every_effect,
-    needed_effects,
-    study_runs,
-)
-from hybridyn.studies.cost.variants import QUANTITIES, UNJUDGED, Measured, Trajectory, by_rates, study_models
+from hybridyn.studies.cost.runner import Runner, distance, errors
+from hybridyn.studies.cost.runs import study_runs
+from hybridyn.studies.cost.scene_effects import effects_fragment, every_effect, needed_effects
+from hybridyn.studies.cost.solver_settings import Setting
+from hybridyn.studies.cost.variants import QUANTITIES, by_rates, study_models
 from hybridyn.tables.signals import WRENCH
 from tests import ROOT
 from tests.assembly.test_assembly import waves
@@ -200,8 +197,8 @@ def test_friction_matters_more_when_the_same_path_is_slower() -> None:
 
 def test_motors_that_need_no_effort_are_judged_by_the_others() -> None:
     exact, noise = np.array([[1e-16, 4.0], [0.0, -2.0]]), np.array([[-1e-16, 1e-9], [1e-16, 0.0]])
-    assert variants.off(exact + noise, exact, efforts=True) == pytest.approx(1e-9 / 4.0, rel=1e-6)
-    assert variants.off(exact + np.array([1.0, 0.0]), exact) == pytest.approx(1.0 / 4.0)
+    assert reference.off(exact + noise, exact, efforts=True) == pytest.approx(1e-9 / 4.0, rel=1e-6)
+    assert reference.off(exact + np.array([1.0, 0.0]), exact) == pytest.approx(1.0 / 4.0)
 
 
 def test_without_a_compiler_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -209,8 +206,9 @@ def test_without_a_compiler_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) 
         """Have no compiler."""
         raise hybridyn.CompileError("no compiler")
 
-    monkeypatch.setattr(variants, "compile", absent)
-    monkeypatch.setattr(variants, "exact", absent)
+    for place in (ways, measuring, variants):
+        monkeypatch.setattr(place, "compile", absent)
+    monkeypatch.setattr(measuring, "exact", absent)
     monkeypatch.setattr(points, "clock", Clock(tick=1e-3))
     robot = hybridyn.load("five_bar")
     study = study_models(robot, motion(robot, 5), choose(robot, "model"))
@@ -299,8 +297,8 @@ def swing() -> CostStudy:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(runs, "FACTORS", (8.0, 4.0))
         patch.setattr(runs, "TOLERANCES", (1e-3, 1e-7))
-        patch.setattr(runs, "LADDER", (1e-10, 1e-12))
-        patch.setattr(runs, "clock", Clock(tick=1e-6))  # times are numbers of steps
+        patch.setattr(runners, "LADDER", (1e-10, 1e-12))
+        patch.setattr(runners, "clock", Clock(tick=1e-6))  # times are numbers of steps
         return study_runs(stage(SWING), SHORT)
 
 
@@ -319,7 +317,7 @@ def measured(swing: CostStudy, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_error_between_two_outputs_shows_in_the_path(seed: int) -> None:
     """An error of a hundredth of a run that is gone at its end."""
     robot, rng = hybridyn.load("five_bar"), np.random.default_rng(seed)
-    t, rest = runs.OUTPUTS, np.zeros(len(runs.OUTPUTS))
+    t, rest = runners.OUTPUTS, np.zeros(len(runners.OUTPUTS))
     exact = SimpleNamespace(status="finished", q=np.tile(robot.home, (len(t), 1)), residual=rest)
     exact.kinetic = exact.potential = rest
     bump = np.exp(-(((t - rng.uniform(0.03, 0.97)) / 0.005) ** 2))
@@ -458,9 +456,11 @@ def test_effects_that_miss_the_target_over_the_whole_scene_are_not_advised(
     every = ready.effects.only(["gravity", "inertia", "leg_inertia", "velocity"])
     end = SimpleNamespace(state=SimpleNamespace(q=ready.q0, v=ready.v0))
     runner = SimpleNamespace(ready=ready, compiled=True, whole=lambda *_: end, start=None)
-    monkeypatch.setattr(runs, "errors", lambda *_: {"error": here if runner.start is None else there})
+    monkeypatch.setattr(
+        scene_effects, "errors", lambda *_: {"error": here if runner.start is None else there}
+    )
     some = ["gravity", "inertia", "leg_inertia"]
-    needed, said = runs._checked(runner, every, some, 1e-3, 1.0)
+    needed, said = scene_effects.checked_together(runner, every, some, 1e-3, 1.0)
     assert ("do not carry over to a motion" in said[-1]) == (there > 1e-3)
     assert len(needed) == kept
     assert said[0] == f"without 'velocity', the end is {here:.1e} from that with every effect that is stated"
@@ -468,13 +468,13 @@ def test_effects_that_miss_the_target_over_the_whole_scene_are_not_advised(
 
 def test_effects_that_were_not_run_to_the_end_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """What changes little over the beginning of a scene may change everything at its end."""
-    monkeypatch.setattr(runs, "clock", Clock(tick=1.0))
+    monkeypatch.setattr(runners, "clock", Clock(tick=1.0))
     scene = Runner(stage(SWING), 2.0)
     scene.compiled = False
     said = "a run came to .* s of 2 s in 4 s of computing: --seconds gives more time"
     every = every_effect(scene.ready)
-    refused(lambda: [*runs._worth(scene, every, 4.0)], hybridyn.HybridynError, said)
-    needed, words = runs._checked(scene, every, ["gravity", "inertia"], 1e-3, 4.0)
+    refused(lambda: [*scene_effects.worth_at_end(scene, every, 4.0)], hybridyn.HybridynError, said)
+    needed, words = scene_effects.checked_together(scene, every, ["gravity", "inertia"], 1e-3, 4.0)
     assert needed == ["gravity", "inertia"]
     assert re.fullmatch(f"not compared with every effect that is stated: {said}", words[0])
 
@@ -493,7 +493,7 @@ def test_effects_that_act_on_nothing_have_no_line(tmp_path: Path) -> None:
             return float(np.abs(solve(*at[:3])).max() < 0.0), 0.0
 
         run = SimpleNamespace(quantity="idm", robot=robot, effects=on, errors=off, study=study)
-        found = {one.effect for one in variants.by_effects(run, -1.0) if isinstance(one, Worth)}
+        found = {one.effect for one in spared.by_effects(run, -1.0) if isinstance(one, Worth)}
         assert found & {*FROM_FILES} == names
         scene = SimpleNamespace(robot=robot, effects=on)
         assert {*every_effect(scene).names} & {*FROM_FILES} == names
@@ -518,10 +518,10 @@ def test_a_scene_that_cannot_be_compiled_is_measured_by_the_general_path(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A wrench over time stays out of compiled models, and out of the operations of single effects."""
-    monkeypatch.setattr(runs, "clock", Clock(tick=2e-3))  # s a step
+    monkeypatch.setattr(runners, "clock", Clock(tick=2e-3))  # s a step
     monkeypatch.setattr(runs, "FACTORS", (8.0, 4.0))
     monkeypatch.setattr(runs, "TOLERANCES", (1e-3, 1e-7))
-    monkeypatch.setattr(runs, "LADDER", (1e-8, 1e-10))
+    monkeypatch.setattr(runners, "LADDER", (1e-8, 1e-10))
     study = study_runs(stage(ROOT / "models/tanev/push.toml"), 1e-3, seconds=12.0)
     assert study.remarks[0].startswith("no compiled models: the effect 'wrench' cannot be compiled")
     assert all("--engine general" in p.fragment for p in study.points)
@@ -531,7 +531,7 @@ def test_a_scene_that_cannot_be_compiled_is_measured_by_the_general_path(
 
 @pytest.mark.slow
 def test_an_event_ends_every_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runs, "clock", Clock(tick=1e-4))  # s a step
+    monkeypatch.setattr(runners, "clock", Clock(tick=1e-4))  # s a step
     text = SWING.read_text().replace("../../", f"{ROOT}/")
     stop = '\n[[events]]\njoint = "m1_left_drive"\nat = 0.49\ndirection = "both"\nstop = true\n'
     study = study_runs(stage(save(tmp_path, text + stop, "event.toml")), 2.0, seconds=3.0)
@@ -540,7 +540,7 @@ def test_an_event_ends_every_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_no_beginning_is_proposed_where_no_run_begins(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runs, "simulate", Mock(side_effect=hybridyn.HybridynError("q0 is singular")))
+    monkeypatch.setattr(runners, "simulate", Mock(side_effect=hybridyn.HybridynError("q0 is singular")))
     scene = Runner(stage(SWING), 2.0)
     scene.compiled = False
     said = "no reference: q0 is singular. Give more time"
@@ -551,7 +551,7 @@ def test_no_beginning_is_proposed_where_no_run_begins(monkeypatch: pytest.Monkey
 def test_the_beginning_that_is_proposed_has_a_reference(monkeypatch: pytest.MonkeyPatch) -> None:
     """The runs of a scene of 20 s end at 0.3 s, where a platform is singular, say."""
     needs("compiled")
-    monkeypatch.setattr(runs, "LADDER", (1e-8, 1e-10))
+    monkeypatch.setattr(runners, "LADDER", (1e-8, 1e-10))
     end = 0.3
 
     def simulated(robot: Any, q: Any, v: Any, times: Any, *, output_times: Any, **words: Any) -> Any:
@@ -560,7 +560,7 @@ def test_the_beginning_that_is_proposed_has_a_reference(monkeypatch: pytest.Monk
         found = hybridyn.simulate(robot, q, v, (0.0, last), output_times=there, **words)
         return replace(found, status="singular") if times[1] > end else found
 
-    monkeypatch.setattr(runs, "simulate", simulated)
+    monkeypatch.setattr(runners, "simulate", simulated)
     said = str(
         refused(lambda: Runner(stage(SWING), 20.0).find_reference(1e9), hybridyn.HybridynError, "--until")
     )
@@ -574,7 +574,7 @@ def test_the_beginning_that_is_proposed_has_a_reference(monkeypatch: pytest.Monk
 def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(runs, "clock", Clock(tick=1.0))
+    monkeypatch.setattr(runners, "clock", Clock(tick=1.0))
     scene = Runner(stage(SWING), 2.0)
     options = scene.ready.source.scene.solver.model_dump(exclude_none=True)
     usual = Setting(options, "", "usual", compiled=False)
@@ -596,7 +596,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
 @pytest.mark.slow
 def test_a_scene_that_takes_too_long_is_measured_at_its_beginning(monkeypatch: pytest.MonkeyPatch) -> None:
     needs("compiled")
-    monkeypatch.setattr(runs, "clock", Clock(tick=0.1))  # s a step
+    monkeypatch.setattr(runners, "clock", Clock(tick=0.1))  # s a step
     study = study_runs(stage(SWING), 2.0)
     assert any("s are measured: --seconds gives more time" in said for said in study.remarks)
     assert advice(study, 1e-3)[0].startswith("For 0.1 % on the last posture, take")
