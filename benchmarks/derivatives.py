@@ -28,7 +28,7 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.derivatives.sweeps import DENSE
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.spatial import Array
-from hybridyn.studies.compare.engines import pinocchio_engine
+from hybridyn.studies.compare.engines import pinocchio_solvers
 from hybridyn.studies.compare.methods import MODELS, Model, Setting, grid, written
 from hybridyn.studies.compare.peer_engine import NotComparableError
 from tests.oracle import Oracle
@@ -177,7 +177,7 @@ def peers(robot: HybridRobot, model: Model, given: Blocks) -> Iterator[Peer]:
     closed = bool(robot.description.closures)
     if closed and model == "idm":
         raise NotComparableError("Pinocchio has no derivatives of the inverse model of robots with loops")
-    own = pinocchio_engine.closed(robot)
+    own = pinocchio_solvers.closed(robot)
     m, data = own.model, own.data
     if not closed and model == "idm":
         pin.computeRNEADerivatives(m, data, q, v, x)
@@ -198,7 +198,7 @@ def peers(robot: HybridRobot, model: Model, given: Blocks) -> Iterator[Peer]:
 
 def _constrained(robot: HybridRobot, given: Blocks, setting: Setting) -> Peer:
     """Return Pinocchio's derivatives of a robot with loops."""
-    own = pinocchio_engine.closed(robot)
+    own = pinocchio_solvers.closed(robot)
     q, v, x = given
     m, data = own.model, own.data
     settings = pin.ProximalSettings(ACCURACY, setting["mu"], int(setting["iterations"]))

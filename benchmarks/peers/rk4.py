@@ -13,7 +13,8 @@ import pinocchio as pin
 
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
-from hybridyn.studies.compare.engines.pinocchio_engine import ACCURACY, PinocchioEngine, closed, loop_solver
+from hybridyn.studies.compare.engines.pinocchio_robot import PinocchioEngine
+from hybridyn.studies.compare.engines.pinocchio_solvers import ACCURACY, closed, loop_solver
 from hybridyn.studies.compare.peer_engine import NotComparableError
 
 #: Of the largest rate that the step allows, critically damped.

@@ -154,14 +154,7 @@ def _search(robot: HybridRobot, requests: Requests, starts: int, seed: int) -> t
                 known[key] = postures(robot, module, task, starts, seed)
             found.append(known[key])
         found = found * len(q) if alone else found
-        total = sum(len(own) for _, own in found)
-        if total > MOST_POSTURES:
-            raise AssemblyError(
-                f"module '{module.name}': with the modules below it, it has at least {total} postures "
-                f"(limit {MOST_POSTURES}): the numbers of stacked modules multiply. Give the poses of some "
-                "platforms",
-                module=module.name,
-            )
+        _check_number(module, sum(len(own) for _, own in found))
         rows = np.repeat(np.arange(len(q)), [len(own) for _, own in found])
         q = q[rows]
         q[:, module.q_index] = np.concatenate([own for own, _ in found])
@@ -172,6 +165,17 @@ def _search(robot: HybridRobot, requests: Requests, starts: int, seed: int) -> t
         motion = module.mechanism.spanning.sweep(q[:, module.q_index])
         place_bodies(robot, module, motion, bodies)
     return q, counts, unseen
+
+
+def _check_number(module: Module, total: int) -> None:
+    """Refuse a number of postures that would take too long."""
+    if total > MOST_POSTURES:
+        raise AssemblyError(
+            f"module '{module.name}': with the modules below it, it has at least {total} postures "
+            f"(limit {MOST_POSTURES}): the numbers of stacked modules multiply. Give the poses of some "
+            "platforms",
+            module=module.name,
+        )
 
 
 def postures(robot: HybridRobot, module: Module, task: Task, starts: int, seed: int) -> tuple[Array, Index]:

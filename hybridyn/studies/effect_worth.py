@@ -96,10 +96,9 @@ def contributions(
 
     def efforts(wanted: Effects) -> Array:
         """Compute the efforts with a set of effects, shape (T, motors), [N or N m]."""
-        model = None if sets is None else sets.model(wanted)
-        if model is None:
-            return efforts_in_blocks(robot, q, v, a, wanted, wrenches=wrenches, time=time)
-        return model.idm(q, v, a)
+        if sets is not None and (model := sets.model(wanted)) is not None:
+            return model.idm(q, v, a)
+        return efforts_in_blocks(robot, q, v, a, wanted, wrenches=wrenches, time=time)
 
     full, out = efforts(on), []
     whole = rms_over(time, full)

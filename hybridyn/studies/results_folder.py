@@ -69,13 +69,9 @@ def read_record(folder: str | os.PathLike[str]) -> Record:
 
 @contextlib.contextmanager
 def writing(
-    folder: str | os.PathLike[str],
-    asked: Mapping[str, str],
-    told: Mapping[str, Any],
-    names: Iterable[str],
-    *,
-    resume: bool,
-) -> Iterator[Record]:
+    folder: str | os.PathLike[str], asked: Mapping[str, str], told: Mapping[str, Any], names: Iterable[str],
+    *, resume: bool,
+) -> Iterator[Record]:  # fmt: skip
     """Begin or continue the results in a folder, hold it for this process, and yield its record.
 
     The end of the process releases the folder, whatever ends it.

@@ -11,7 +11,7 @@ import hybridyn
 from hybridyn.description.reading import open_robot
 from hybridyn.errors import install_advice
 from hybridyn.studies.check.check import CODES, Finding
-from hybridyn.studies.check.elements import unit_guess
+from hybridyn.studies.check.masses import unit_guess
 from tests import ROOT
 from tests.extras import needs
 from tests.mjcf_texts import mjcf

@@ -27,7 +27,9 @@ from hybridyn.studies.sweep.designs import designs_of
 from hybridyn.studies.sweep.evaluation import Chunk, Designer, DesignRow, status_of
 from hybridyn.studies.sweep.reading import identity, read_study
 from hybridyn.studies.sweep.shards import About, read_shards, write_shard
-from hybridyn.studies.sweep.variants import SlotNumbers, Variants, _number
+from hybridyn.studies.sweep.slot_numbers import SlotNumbers
+from hybridyn.studies.sweep.stated_numbers import _number
+from hybridyn.studies.sweep.variants import Variants
 from tests.clocks import Clock
 from tests.command_line import call
 from tests.comparing import refused

@@ -18,8 +18,8 @@ from ...structure.parameters.slots import differences
 from ...threads import one_thread
 from .compiled_designs import CompiledDesigns, DesignPlan, Structure, check_task
 from .evaluation import Chunk, Designer, DesignRow, Evaluated
+from .slot_numbers import by_structure
 from .study_file import StudyFile
-from .variants import by_structure
 
 #: Designs that are compared with robots built for them: one in this many, and at most so many in all.
 CHECKED_SHARE, MOST_CHECKED = 10, 1000
@@ -125,9 +125,7 @@ def plan_for(
     Returns:
         The plan; or None, and why there are no compiled models, "" where compiling does not pay.
     """
-    designer = Designer(source)
-    own: list[CompiledDesigns] = []
-    why = ""
+    designer, own, why = Designer(source), list[CompiledDesigns](), ""
     try:
         for name, task in source.study.tasks.items():
             check_task(name, task)
@@ -148,12 +146,16 @@ def plan_for(
         return None, str(error)
     if not own:
         return None, why
-    count, check = len(designs), source.study.designs.check
-    if check is None:
-        check = min(MOST_CHECKED, -(-count // CHECKED_SHARE))
-    plan = DesignPlan(uuid4().hex, tuple(one.structure for one in own), count, min(check, count))
+    structures, check = tuple(one.structure for one in own), _checked_of(source, len(designs))
+    plan = DesignPlan(uuid4().hex, structures, len(designs), check)
     _keep(plan, ChunkModels(designer, plan, own))
     return plan, ""
+
+
+def _checked_of(source: StudyFile, count: int) -> int:
+    """Return how many of a number of designs are compared with robots built for them."""
+    stated = source.study.designs.check
+    return min(count, min(MOST_CHECKED, -(-count // CHECKED_SHARE)) if stated is None else stated)
 
 
 def _structures(designer: Designer, values: Array) -> Iterator[tuple[Structure, Array, float]]:

@@ -35,10 +35,12 @@ from ...spatial import Array, Index
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ...tables.trajectory import TableMotion
-from .evaluation import Designer, effects_of, follow
-from .measures import OF_MOTORS, measures_of
+from .evaluation import Designer, effects_of
+from .following import follow
+from .many_designs import measures_of
+from .measures import OF_MOTORS
+from .slot_numbers import SlotNumbers, Slotted
 from .study_file import PYTHON, TaskTable
-from .variants import SlotNumbers, Slotted
 
 #: Numbers of the motions that are computed at once; bounds the memory of a process.
 AT_ONCE = 10_000_000

@@ -7,88 +7,26 @@ cost.py:cost                      a function of (robot, motion) in a file beside
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...description.names import did_you_mean
-from ...description.records import Description, Joint
+from ...description.records import Description
 from ...description.side_cars.toml_file import Keys
-from ...dynamics.link_motion import kinematics
-from ...errors import HybridynError, ModelError, TrajectoryError
-from ...spatial import Array, Index
+from ...errors import ModelError
+from ...spatial import Array
 from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
 from ...tables.over_time import mean_over, rms_over
-from ...tables.signals import TWIST, UNITS
-from ...tables.trajectory import TableMotion
+from ...tables.signals import UNITS
 from ..sizing import MotorLoad, Sizing, motor_rows
 from ..workspace.workspace import Workspace
-from .study_file import PYTHON, StudyFile, python_of
-
-#: Columns of a link; those of joints and motors have no component.
-_OF_LINK = re.compile(r"(?P<link>.+)/(?P<quantity>pose|velocity|acceleration)/(?P<component>\w+)")
-_FORMS = (
-    "columns are '<joint>/position|velocity|acceleration', '<motor>/effort|power', '<link>/pose/x|y|z' and "
-    "'<link>/velocity|acceleration/x|y|z|wx|wy|wz'"
-)
-
-
-def column_of(robot: HybridRobot, block: TreeSamples, tau: Array, column: str) -> Array:
-    """Return a column of the motion, shape (T,).
-
-    Args:
-        block: The postures.
-        tau: Efforts of the motors, shape (T, motors).
-        column: `<joint>/position|velocity|acceleration` of a joint with one freedom, `<motor>/effort|power`,
-            or `<link>/pose|velocity|acceleration/...` in the world.
-
-    Raises:
-        TrajectoryError: There is no such column.
-    """
-    if match := _OF_LINK.fullmatch(column):
-        return _of_link(robot, block, match["link"], match["quantity"], match["component"])
-    owner, _, quantity = column.rpartition("/")
-    if quantity in ("effort", "power"):
-        if owner not in robot.motors:
-            raise _absent("motor", owner, robot.motors)
-        effort: Array = tau[:, robot.motors.index(owner)]
-        speed = block.v[:, robot.v_slices[robot.joint_index[owner]].start]
-        return effort if quantity == "effort" else effort * speed
-    quantities = {"position": (block.q, robot.q_slices), "velocity": (block.v, robot.v_slices),
-                  "acceleration": (block.a, robot.v_slices)}  # fmt: skip
-    if quantity not in quantities:
-        raise TrajectoryError(f"'{column}' is not understood; {_FORMS}")
-    if owner not in robot.joint_index:
-        raise _absent("joint", owner, robot.joints)
-    joint = robot.joint_index[owner]
-    if not (robot.kinds[joint].additive if quantity == "position" else robot.kinds[joint].single):
-        raise TrajectoryError(f"joint '{owner}' is {robot.kinds[joint]}, and has no single {quantity}")
-    rows, places = quantities[quantity]
-    return rows[:, places[joint].start]
-
-
-def _of_link(robot: HybridRobot, block: TreeSamples, link: str, quantity: str, component: str) -> Array:
-    """Return a coordinate of a link's origin, or a component of its rates, shape (T,), world axes."""
-    known = TWIST[:3] if quantity == "pose" else TWIST
-    if component not in known:
-        raise TrajectoryError(f"'{link}/{quantity}/{component}' is not understood; {_FORMS}")
-    motion = kinematics(robot, block.q, block.v, block.a, links=[link])[link]
-    rows = {"pose": motion.pose, "velocity": motion.twist, "acceleration": motion.acceleration}[quantity]
-    return rows[:, TWIST.index(component)]
-
-
-def _absent(what: str, name: str, known: tuple[str, ...] | list[str]) -> TrajectoryError:
-    return TrajectoryError(f"there is no {what} '{name}'{did_you_mean(name, known)}")
-
-
-if TYPE_CHECKING:
-    from ...compiled.programs.evaluating import DesignTable
+from .motion_columns import column_of
+from .python_measures import Followed, call
+from .study_file import PYTHON, StudyFile
 
 
 def _below(peak: float, limit: float) -> float:
@@ -232,27 +170,6 @@ def check_units(robot: HybridRobot, words: Iterable[str]) -> None:
         )
 
 
-@dataclass(eq=False)
-class Followed:
-    """The motion of a design along a trajectory, for functions in Python.
-
-    Attributes:
-        time: Times, shape (T,), [s], or None.
-        q: Positions, shape (T, nq).
-        v: Rates, shape (T, nv).
-        a: Accelerations, shape (T, nv).
-        effort: Efforts of the motors, shape (T, motors), [N or N m].
-        measures: The other measures of the task by name.
-    """
-
-    time: Array | None
-    q: Array
-    v: Array
-    a: Array
-    effort: Array
-    measures: Mapping[str, float]
-
-
 def measured(
     robot: HybridRobot,
     wanted: Mapping[str, str],
@@ -289,106 +206,3 @@ def measured(
     followed = Followed(time, whole.q, whole.v, whole.a, tau, dict(out))
     out |= {name: call(functions, word, robot, followed) for name, word in wanted.items() if PYTHON in word}
     return {name: out[name] for name in wanted}
-
-
-def functions_of(source: StudyFile) -> dict[str, Callable[..., Any]]:
-    """Run the Python files of a study, which have all rights of this process, and return their functions.
-
-    Raises:
-        ModelError: A file fails, or has no such function.
-    """
-    words = [word for task in source.study.tasks.values() for word in task.wanted.values() if PYTHON in word]
-    out: dict[str, Callable[..., Any]] = {}
-    for word in words:
-        file, name = python_of(word)
-        path = source.beside(file)
-        spec = importlib.util.spec_from_file_location(file.removesuffix(".py").replace("/", "_"), path)
-        if spec is None or spec.loader is None:
-            raise ModelError("there is no such Python file", file=path)
-        module = importlib.util.module_from_spec(spec)
-        try:
-            spec.loader.exec_module(module)
-            out[word] = getattr(module, name)
-        except Exception as error:
-            raise ModelError(f"'{name}': {type(error).__name__}: {error}", file=path) from error
-    return out
-
-
-def call(functions: Mapping[str, Callable[..., Any]], word: str, robot: HybridRobot, result: object) -> float:
-    """Call a function in Python and return its number.
-
-    Raises:
-        ModelError: It fails, or returns no number.
-    """
-    try:
-        return float(functions[word](robot, result))
-    except HybridynError:
-        raise
-    except Exception as error:
-        raise ModelError(f"'{word}': {type(error).__name__}: {error}") from error
-
-
-def measures_of(
-    robot: HybridRobot,
-    descriptions: Sequence[Description],
-    wanted: Mapping[str, str],
-    motion: TableMotion,
-    table: DesignTable,
-    chosen: Index,
-) -> list[dict[str, float] | None]:
-    """Compute the measures of designs that can make the whole motion.
-
-    A design's measures do not depend on the others.
-
-    Args:
-        robot: The robot whose models were compiled.
-        descriptions: Description of each chosen design, of which limits are read.
-        wanted: The measures by name; none is a function in Python.
-        table: Motions and efforts of designs.
-        chosen: Numbers of the chosen designs in the table.
-
-    Returns:
-        Measures of each chosen design by name; None where a column cannot be computed.
-    """
-    motors = {name: word for name, word in wanted.items() if word in OF_MOTORS}
-    others = {name: word for name, word in wanted.items() if word not in OF_MOTORS}
-    out: list[dict[str, float] | None] = [{} for _ in chosen]
-    if motors:
-        out = [*_loads(robot, descriptions, motors, motion, table, chosen)]
-    for i, k in enumerate(chosen.tolist() if others else ()):
-        built = replace(robot, description=descriptions[i])
-        block = TreeSamples(motion, table.q[k], table.v[k], table.a[k])
-        try:
-            out[i] = {**(out[i] or {}), **measured(built, others, [(block, table.tau[k])], {})}
-        except Exception:  # the general path says what is wrong
-            out[i] = None
-    return out
-
-
-def _loads(
-    robot: HybridRobot,
-    descriptions: Sequence[Description],
-    words: Mapping[str, str],
-    motion: TableMotion,
-    table: DesignTable,
-    chosen: Index,
-) -> list[dict[str, float]]:
-    """Compute measures of motors, which stand side by side, those of a design together."""
-    records: dict[int, list[Joint]] = {}
-    joints = []
-    for description in descriptions:
-        if id(description) not in records:
-            by_name = {joint.name: joint for joint in description.joints}
-            records[id(description)] = [by_name[name] for name in robot.motors]
-        joints += records[id(description)]
-    sizing = Sizing(robot, joints)
-    position, speed = motor_rows(robot, table.q[chosen], table.v[chosen])
-    sizing.add(motion.time, motion.first_row, *map(_aside, (position, speed, table.tau[chosen])))
-    loads, count = sizing.loads(), len(robot.motors)
-    own = [loads[i : i + count] for i in range(0, len(loads), count)]
-    return [{name: of_motors(word, each) for name, word in words.items()} for each in own]
-
-
-def _aside(x: Array) -> Array:
-    """Return rows of designs, shape (designs, T, motors), side by side, shape (T, designs x motors)."""
-    return x.swapaxes(0, 1).reshape(x.shape[1], -1)

@@ -12,8 +12,8 @@ from ...errors import HybridynError, ModelError
 from ...scenes.toml_source import read_schema
 from ...spatial import Array
 from ..results_folder import by_name
-from .evaluation import Player
 from .measures import check_word
+from .playing import Player
 from .study_file import PYTHON, Study, StudyFile, python_of
 from .variants import Variants
 

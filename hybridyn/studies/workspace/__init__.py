@@ -1,7 +1,7 @@
 """Workspace of a link: the poses that it can reach from home.
 
-Read `sweep` (the coordinates), `measures` (conditioning and efforts of a posture), `closing` (steps between
-poses) and `workspace` (all poses, and the public function).
+Read `link_sweep` (the coordinates), `measures` (conditioning and efforts of a posture), `closing` (steps
+between poses), `flood` (the search) and `workspace` (all poses, and the public function).
 
 May import: what `studies` may.
 """
