@@ -5,7 +5,8 @@ from .assembly.task import closure_residual
 from .compiled.compiling import compile
 from .compiled.derivatives import ddm_jacobian, idm_jacobian
 from .compiled.model import CompiledRobot
-from .conversion.convert import Conversion, convert
+from .conversion.convert import convert
+from .conversion.target_files import Conversion
 from .dynamics.direct import ddm
 from .dynamics.energy import Energy, Power, centre_of_mass, energy, momentum, power
 from .dynamics.inverse import idm

@@ -23,10 +23,13 @@ from ..description.placement import placement_from, turned
 from ..description.records import Coupling, Curve, Description
 from ..description.shape_files import Shape
 from ..description.side_cars.model_toml import model_file
+from .as_text import add, numeral, put
 from .mjcf_bodies import MjcfTree, pose
 from .mjcf_forces import SEEN, STIFF, add_effects, add_forces, add_tendon, list_losses, with_effects
-from .parts import of_mujoco, sizes_of, without_screws
-from .request import USUAL_GRAVITY, ConversionRequest, Losses, Written, add, home_of, numeral, put
+from .mujoco_parts import of_mujoco
+from .parts import without_screws
+from .request import USUAL_GRAVITY, ConversionRequest, Losses, Written, home_of
+from .small_bodies import sizes_of
 
 #: Acceleration at which closures stay as tight as asked, relative to gravity: a robot that falls freely.
 FREE_FALL = 10.0
@@ -221,28 +224,8 @@ def _add_couplings(root: ET.Element, equality: ET.Element, d: Description, taken
         name, coupling = unique(stated.name, taken), stated.moved(at)
         (first, factor), *others = coupling.terms
         if coupling.curve:
-            bent = _powers(coupling.curve, coupling.offset)
-            factors = dict(coupling.terms)
-            leaders = [joint for joint, _ in coupling.curve.terms]
-            if len(bent) > MOST_POWERS:
+            if not _add_curve(root, equality, name, coupling, coupling.curve):
                 left.append(stated)
-            elif len(leaders) == 1 and len({*factors} - {*leaders}) == 1:
-                (follower,), (leader,) = {*factors} - {*leaders}, leaders
-                ratio = [coupling.curve.terms[0][1] ** k for k in range(MOST_POWERS)]
-                powers = [x * by / factors[follower] for x, by in zip(bent, ratio, strict=False)]
-                powers[1] -= factors[leader] / factors[follower]
-                add(equality, "joint", name=name, joint1=follower, joint2=leader, polycoef=tuple(powers))
-            else:
-                own = add_tendon(root, name, [term for term in coupling.terms if term[1]])
-                lead = add_tendon(root, f"{name}:leader", coupling.curve.terms)
-                add(
-                    equality,
-                    "tendon",
-                    name=name,
-                    tendon1=own.get("name"),
-                    tendon2=lead.get("name"),
-                    polycoef=tuple(bent),
-                )
         elif len(others) > 1:
             own = add_tendon(root, name, coupling.terms)
             add(
@@ -253,6 +236,25 @@ def _add_couplings(root: ET.Element, equality: ET.Element, d: Description, taken
             line = (coupling.offset / factor, -coefficient / factor, 0, 0, 0)
             add(equality, "joint", name=name, joint1=first, joint2=second, polycoef=line)
     return left
+
+
+def _add_curve(root: ET.Element, equality: ET.Element, name: str, coupling: Coupling, curve: Curve) -> bool:
+    """Add a coupling with a curve, between two joints or two tendons; return whether MuJoCo has its order."""
+    bent, factors = _powers(curve, coupling.offset), dict(coupling.terms)
+    if len(bent) > MOST_POWERS:
+        return False
+    leaders = [joint for joint, _ in curve.terms]
+    if len(leaders) == 1 and len({*factors} - {*leaders}) == 1:
+        (follower,), (leader,) = {*factors} - {*leaders}, leaders
+        ratio = [curve.terms[0][1] ** k for k in range(MOST_POWERS)]
+        powers = [x * by / factors[follower] for x, by in zip(bent, ratio, strict=False)]
+        powers[1] -= factors[leader] / factors[follower]
+        add(equality, "joint", name=name, joint1=follower, joint2=leader, polycoef=tuple(powers))
+        return True
+    own = add_tendon(root, name, [term for term in coupling.terms if term[1]]).get("name")
+    lead = add_tendon(root, f"{name}:leader", curve.terms).get("name")
+    add(equality, "tendon", name=name, tendon1=own, tendon2=lead, polycoef=tuple(bent))
+    return True
 
 
 def _powers(curve: Curve, offset: float) -> list[float]:

@@ -19,8 +19,11 @@ from ..description.placement import inverse, motion_of
 from ..description.records import Array, Description, Joint, Link
 from ..errors import ModelError
 from ..joints.kinds import JointKind
-from .parts import AXES, LEAST_MOMENT, POINT_INERTIA, Sizes, is_solid, is_weightless
-from .request import Losses, add, held_links, home_of, numeral, principal, put, quaternion_of
+from .as_text import add, numeral, principal, put, quaternion_of
+from .parts import AXES
+from .renamed import held_links
+from .request import Losses, home_of
+from .small_bodies import LEAST_MOMENT, POINT_INERTIA, Sizes, is_solid, is_weightless
 
 #: Most bodies one inside the other; XML readers stop at 256 elements.
 DEEPEST = 240

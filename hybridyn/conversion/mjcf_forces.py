@@ -19,8 +19,10 @@ from ..description.records import Description
 from ..effects.joints import WIDTH
 from ..effects.lengths import WORDS
 from ..joints.kinds import JointKind
+from .as_text import add, put
 from .mjcf_bodies import WORLD, MjcfTree
-from .request import FORCES, Losses, add, add_of_several, effects_on, put
+from .renamed import effects_on
+from .request import FORCES, Losses, add_of_several
 
 #: Effects whose forces MuJoCo computes, even where the model file has to hold numbers of them.
 SEEN = ("tendons", "line_springs")

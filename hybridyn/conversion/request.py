@@ -5,30 +5,18 @@ Numbers, rotations and inertias read back as the same, or to rounding.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from math import atan2, cos, hypot, sin
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from ..description.closure_forms import PERPENDICULAR, ROWS, words_of_rows
-from ..description.names import listed, unique
+from ..description.names import listed
 from ..description.placement import angle_of
-from ..description.records import (
-    ON_LINKS,
-    Array,
-    Closure,
-    Coupling,
-    Description,
-    Joint,
-    named_by,
-)
+from ..description.records import Array, Closure, Coupling, Description, Joint
 from ..description.shape_files import Shape
 from ..joints.kinds import JointKind
-from ..spatial import quaternion_from_rotation
 
 #: Distance by which closures may open in a simulator that holds them with springs [m], where left out.
 TIGHTNESS = 1e-4
@@ -178,187 +166,3 @@ def rows_of(closure: Closure, losses: Losses) -> tuple[str, Array]:
     own = {kind + "xyz"[i]: kind + "xyz"[axis] for kind in "tr" for i, axis in enumerate(order)}
     words = {own.get(word, word) for word in words_of_rows(closure.translations, closure.rotation)}
     return " ".join(word for word in (*ROWS, PERPENDICULAR) if word in words), turn
-
-
-def allowed(d: Description, losses: Losses, words: str, change: Callable[[str], str]) -> Description:
-    """Return a robot whose names a format allows: one name for one thing.
-
-    Args:
-        losses: Receives the names that are changed.
-        words: The format, for the reason.
-        change: Returns the name that stands for one in the format.
-    """
-    taken: set[str] = set()
-
-    def named(items: Sequence[Any]) -> dict[str, str]:
-        """Return a free name for the name of each item, and take it."""
-        out = {}
-        for item in items:
-            out[item.name] = unique(change(item.name), taken)
-            taken.add(out[item.name])
-        return out
-
-    joints, closures = named(d.joints), named(d.closures)
-    root = {d.root: "world"} if d.root == "world" else {}
-    links = named([link for link in d.links if link.name not in root]) | root
-    changed = [pair for names in (links, joints, closures) for pair in names.items() if pair[0] != pair[1]]
-    for old, new in changed:
-        losses.add(
-            f"names that {words} does not allow, or that two things have, are changed", f"{old} -> {new}"
-        )
-    if not changed:
-        return d
-    return replace(
-        d,
-        links=tuple(replace(link, name=links[link.name]) for link in d.links),
-        joints=tuple(
-            replace(j, name=joints[j.name], parent=links[j.parent], child=links[j.child]) for j in d.joints
-        ),
-        closures=tuple(
-            replace(c, name=closures[c.name], link_a=links[c.link_a], link_b=links[c.link_b])
-            for c in d.closures
-        ),
-        couplings=tuple(c.of(joints) for c in d.couplings),
-        motors=tuple(joints[name] for name in d.motors),
-        home={joints[name]: x for name, x in d.home.items()},
-        effects=effects_on(d, links, {joint: (name,) for joint, name in joints.items()}),
-    )
-
-
-def effects_on(
-    d: Description, links: Mapping[str, str], joints: Mapping[str, Sequence[str]]
-) -> tuple[tuple[str, dict[str, Any]], ...]:
-    """Return the effects of a robot on links and joints of other names.
-
-    Args:
-        links: New names of links; those left out keep theirs.
-        joints: The joints that stand for a joint, each of which has its numbers; none if it has no more. An
-            effect on none of its joints is left out.
-    """
-    out = []
-    for effect, numbers in d.effects:
-        here = {link: (name,) for link, name in links.items()} if effect in ON_LINKS else joints
-        known = named_by(effect, numbers)
-        left = [new for _, name in known for new in here.get(name, (name,))]
-        if left or not known:
-            out.append((effect, _with_names(numbers, {key for key, _ in known}, here)))
-    return tuple(out)
-
-
-def without_joints(d: Description, gone: Collection[str], losses: Losses) -> Description:
-    """Return a robot without effects on joints that are written as others; `losses` receives their names."""
-    for effect, numbers in d.effects:
-        for _, name in named_by(effect, numbers):
-            if name in gone and effect not in ON_LINKS:
-                losses.add(f"{effect} of joints that are written as others", name)
-    return replace(d, effects=effects_on(d, {}, dict.fromkeys(gone, ())))
-
-
-def held_links(d: Description) -> set[str]:
-    """Return the links that effects name, which have to be links of the file."""
-    return {name for effect, x in d.effects if effect in ON_LINKS for _, name in named_by(effect, x)}
-
-
-def _with_names(
-    numbers: Mapping[str, Any], keys: Collection[str], names: Mapping[str, Sequence[str]]
-) -> dict[str, Any]:
-    """Return the numbers of an effect with other names; `keys`: those that hold names, as in `named_by`."""
-
-    def renamed(key: str, value: Any) -> Any:
-        """Return the value of a key."""
-        if isinstance(value, str):  # the link of a payload
-            return names.get(value, (value,))[0]
-        if key == "ends":
-            return {
-                line: [new for link in links for new in names.get(link, (link,))]
-                for line, links in value.items()
-            }
-        return {new: x for name, x in value.items() for new in names.get(name, (name,))}
-
-    return {key: renamed(key, value) if key in keys else value for key, value in numbers.items()}
-
-
-def numeral(value: float) -> str:
-    """Return the shortest text that reads back as the same number; whole numbers have no point."""
-    text = repr(float(value) + 0.0)  # -0.0 becomes 0.0
-    return text.removesuffix(".0")
-
-
-def numerals(values: Iterable[float]) -> str:
-    """Return numbers with spaces between them."""
-    return " ".join(numeral(value) for value in values)
-
-
-def add(parent: ET.Element, tag: str, **attributes: str | float | Iterable[float] | None) -> ET.Element:
-    """Add an element and return it; see `put`."""
-    out = ET.SubElement(parent, tag)
-    put(out, **attributes)
-    return out
-
-
-def put(element: ET.Element, **attributes: str | float | Iterable[float] | None) -> None:
-    """Set attributes: texts, numbers that read back as the same, or none."""
-    for name, value in attributes.items():
-        if isinstance(value, str):
-            element.set(name, value)
-        elif value is not None:
-            element.set(name, numerals(value if isinstance(value, Iterable) else [value]))
-
-
-#: What an element holds: "@name" is an attribute, "" its text, others are children: mappings, or texts; a
-#: list is several of one name. None is left out. Texts may be numbers, which read back as the same.
-Content = Mapping[str, Any]
-
-
-def element(tag: str, content: Content) -> ET.Element:
-    """Return an element with its content."""
-    out = ET.Element(tag)
-    for name, stated in content.items():
-        for value in stated if isinstance(stated, list) else [stated]:
-            if isinstance(value, Mapping):
-                out.append(element(name, value))
-            elif value is not None:
-                text = value if isinstance(value, str) else numerals(np.ravel(value))
-                if name.startswith("@"):
-                    out.set(name[1:], text)
-                else:
-                    (ET.SubElement(out, name) if name else out).text = text
-    return out
-
-
-def document(tag: str, content: Content) -> str:
-    """Return the text of an XML file, whose root has a content."""
-    root = element(tag, content)
-    ET.indent(root)
-    return f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n'
-
-
-def angles_of(rotation: Array) -> tuple[float, float, float]:
-    """Compute roll, pitch and yaw [rad], the inverse of `placement.rotation_from_rpy`.
-
-    Roll is computed with yaw already taken away, so that the product is right to rounding near pitch = 90
-    degrees, too.
-
-    Args:
-        rotation: Rotation matrix, shape (3, 3).
-    """
-    r = [[float(x) for x in row] for row in rotation]
-    yaw = atan2(r[1][0], r[0][0])
-    s, c = sin(yaw), cos(yaw)
-    pitch = atan2(-r[2][0], hypot(r[0][0], r[1][0]))
-    roll = atan2(s * r[0][2] - c * r[1][2], c * r[1][1] - s * r[0][1])
-    return roll, pitch, yaw
-
-
-def quaternion_of(rotation: Array) -> list[float]:
-    """Return the quaternion w, x, y, z of a rotation matrix, shape (3, 3), with w >= 0."""
-    x, y, z, w = (float(part) for part in quaternion_from_rotation(rotation))
-    return [w, x, y, z]
-
-
-def principal(inertia: Array) -> tuple[Array, Array]:
-    """Return the principal moments of an inertia, shape (3,), and their axes as columns, shape (3, 3)."""
-    if not np.any(inertia - np.diag(np.diag(inertia))):
-        return np.diag(inertia).copy(), np.eye(3)
-    moments, axes = np.linalg.eigh(inertia)
-    return moments, -axes if np.linalg.det(axes) < 0 else axes

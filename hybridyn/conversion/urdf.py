@@ -18,19 +18,16 @@ from ..description.records import Array, Closure, Coupling, Description, Joint, 
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
 from ..description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
+from .as_text import Content, angles_of, document, numerals
 from .parts import without_screws
 from .request import (
     LIMITS,
     USUAL_GRAVITY,
-    Content,
     ConversionRequest,
     Losses,
     Written,
     add_of_several,
-    angles_of,
-    document,
     followers_of,
-    numerals,
     rows_of,
 )
 

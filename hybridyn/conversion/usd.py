@@ -8,100 +8,20 @@ first link, and holds the axis of the second one, about which the closing joint 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
-from ..description.closure_forms import ROWS
-from ..description.names import unique
-from ..description.placement import angle_of, free_pose, poses_at, rotation_to_axis, turned
-from ..description.records import Array, Closure, Coupling, Description, Joint, Link
+from ..description.placement import free_pose, poses_at
+from ..description.records import Array, Coupling, Description, Joint, Link
 from ..description.side_cars.model_toml import model_file
-from ..description.usd.schema import AXES, DEGREES
-from ..joints.kinds import RotationKind
-from .parts import POINT_INERTIA, in_parts, sizes_of, without_screws
-from .request import (
-    FORCES,
-    FREED,
-    PLAIN,
-    USUAL_GRAVITY,
-    ConversionRequest,
-    Losses,
-    Written,
-    add_of_several,
-    allowed,
-    followers_of,
-    numeral,
-    principal,
-    quaternion_of,
-    rows_of,
-    without_joints,
-)
-
-
-class UsdPrim:
-    """A prim.
-
-    Args:
-        kind: Its type, "" for none.
-        name: Its name, valid as an identifier.
-        path: Its path.
-    """
-
-    def __init__(self, kind: str, name: str, path: str) -> None:
-        self.kind, self.name, self.path = kind, name, path
-        self.schemas: dict[str, None] = {}
-        self._lines: list[str] = []
-        self.children: list[UsdPrim] = []
-        self._taken: set[str] = set()
-
-    def child(self, kind: str, name: str) -> UsdPrim:
-        """Add a prim below, whose name gets a number where another one has it."""
-        name = unique(name, self._taken)
-        out = UsdPrim(kind, name, f"{self.path}/{name}")
-        self.children.append(out)
-        return out
-
-    def apply(self, schema: str) -> None:
-        """Apply a schema, once."""
-        self.schemas[schema] = None
-
-    def line(self, text: str) -> None:
-        """Add an attribute or relationship as text."""
-        self._lines.append(text)
-
-    def numbers(self, kind: str, name: str, values: float | Sequence[float] | Array) -> None:
-        """Add an attribute of numbers."""
-        self.line(f"{kind} {name} = {_tuple(np.ravel(values))}")
-
-    def place(self, placement: Array) -> None:
-        """Add the transform of the prim in its parent."""
-        if not np.array_equal(placement, np.eye(4)):
-            self.line(f"double3 xformOp:translate = {_tuple(placement[:3, 3])}")
-            self.line(f"quatd xformOp:orient = {_tuple(quaternion_of(placement[:3, :3]))}")
-            self.line('uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]')
-
-    def lines(self, indent: str = "") -> Iterable[str]:
-        """Yield the lines of the prim and of those below."""
-        kind = f"{self.kind} " if self.kind else ""
-        applied = ", ".join(f'"{schema}"' for schema in self.schemas)
-        yield f'{indent}def {kind}"{self.name}"' + (
-            f" (\n{indent}    prepend apiSchemas = [{applied}]\n{indent})" if applied else ""
-        )
-        yield indent + "{"
-        for line in self._lines:
-            yield f"{indent}    {line}"
-        for child in self.children:
-            yield ""
-            yield from child.lines(indent + "    ")
-        yield indent + "}"
-
-
-def _tuple(numbers: Iterable[float]) -> str:
-    parts = [numeral(number) for number in numbers]
-    return parts[0] if len(parts) == 1 else f"({', '.join(parts)})"
+from .as_text import principal, quaternion_of
+from .parts import in_parts, without_screws
+from .renamed import allowed, without_joints
+from .request import FORCES, PLAIN, USUAL_GRAVITY, ConversionRequest, Losses, Written, followers_of
+from .small_bodies import POINT_INERTIA, sizes_of
+from .usd_joints import End, add_closure, add_joint, behind, start_joint, unit_of
+from .usd_prim import UsdPrim
 
 
 def add_body(parent: UsdPrim, link: Link, placement: Array) -> UsdPrim:
@@ -119,155 +39,6 @@ def add_body(parent: UsdPrim, link: Link, placement: Array) -> UsdPrim:
     if not np.array_equal(axes, np.eye(3)):
         body.numbers("quatf", "physics:principalAxes", quaternion_of(axes))
     return body
-
-
-#: What becomes of joints that are no type of USD.
-REPLACED = {
-    "floating": FREED,
-    "continuous": "continuous joints, which USD does not have: read back as hinges",
-    "planar": "planar joints are two slides and a hinge",
-}
-
-#: Free axes of joints without an axis of their own.
-FREE: dict[str, tuple[str, ...]] = {
-    "fixed": (),
-    "spherical": AXES[3:],
-    "planar": ("transX", "transY", "rotZ"),
-}
-
-#: Types of joints by their free axes; others are generic.
-KINDS: dict[tuple[str, ...], str] = {
-    (): "Fixed", AXES[3:]: "Spherical",
-    **{(axis,): "Revolute" if axis in AXES[3:] else "Prismatic" for axis in AXES},
-}  # fmt: skip
-
-
-class End(NamedTuple):
-    """An end of a joint: the body, None for the world, and the joint's frame in it, shape (4, 4)."""
-
-    body: UsdPrim | None
-    frame: Array
-
-
-def start_joint(
-    parent: UsdPrim, name: str, free: Collection[str], ends: tuple[End, End], *, closes: bool = False
-) -> UsdPrim:
-    """Add a joint that moves along some axes, of the type that says so, and return it.
-
-    Args:
-        parent: The prim that receives it.
-        name: Its name.
-        free: The axes, some of `AXES`; a generic joint locks others by a lower limit above the upper one.
-        ends: Its ends.
-        closes: Whether it closes a loop.
-    """
-    kind = KINDS.get((*free,), "")
-    out = parent.child(f"Physics{kind}Joint", name)
-    for side, (body, frame) in enumerate(ends):
-        if body is not None:
-            out.line(f"rel physics:body{side} = <{body.path}>")
-        if frame[:3, 3].any():
-            out.numbers("point3f", f"physics:localPos{side}", frame[:3, 3])
-        if not np.array_equal(frame[:3, :3], np.eye(3)):
-            out.numbers("quatf", f"physics:localRot{side}", quaternion_of(frame[:3, :3]))
-    if closes:
-        out.line("uniform bool physics:excludeFromArticulation = true")
-    if kind in ("Revolute", "Prismatic"):
-        out.line(f'uniform token physics:axis = "{next(iter(free))[-1]}"')
-    for axis in AXES if not kind else ():
-        if axis not in free:
-            out.apply(f"PhysicsLimitAPI:{axis}")
-            out.line(f"float limit:{axis}:physics:low = 1")
-            out.line(f"float limit:{axis}:physics:high = -1")
-    return out
-
-
-def add_joint(
-    parent: UsdPrim, joint: Joint, bodies: tuple[UsdPrim, UsdPrim], driven: bool,
-    home: tuple[float, ...] | None, losses: Losses,
-) -> UsdPrim | None:  # fmt: skip
-    """Add a joint of the tree and return it; None for a floating joint, which USD states by having none.
-
-    Args:
-        parent: The prim that receives it.
-        joint: The joint.
-        bodies: The bodies of its links.
-        driven: Whether it is a motor.
-        home: Its position at home, None for zero.
-        losses: Receives what USD cannot say.
-    """
-    if joint.kind in REPLACED:
-        losses.add(REPLACED[joint.kind], joint.name)
-    add_of_several(joint, losses, forces=() if joint.kind == "spherical" else FORCES)
-    if joint.kind == "floating":
-        return None
-    free, turn = FREE.get(joint.kind), np.eye(3)
-    if free is None:
-        free, turn = ("transZ" if joint.kind == "prismatic" else "rotZ",), rotation_to_axis(joint.axis)
-    ends = End(bodies[0], turned(joint.placement, turn)), End(bodies[1], turned(np.eye(4), turn))
-    out = start_joint(parent, joint.name, free, ends)
-    if joint.kind.single:
-        _add_numbers(out, joint, driven, home, losses)
-    return out
-
-
-def unit_of(joint: Joint) -> float:
-    """Return the unit of positions of a joint in USD [m or rad]."""
-    return 1.0 if joint.kind == "prismatic" else DEGREES
-
-
-def _add_numbers(
-    prim: UsdPrim, joint: Joint, driven: bool, home: tuple[float, ...] | None, losses: Losses
-) -> None:
-    """Add limits, drive, armature, friction and position of a joint with one freedom."""
-    name, unit = "linear" if joint.kind == "prismatic" else "angular", unit_of(joint)
-    if driven:
-        prim.apply(f"PhysicsDriveAPI:{name}")
-        prim.line(f'uniform token drive:{name}:physics:type = "force"')
-        for word in ("stiffness", "damping"):
-            prim.line(f"float drive:{name}:physics:{word} = 0")
-    elif np.isfinite(joint.effort_limit):
-        losses.add("effort limits of joints without a motor", joint.name)
-    drive, engine, axis = f"PhysicsDriveAPI:{name}", "PhysxJointAPI", f"PhysxJointAxisAPI:{name}"
-    rows = (
-        (joint.lower, "", "physics:lowerLimit", unit),
-        (joint.upper, "", "physics:upperLimit", unit),
-        (joint.effort if driven else np.inf, drive, f"drive:{name}:physics:maxForce", 1.0),
-        (joint.velocity, engine, "physxJoint:maxJointVelocity", unit),
-        (joint.armature or np.inf, engine, "physxJoint:armature", 1.0),
-        (joint.friction or np.inf, axis, f"physxJointAxis:{name}:staticFrictionEffort", 1.0),
-        (joint.friction or np.inf, axis, f"physxJointAxis:{name}:dynamicFrictionEffort", 1.0),
-        (joint.damping or np.inf, axis, f"physxJointAxis:{name}:viscousFrictionCoefficient", 1 / unit),
-        (
-            np.inf if home is None else angle_of(home), f"PhysicsJointStateAPI:{name}",
-            f"state:{name}:physics:position", unit,
-        ),
-    )  # fmt: skip
-    for value, schema, attribute, of_file in rows:
-        if np.isfinite(value):
-            if schema:
-                prim.apply(schema)
-            prim.numbers("float", attribute, value / of_file)
-
-
-def behind(closure: Closure) -> RotationKind | None:
-    """Return the rotation that a closure locks behind a chain, None for a joint of USD."""
-    return "parallel" if closure.rotation == "perpendicular" else None
-
-
-def add_closure(parent: UsdPrim, closure: Closure, bodies: tuple[UsdPrim, UsdPrim], losses: Losses) -> None:
-    """Add a closure, which is a joint of USD.
-
-    Args:
-        parent: The prim that receives it.
-        closure: The closure.
-        bodies: The bodies of its links.
-        losses: Receives what USD cannot say.
-    """
-    words, turn = rows_of(closure, losses)
-    free = [axis for row, axis in zip(ROWS, AXES, strict=True) if row not in words.split()]
-    ends = End(bodies[0], turned(closure.frame_a, turn.T)), End(bodies[1], turned(closure.frame_b, turn.T))
-    start_joint(parent, closure.name, free, ends, closes=True)
 
 
 def write_usd(request: ConversionRequest, losses: Losses) -> Written:

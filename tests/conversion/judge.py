@@ -16,8 +16,9 @@ import pinocchio as pin
 
 from hybridyn import HybridRobot, assemble, ddm, idm, mass_matrix
 from hybridyn.assembly.task import closure_residual
-from hybridyn.conversion.convert import MODEL, file_beside, write
+from hybridyn.conversion.convert import write
 from hybridyn.conversion.request import ConversionRequest, Losses, Written
+from hybridyn.conversion.target_files import MODEL, file_beside
 from hybridyn.description import Closure, Description, read
 from hybridyn.errors import HybridynError
 from hybridyn.structure.building import build_robot

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import hybridyn
+from hybridyn.conversion.from_home import counted_from_home
 from hybridyn.conversion.request import Losses
-from hybridyn.conversion.sdf import counted_from_home
 from hybridyn.description.side_cars.tables import EFFECTS
 from tests.conversion.facts import SAME, SINGLE, changed
 from tests.conversion.features import FEATURES

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hybridyn.conversion.from_home import counted_from_home
 from hybridyn.conversion.request import Losses
-from hybridyn.conversion.sdf import counted_from_home
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
 from tests.comparing import SOLVED

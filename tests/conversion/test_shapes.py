@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hybridyn import convert
-from hybridyn.conversion.convert import read_shapes
 from hybridyn.conversion.request import Losses
+from hybridyn.conversion.shapes import read_shapes
 from hybridyn.description import read
 from tests.extras import needs
 from tests.robot_texts import FOUR_BAR, save

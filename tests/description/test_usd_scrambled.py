@@ -11,8 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybridyn.conversion.request import Losses, allowed
-from hybridyn.conversion.usd import End, UsdPrim, add_body, add_closure, start_joint, valid_name
+from hybridyn.conversion.renamed import allowed
+from hybridyn.conversion.request import Losses
+from hybridyn.conversion.usd import add_body, valid_name
+from hybridyn.conversion.usd_joints import End, add_closure, start_joint
+from hybridyn.conversion.usd_prim import UsdPrim
 from hybridyn.description import Description, read
 from hybridyn.description.placement import placement_from, poses_at, rotation_from_rpy, rotation_to_axis
 from tests.conversion.judge import SINGLE, same_robot, states
