@@ -120,6 +120,24 @@ def residual_of(
     return np.concatenate([shift, turn], axis=-1)
 
 
+def rows_of(
+    translations: Sequence[int], rotation: RotationKind, A: Array, z: Array, columns: tuple[Array, Array]
+) -> Array:
+    """Compute the constraint rows of closures of one form over some freedoms, shape (..., rows, freedoms).
+
+    Args:
+        translations: Axes of frame A along which the origins coincide.
+        rotation: Kind of constraint on the relative rotation.
+        A: Axes of frame A, shape (..., 3, 3).
+        z: Third axis of frame B, shape (..., 3).
+        columns: For each freedom at unit rate, the velocity of B relative to A at B's origin, and the
+            relative angular velocity, each of shape (..., freedoms, 3).
+    """
+    axes = np.swapaxes(A, -1, -2)[..., list(translations), :]
+    parts = zip((axes, normals(rotation, A, z)), columns, strict=True)
+    return np.concatenate([np.einsum("...ri,...ci->...rc", n, column) for n, column in parts], axis=-2)
+
+
 class _Group:
     """Closures of the same form, evaluated as a batch: same rows, same number of freedoms involved."""
 
@@ -164,9 +182,7 @@ class _Group:
         linear, angular = (select(c, self.cols) * self.sign[..., None] for c in columns)
         origin = select(motion.p, tree.dof_body[self.cols])
         at_b = linear + cross(angular, pb[:, :, None, :] - origin)
-        shift = np.einsum("tgri,tgci->tgrc", np.swapaxes(A, -1, -2)[..., self.translations, :], at_b)
-        turn = np.einsum("tgri,tgci->tgrc", normals(self.rotation, A, B[..., 2]), angular)
-        return np.concatenate([shift, turn], axis=-2)
+        return rows_of(self.translations, self.rotation, A, B[..., 2], (at_b, angular))
 
     def rates(self, motion: Motion) -> tuple[Array, Array]:
         """Compute the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""

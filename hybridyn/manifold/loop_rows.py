@@ -1,15 +1,15 @@
 """Closure rows of one module at one posture through Pinocchio, for time integration.
 
-`Closures` is built for batches; for a single sample it takes ten times as long as Pinocchio. Rows, residuals
-and scales are the same (`linkage/closures.py` defines them, a test compares both).
+`Closures` is built for batches; for a single sample Pinocchio places the frames in a tenth of the time.
+Residuals and rows are those of `linkage.closures`.
 """
 
 import numpy as np
 
-from ..linkage.closures import TreeClosure
+from ..linkage.closures import residual_of, rows_of
 from ..linkage.couplings import CouplingRows
 from ..linkage.retraction import Retraction
-from ..spatial import Array, rotation_vector
+from ..spatial import Array, cross
 from ..structure.mechanism import Mechanism
 
 #: Largest residual of closed loops (relative to the module's length), in addition to rounding of the file.
@@ -69,38 +69,12 @@ class ScaledLoopRows:
         for c, (a, b), sign, at in zip(self._closures.closures, self._frames, self._sign, rows, strict=False):
             A = pin.updateFramePlacement(self.model, self.data, a)
             B = pin.updateFramePlacement(self.model, self.data, b)
-            residual[at], K[at] = _closure(c, A.rotation, A.translation, B.rotation, B.translation, J * sign)
+            frames = (A.rotation, A.translation), (B.rotation, B.translation)
+            residual[at] = residual_of(c.translations, c.rotation, *frames)
+            linear, angular = (J * sign).T[:, :3], (J * sign).T[:, 3:]  # at the base's origin
+            at_b = linear + cross(angular, B.translation)
+            K[at] = rows_of(c.translations, c.rotation, A.rotation, B.rotation[:, 2], (at_b, angular))
         if self._closures.couplings:
             first = len(self._scale) - len(self._closures.couplings)
             residual[first:], K[first:] = self._coupled.residual(q[None])[0], self._coupled.matrix(q[None])
         return residual * self._scale, K * self._scale[:, None] * self.unit
-
-
-def _closure(c: TreeClosure, A: Array, pa: Array, B: Array, pb: Array, J: Array) -> tuple[Array, Array]:
-    """Compute residual and rows of one closure from its frames and the relative Jacobian at the origin."""
-    picked = A[:, c.translations]
-    x, y, z = pb
-    lever = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # minus the vector product with pb
-    shift, slide = picked.T @ (pb - pa), picked.T @ (J[:3] + lever @ J[3:])
-    if c.rotation == "free":
-        return shift, slide
-    if c.rotation == "fixed":
-        turn, normals = rotation_vector(A.T @ B), A.T
-    elif c.rotation == "perpendicular":
-        turn, normals = np.array([A[:, 2] @ B[:, 2]]), _cross(B[:, 2], A[:, 2])[None]
-    else:
-        turn, normals = _tilt(A.T @ B[:, 2]), np.array([_cross(B[:, 2], A[:, i]) for i in (0, 1)])
-    return np.concatenate([shift, turn]), np.concatenate([slide, normals @ J[3:]])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Compute a x b (np.cross takes thirty times as long)."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-def _tilt(axis: Array) -> Array:
-    """Compute the tilt of an axis from z, as angles along x and y, shape (2,), [rad]."""
-    sine = float(np.hypot(axis[0], axis[1]))
-    if sine > 1e-9:
-        return np.asarray(axis[:2] * (np.arctan2(sine, axis[2]) / sine))
-    return np.array([axis[0] + (np.pi if axis[2] < 0 else 0.0), axis[1]])
