@@ -1,0 +1,97 @@
+"""Steps along straight tool paths of random stacks end on the branch of a fine motion, or are refused."""
+
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hybridyn
+from hybridyn import AssemblyError, SingularityError
+from tests.aims import BENT, Aim, Array, random_aims
+from tests.as_written import WRITTEN
+from tests.assembly.test_stacks import ALIKE, REACHED
+from tests.samples import slow
+
+#: Steps of a path, and the times of one, drawn by their logarithm: motions of some hundredths to one [s].
+STEPS, LEAST, LONGEST = 5, 0.02, 1.0
+#: A fine motion has so many parts a step, and where these are bent, parts shorter by up to the second number.
+PARTS, FINEST = 16, 4096
+#: Paths of a stack, and stacks of a case: all slow ones are 2,000 paths, 10,000 steps.
+PATHS, STACKS = 20, 4
+#: Part of the steps that may be refused though a fine motion goes there: Newton's method does not reach the
+#: end of these long ones at once, and no more than `follow.COARSEST` parts are tried then.
+REFUSED = 0.05
+
+
+def fine_motion(aim: Aim, x: Array, start: float, stop: float) -> Array | None:
+    """Follow an aim from a posture in parts that are hardly bent; None where it ends before."""
+    fitted, ease, rank = aim.standing.fitted, aim.standing.ease, aim.rank
+    t, longest = start, (stop - start) / PARTS
+    part = longest
+    while stop - t > 1e-12:
+        part = min(part, stop - t)
+        ahead = fitted.rates(x, aim.wanted, t, ease, rank) * part
+        guess = pin.integrate(fitted.model, x, ahead)
+        found = fitted.close(guess, aim.wanted, t + part, ease, rank)
+        bent = np.inf if found is None else np.abs(fitted.apart(guess, found)).max()
+        if found is not None and bent <= BENT * np.abs(ahead).max() + 1e-9:
+            x, t, part = found, t + part, min(2 * part, longest)
+        elif part < longest * PARTS / FINEST:
+            return None
+        else:
+            part /= 4
+    return x
+
+
+def assembled(aim: Aim, times: Array) -> list[Array]:
+    """Return what `assemble` finds at times, as the judge has it, up to the first one that it refuses."""
+    s = aim.standing
+    while len(times):
+        try:
+            q, _, _ = hybridyn.assemble(s.robot, guess=s.given(aim.x), **aim.asked(times))
+        except (AssemblyError, SingularityError) as error:
+            times = times[: error.sample or 0]
+        else:
+            return [s.taken(one) for one in q]
+    return []
+
+
+def judged(aim: Aim, times: Array) -> tuple[int, int]:
+    """Compare the steps of a path; return how many the fine motion makes, and how many of these are refused.
+
+    Where targets leave freedoms, the motion by the rule depends a little on its steps, and may end elsewhere.
+    """
+    found, x = assembled(aim, times), aim.x
+    for k, (start, stop) in enumerate(pairwise([0.0, *times])):
+        there = fine_motion(aim, x, start, stop)
+        if there is None:
+            assert aim.left or len(found) <= k, k
+            return k, 0
+        if len(found) <= k:
+            return k + 1, 1
+        x, off = there, aim.standing.fitted.apart(there, found[k])
+        if aim.left:
+            whole = aim.standing.fitted.apart(aim.x, there) / aim.standing.ease
+            assert np.abs(off / aim.standing.ease).max() < ALIKE * np.abs(whole).max(), k
+        else:
+            assert np.abs(off).max() < REACHED, k
+    return len(times), 0
+
+
+@pytest.mark.parametrize(
+    ("names", "paths"),
+    [
+        ((1,), 3),
+        *(slow(tuple(range(seed, seed + STACKS)), PATHS) for seed in range(0, 100, STACKS)),
+        *(slow((name,), PATHS) for name in WRITTEN),
+    ],
+)
+def test_no_step_ends_on_another_branch(names: tuple[int | str, ...], paths: int) -> None:
+    made = refused = 0
+    for number, aim in enumerate(random_aims(names, paths, still=True)):
+        lengths = np.random.default_rng(number).uniform(np.log(LEAST), np.log(LONGEST), STEPS)
+        steps, out = judged(aim, np.cumsum(np.exp(lengths)))
+        made, refused = made + steps, refused + out
+    assert made > 0.5 * STEPS * paths * len(names)
+    assert refused <= REFUSED * made
