@@ -159,6 +159,8 @@ class AssemblyError(HybridynError):
         iterations: Newton iterations spent, or None.
         open_freedoms: Number of freedoms that the given positions and poses do not determine, or None.
         undriven: Number of the module's freedoms that no motor drives, if freedoms are open.
+        distance: By how much the joint that is named moves from where the motion ends to a singular posture,
+            about, [m or rad], or None.
     """
 
     def __init__(
@@ -172,11 +174,12 @@ class AssemblyError(HybridynError):
         iterations: int | None = None,
         open_freedoms: int | None = None,
         undriven: int = 0,
+        distance: float | None = None,
     ) -> None:
         super().__init__(message, sample=sample)
         self.module, self.leg = module, leg
         self.residual, self.iterations, self.open_freedoms = residual, iterations, open_freedoms
-        self.undriven = undriven
+        self.undriven, self.distance = undriven, distance
 
 
 class SingularityError(HybridynError):

@@ -11,10 +11,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..errors import AT_SAMPLE, AssemblyError
+from ..errors import AssemblyError
 from ..linkage.newton import SETTLED, STALLED, Closed, newton_step
 from ..spatial import Array, Index, Mask, in_turn
 from .chain.task import ChainTask
+from .refusals import Ended, lost, unreachable
 from .task import Task
 
 #: The task of a module, or of a chain of modules.
@@ -122,7 +123,7 @@ def _first_postures(task: AnyTask, guess: Array, starts: Index, strict: bool) ->
             return nearest[None]
         if result.residual.min() < best.residual.min():
             best = result
-    raise _unreachable(task, best._replace(iterations=iterations), 0)
+    raise unreachable(task, best._replace(iterations=iterations), 0)
 
 
 def _only_alone(guess: Array) -> None:
@@ -140,7 +141,7 @@ def _on_branch_of(task: AnyTask, guess: Array, result: Closed, starts: Index, st
     if (start.residual > task.tolerance).any():
         _only_alone(guess)
         if strict:
-            raise _unreachable(task, result, 0)
+            raise unreachable(task, result, 0)
         return found
     way = task.from_here(start.q, starts)
     steady = _steps_as_predicted(way, in_turn(start.q, found), 2 * np.arange(len(guess)))
@@ -148,48 +149,12 @@ def _on_branch_of(task: AnyTask, guess: Array, result: Closed, starts: Index, st
     for k in np.flatnonzero(~(steady & closed)):
         if closed[k] and _joined(way, start.q[k], found[k], 2 * int(k)):
             continue
-        end, whole = _walk(way, start.q[k], 2 * int(k), strict)
-        if whole:
+        end, done = _walk(way, start.q[k], 2 * int(k), strict)
+        if done == 1.0:
             found[k] = end
         elif strict:
-            raise _lost(task, result, 0, "straight from the guess")
+            raise lost(task, result, 0, "straight from the guess", Ended(way, 2 * int(k), end, done))
     return found
-
-
-def _unreachable(task: AnyTask, result: Closed, sample: int, lacking: float = 0.0) -> AssemblyError:
-    """Build the error for a sample that no start closes, from the best of several starts.
-
-    The row that is named is the one that is most open there.
-
-    Args:
-        lacking: Length that it lacks in any posture [m], zero if it is not known to.
-    """
-    at = int(np.argmin(result.residual))
-    best = float(result.residual[at])
-    rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
-    row = int(np.argmax(np.abs(rows)))
-    worst, measure = task.row_names[row], task.row_measures[row]
-    what = "the loops do not close" if measure is None else "not reached"
-    if best <= task.tolerance:  # but not rounding: a least distance, at a posture where rows lose rank
-        why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
-    elif measure is None:
-        why = f"best residual {best:.2g} of the module's length (limit {task.tolerance:.0e})"
-    else:
-        off, most = (x * measure[0] for x in (best, task.tolerance))
-        why = f"the nearest posture found misses it by {off:.2g} {measure[1]} (limit {most:.0e})"
-    if lacking:
-        who = "a loop" if isinstance(task, Task) else "the way to the target"
-        why += f" ({who} lacks {lacking:.2g} m in any posture)"
-    return AssemblyError(
-        f"{task.label}, {worst}: {what}{AT_SAMPLE}: {why} after {result.iterations} iterations"
-        f"{task.surplus(result.q[at : at + 1])}. The target is out of reach, or contradicts another one; "
-        "move it, or give a better guess",
-        module=task.module,
-        leg=worst,
-        residual=best,
-        iterations=result.iterations,
-        sample=sample,
-    )
 
 
 def _solved(task: AnyTask, starts: Array, samples: Index) -> Closed:
@@ -210,7 +175,7 @@ def _solved(task: AnyTask, starts: Array, samples: Index) -> Closed:
         first, start = np.flatnonzero(lacking > 0.0)[:1], starts[:1]
         lacking = lacking[first]
     result = task.solve(start, first, enough=SETTLED)  # the error tells the least residual
-    raise _unreachable(task, result, int(first[0]), float(lacking[0]))
+    raise unreachable(task, result, int(first[0]), float(lacking[0]))
 
 
 def _coarse_to_fine(task: AnyTask, start: Array, samples: Index) -> tuple[Array, Mask]:
@@ -290,14 +255,15 @@ def _steps_as_predicted(task: AnyTask, q: Array, samples: Index) -> Mask:
 
 def _next(task: AnyTask, q: Array, sample: int, keep_branch: bool) -> Array:
     """Compute the posture of the next sample, on the branch of a sample or, unless kept, on any."""
-    there = np.array([sample + 1])
+    there, ended = np.array([sample + 1]), None
     if keep_branch and not task.lacking(q[None], there).any():
-        q, whole = _walk(task, q, sample)
-        if whole:
+        q, done = _walk(task, q, sample)
+        if done == 1.0:
             return q
+        ended = Ended(task, sample, q, done)
     result = task.solve(q[None], there)
     if keep_branch or not task.closed(result)[0]:
-        raise _lost(task, result, sample + 1, "from the one before")
+        raise lost(task, result, sample + 1, "from the one before", ended)
     return np.asarray(result.q[0])
 
 
@@ -315,7 +281,7 @@ def _joined(task: AnyTask, q: Array, end: Array, sample: int) -> bool:
     )
 
 
-def _walk(task: AnyTask, q: Array, sample: int, finest: bool = False) -> tuple[Array, bool]:
+def _walk(task: AnyTask, q: Array, sample: int, finest: bool = False) -> tuple[Array, float]:
     """Follow the branch from a sample to the next, with steps as long as predictions hold.
 
     Args:
@@ -323,7 +289,7 @@ def _walk(task: AnyTask, q: Array, sample: int, finest: bool = False) -> tuple[A
             end of the whole one.
 
     Returns:
-        The last posture on the branch, shape (nq,), and whether it is that of the next sample.
+        The last posture on the branch, shape (nq,), and which part of the way it is at; 1 at the next sample.
     """
     start, done, step, longer = q, 0.0, 0.25, 2
     while done < 1.0:
@@ -337,20 +303,6 @@ def _walk(task: AnyTask, q: Array, sample: int, finest: bool = False) -> tuple[A
         if step <= 1 / COARSEST and not finest:
             finest = bool(task.closed(task.solve(start[None], np.array([sample + 1])))[0])
         if step <= 1 / (FINEST if finest else COARSEST):
-            return q, False
+            return q, done
         step, longer = step / 2, 1  # two steps in a row have this length
-    return q, True
-
-
-def _lost(task: AnyTask, result: Closed, sample: int, start: str) -> AssemblyError:
-    """Build the error for a sample to which no branch leads from a start, from what Newton found there."""
-    if not task.closed(result)[0]:
-        return _unreachable(task, result, sample)
-    return AssemblyError(
-        f"{task.label}: no continuous motion leads to the posture{AT_SAMPLE} {start}: it would "
-        "jump to another assembly branch. Go there by a way that avoids the singularity between them",
-        module=task.module,
-        sample=sample,
-        residual=float(result.residual[0]),
-        iterations=result.iterations,
-    )
+    return q, 1.0

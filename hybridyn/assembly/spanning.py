@@ -62,7 +62,7 @@ def spanning_positions(
         problem = LoopProblem(none, np.zeros(0), units, free, [goal], tree.nv, blocks)
         name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
         at = m.wrists.positions(number)
-        task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6)
+        task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6, [(name, "rad")] * tree.nv)
         if trajectories or guess.ndim == 1:
             q[:, at] = follow(task, guess[..., at], keep_branch=False)[0]
         else:

@@ -56,6 +56,20 @@ def too_many(wanted: int, left: Mapping[str, int], independent: int | None = Non
     return f"; poses prescribe {wanted} numbers, and find {sum(left.values())} freedoms ({each})"
 
 
+class WeakRows(NamedTuple):
+    """Rows that lose rank at singular postures.
+
+    Attributes:
+        rows: Scaled rows over some motions, shape (T, rows, motions).
+        rank: Their rank at generic postures.
+        motions: The motions at the first posture, scaled, shape (nv, motions).
+    """
+
+    rows: Array
+    rank: int
+    motions: Array
+
+
 class Task(NamedTuple):
     """A problem at every sample of a trajectory.
 
@@ -66,6 +80,7 @@ class Task(NamedTuple):
         tolerance: Largest scaled residual of a closed posture.
         module: The module's name, for messages.
         row_names: Name of each row's closure, coupling or target, for messages.
+        freedoms: Name and unit of each freedom, for messages.
     """
 
     problem: LoopProblem
@@ -74,6 +89,7 @@ class Task(NamedTuple):
     tolerance: float
     module: str
     row_names: Sequence[str]
+    freedoms: Sequence[tuple[str, str]]
 
     def with_known(self, q: Array, samples: Index) -> Array:
         """Return positions with the given joints set to their values."""
@@ -88,11 +104,14 @@ class Task(NamedTuple):
     def closed(self, result: Closed) -> Mask:
         """Check which samples converged and closed, shape (T,)."""
         problem = self.problem
+        return closed_samples(result, self.tolerance, problem.rank, lambda q: self.weak_rows(q)[0].rows)
 
-        def rows(q: Array) -> Array:
-            return problem.matrix(problem.tree.sweep(q))[:, :, problem.free]
-
-        return closed_samples(result, self.tolerance, problem.rank, rows)
+    def weak_rows(self, q: Array, samples: Index | None = None) -> list[WeakRows]:
+        """Return the scaled rows over the free freedoms, which lose rank at singular postures."""
+        problem = self.problem
+        K = problem.matrix(problem.tree.sweep(q), samples)[:, :, problem.free]
+        rank = min(K.shape[1:]) if problem.rank is None else problem.rank
+        return [WeakRows(K, rank, np.eye(problem.tree.nv)[:, problem.free])]
 
     @property
     def label(self) -> str:
@@ -249,7 +268,8 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest, *, a
     names = [f"closure '{name}'" for name, at in module.named_rows() for _ in range(at.stop - at.start)]
     names += [name for link, target in request.targets for name in named_rows(target, link)]
     tolerance = max(robot.closure_tolerance, 1e-12)
-    return Task(problem, request.known, request.given, tolerance, module.name, names)
+    freedoms = [*zip(module.freedom_names(), module.freedom_units(), strict=True)]
+    return Task(problem, request.known, request.given, tolerance, module.name, names, freedoms)
 
 
 def left_open(robot: HybridRobot, module: Module, request: ModuleRequest) -> int:

@@ -88,6 +88,11 @@ class Module:
             names += axes if joint.kind is JointKind.FLOATING else [label] * width
         return names
 
+    def freedom_units(self) -> list[str]:
+        """Return the unit of each of these freedoms, "m" or "rad"."""
+        kinds = (joint.kind for joint in self.mechanism.tree.joints)
+        return [unit for kind in kinds for unit in ["m"] * kind.shift + ["rad"] * (kind.nv - kind.shift)]
+
     def named_rows(self) -> list[tuple[str, slice]]:
         """Return the name and the rows of each closure after the cuts.
 

@@ -12,7 +12,7 @@ from ...linkage.newton import Closed, close
 from ...linkage.targets import CoordinateTarget, PoseTarget, row_measures
 from ...linkage.tree import Motion
 from ...spatial import Array, Index, Mask, in_turn
-from ..task import Task, closed_samples, too_many
+from ..task import Task, WeakRows, closed_samples, too_many
 from .bodies import Carried, CarriedFrame
 from .problem import ChainProblem, Relative
 from .shortfall import chain_shortfall
@@ -78,6 +78,26 @@ class ChainTask:
         own = [one for part in self.parts for one in part.row_measures]
         return own + [one for each in self.problem.relatives for one in row_measures(each.target)]
 
+    @property
+    def freedoms(self) -> Sequence[tuple[str, str]]:
+        """Name and unit of each freedom, for messages."""
+        return [
+            (f"{name} of module '{part.module}'", unit) for part in self.parts for name, unit in part.freedoms
+        ]
+
+    def weak_rows(self, q: Array, samples: Index | None = None) -> list[WeakRows]:
+        """Return the targets over all that may move, then each part's own rows, as `Task.weak_rows`."""
+        problem = self.problem
+        split = problem.split(problem.matrix(problem.tree.sweep(q), samples))
+        rank = min(split.reach.shape[1:]) if problem.rank is None else problem.rank
+        one = split._replace(bases=[np.repeat(N[:1], split.reach.shape[2], axis=0) for N in split.bases])
+        out = [WeakRows(split.reach, rank, problem.spread(one, np.eye(split.reach.shape[2])).T)]
+        for part, K, at in zip(problem.parts, split.rows.own, problem.tree.v_of, strict=True):
+            if part.rank:
+                own = np.eye(problem.tree.nv)[:, at][:, part.free]
+                out.append(WeakRows(K[:, :, part.free], part.rank, own))
+        return out
+
     def each(self, q: Array) -> list[Array]:
         """Return the positions of each part, shape (T, its nq)."""
         return [q[:, at] for at in self.problem.tree.q_of]
@@ -94,11 +114,7 @@ class ChainTask:
     def closed(self, result: Closed) -> Mask:
         """Check which samples converged and closed, shape (T,)."""
         problem = self.problem
-
-        def rows(q: Array) -> Array:
-            return problem.split(problem.matrix(problem.tree.sweep(q))).reach
-
-        return closed_samples(result, self.tolerance, problem.rank, rows)
+        return closed_samples(result, self.tolerance, problem.rank, lambda q: self.weak_rows(q)[0].rows)
 
     def open_by(self, q: Array) -> float:
         """Return the largest scaled residual of the closures at postures, whatever is given."""

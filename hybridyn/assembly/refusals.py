@@ -1,0 +1,153 @@
+"""Errors for samples out of reach, or to which no branch leads: what is open, and what is singular."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import AT_SAMPLE, AssemblyError
+from ..linkage.newton import Closed
+from ..spatial import Array
+from .chain.task import ChainTask
+from .task import Task, WeakRows
+
+#: Step of the central difference of a singular value [rad, module lengths]: far above rounding.
+SLOPE_STEP = 1e-5
+
+
+class Ended(NamedTuple):
+    """Where a motion towards a sample ended.
+
+    Attributes:
+        task: The task.
+        sample: The sample from which the motion goes to the next.
+        q: The last posture, shape (nq,).
+        done: Which part of the way it is at.
+    """
+
+    task: Task | ChainTask
+    sample: int
+    q: Array
+    done: float
+
+    def weak_rows(self, ways: Array) -> list[WeakRows]:
+        """Return the rows that may lose rank where scaled motions lead, shape (n, nv), from the posture."""
+        problem, at = self.task.problem, np.array([self.sample])
+        task = self.task.headed(self.q[None], at, on=False).between(self.sample, np.array([self.done]))
+        q = problem.tree.integrate(np.tile(self.q, (len(ways), 1)), ways * problem.col_scale)
+        return task.weak_rows(q, np.zeros(len(ways), dtype=int))
+
+
+class ToSingular(NamedTuple):
+    """How far a posture is from the nearest singular one.
+
+    Attributes:
+        name: The freedom that moves most on the way.
+        distance: By how much it moves, about, in its unit.
+        unit: The unit, "m" or "rad".
+    """
+
+    name: str
+    distance: float
+    unit: str
+
+
+def to_singular(ended: Ended) -> ToSingular:
+    """Compute how far the end of a motion is from the nearest singular posture.
+
+    The least singular value s of rows is zero there. Along the motion of its singular vector it changes by
+    s', and so vanishes after about s / |s'| of this motion.
+    """
+    found, task = [], ended.task
+    for i, one in enumerate(ended.weak_rows(np.zeros((1, task.problem.tree.nv)))):
+        if not one.rank:
+            continue
+        _, s, Vt = np.linalg.svd(one.rows[0])
+        y, least = one.motions @ Vt[one.rank - 1], s[one.rank - 1]
+        y /= np.abs(y).max()
+        beside = ended.weak_rows(SLOPE_STEP * np.stack([y, -y]))[i].rows
+        change = np.abs(np.linalg.svd(beside, compute_uv=False)[:, one.rank - 1] - least).max() / SLOPE_STEP
+        found.append((float(least / change) if change else np.inf, int(np.argmax(np.abs(y)))))
+    left, freedom = min(found, default=(np.inf, 0))
+    name, unit = task.freedoms[freedom]
+    return ToSingular(name, left * float(task.problem.col_scale[freedom]), unit)
+
+
+def _told(ended: Ended | None) -> tuple[str, float | None]:
+    """Return what an error says of where a motion ended, and how far that is from a singular posture."""
+    if ended is None:
+        return "", None
+    name, distance, unit = to_singular(ended)
+    return (
+        f" The motion there ends at {100 * ended.done:.3g} % of the way, where {name} is about "
+        f"{distance:.2g} {unit} from a singular posture."
+    ), distance
+
+
+def unreachable(
+    task: Task | ChainTask,
+    result: Closed,
+    sample: int,
+    lacking: float = 0.0,
+    ended: Ended | None = None,
+) -> AssemblyError:
+    """Build the error for a sample that no start closes, from the best of several starts.
+
+    The row that is named is the one that is most open there.
+
+    Args:
+        lacking: Length that it lacks in any posture [m], zero if it is not known to.
+        ended: Where the motion towards it ended, if there was one.
+    """
+    at = int(np.argmin(result.residual))
+    best = float(result.residual[at])
+    rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
+    row = int(np.argmax(np.abs(rows)))
+    worst, measure = task.row_names[row], task.row_measures[row]
+    what = "the loops do not close" if measure is None else "not reached"
+    if best <= task.tolerance:  # but not rounding: a least distance, at a posture where rows lose rank
+        why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
+    elif measure is None:
+        why = f"best residual {best:.2g} of the module's length (limit {task.tolerance:.0e})"
+    else:
+        off, most = (x * measure[0] for x in (best, task.tolerance))
+        why = f"the nearest posture found misses it by {off:.2g} {measure[1]} (limit {most:.0e})"
+    if lacking:
+        who = "a loop" if isinstance(task, Task) else "the way to the target"
+        why += f" ({who} lacks {lacking:.2g} m in any posture)"
+    told, distance = _told(ended)
+    return AssemblyError(
+        f"{task.label}, {worst}: {what}{AT_SAMPLE}: {why} after {result.iterations} iterations"
+        f"{task.surplus(result.q[at : at + 1])}.{told} The target is out of reach, or contradicts "
+        "another one; move it, or give a better guess",
+        module=task.module,
+        leg=worst,
+        residual=best,
+        iterations=result.iterations,
+        sample=sample,
+        distance=distance,
+    )
+
+
+def lost(
+    task: Task | ChainTask, result: Closed, sample: int, start: str, ended: Ended | None
+) -> AssemblyError:
+    """Build the error for a sample to which no branch leads from a start, from what Newton found there.
+
+    Args:
+        ended: As for `unreachable`.
+    """
+    if not task.closed(result)[0]:
+        return unreachable(task, result, sample, ended=ended)
+    told, distance = _told(ended)
+    return AssemblyError(
+        f"{task.label}: no continuous motion leads to the posture{AT_SAMPLE} {start}: it would "
+        f"jump to another assembly branch.{told} Go there by a way that avoids the singularity "
+        "between them",
+        module=task.module,
+        sample=sample,
+        residual=float(result.residual[0]),
+        iterations=result.iterations,
+        distance=distance,
+    )
