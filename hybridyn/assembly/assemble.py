@@ -15,7 +15,6 @@ from ..linkage.elimination import least_squares
 from ..linkage.newton import LoopProblem
 from ..linkage.tree import Motion
 from ..spatial import Array
-from ..structure.given import motors_by_name
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
@@ -25,10 +24,8 @@ from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies
 from .requests import (
     Requests,
-    checked_weights,
+    asked_requests,
     first_guess,
-    gather_requests,
-    held,
     home_requests,
     in_root,
 )
@@ -95,12 +92,10 @@ def assemble(
         SingularityError: The joints cannot follow the motion, for example of a platform with a stretched leg.
         TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or there is no sample.
     """
-    start, given = first_guess(robot, guess), motors_by_name(robot, motors)
-    requests = gather_requests(robot, {**given, **held(robot, hold, given, start)}, platforms, nearest)
+    requests = asked_requests(robot, motors, platforms, guess, nearest, hold, weights)
     if not requests.samples:
         raise TrajectoryError("motors and platforms have no samples; give at least one")
-    requests = requests._replace(strict=guess is not None, weights=checked_weights(robot, weights or {}))
-    q, v, a = assemble_requests(robot, requests, start)
+    q, v, a = assemble_requests(robot, requests, first_guess(robot, guess))
     return (q[0], v[0], a[0]) if requests.single else (q, v, a)
 
 

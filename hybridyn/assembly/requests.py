@@ -111,6 +111,22 @@ def gather_requests(
     return Requests(T, not sizes, for_all(joints, T), tuple(poses), base, quaternion, nearest=unchecked)
 
 
+def asked_requests(
+    robot: HybridRobot,
+    motors: Mapping[str, object] | ArrayLike | None,
+    platforms: Mapping[str, object] | None,
+    guess: Array | None,
+    nearest: bool,
+    hold: Iterable[str],
+    weights: Mapping[str, float] | None,
+) -> Requests:
+    """Check the caller's input, and build the requests; arguments and errors are those of `assemble`."""
+    given = motors_by_name(robot, motors)
+    given = {**given, **held(robot, hold, given, first_guess(robot, guess))}
+    requests = gather_requests(robot, given, platforms, nearest)
+    return requests._replace(strict=guess is not None, weights=checked_weights(robot, weights or {}))
+
+
 def held(robot: HybridRobot, hold: Iterable[str], given: Collection[str], guess: Array) -> dict[str, float]:
     """Return the positions at a guess, shape (nq,), of joints that are held.
 

@@ -131,17 +131,20 @@ def test_what_else_is_given_may_be_mixed_with_poses() -> None:
 
 
 @pytest.mark.slow
-def test_weights_are_those_of_the_rule(tmp_path: Path) -> None:
-    robot = arm(tmp_path, "yyyy")
-    states = swing(robot, 0.05)
-    levels = some_of(of_link(robot, *states, "l3", "root"), "x z")
-    rows = []
+def test_weights_and_held_joints_are_those_of_the_rule(tmp_path: Path) -> None:
+    robot = arm(tmp_path, "yyyyy")
+    states, compiled = swing(robot, 0.05), hybridyn.compile(robot)
+    given = {"l3": some_of(of_link(robot, *states, "l3", "root"), "x z")}
+    rows, start = [], states[0][0]
     for weight in (1.0, 5.0):
-        requests = gather_requests(robot, None, {"l3": levels})._replace(weights={"j0": weight})
-        assembler = Assembler(robot)
-        rows.append(assembler.assemble(requests, states[0][0])[0])
-        assert not assembler.recomputed
-        close_to(rows[-1], assemble_requests(robot, requests, states[0][0])[0], SAME)
+        weights, hold = {"j0": weight}, ["j4"]
+        found = compiled.assemble(platforms=given, guess=start, weights=weights, hold=hold)
+        wanted = hybridyn.assemble(robot, platforms=given, guess=start, weights=weights, hold=hold)
+        rows.append(found[0])
+        for one, other in zip(found, wanted, strict=True):
+            close_to(one, other, SAME)
+        assert (found[0][:, 4] == start[4]).all()
+    assert not compiled.recomputed
     assert np.abs(rows[0] - rows[1]).max() > 1e-4
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.posture import holding, posture_at
-from ...assembly.requests import Requests, first_guess, gather_requests
+from ...assembly.requests import Requests, asked_requests, first_guess, gather_requests
 from ...effects.choice import Effects
 from ...spatial import Array
 from ...structure.given import by_name, motors_by_name
@@ -54,6 +54,8 @@ class Postures:
         platforms: Mapping[str, object] | None = None,
         guess: Array | None = None,
         nearest: bool = False,
+        hold: Iterable[str] = (),
+        weights: Mapping[str, float] | None = None,
     ) -> tuple[Array, Array, Array]:
         """Compute postures that close all loops, like `hybridyn.assemble`, row after row in C.
 
@@ -66,6 +68,8 @@ class Postures:
             platforms: As in `hybridyn.assemble`.
             guess: Initial posture, shape (nq,), such as the last one; the home posture by default.
             nearest: As in `hybridyn.assemble`.
+            hold: As in `hybridyn.assemble`.
+            weights: As in `hybridyn.assemble`.
 
         Returns:
             q, v, a as `hybridyn.assemble` returns them, equal up to rounding, in double precision. Rods that
@@ -75,7 +79,8 @@ class Postures:
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
-        return self.assemble_requests(gather_requests(self.robot, motors, platforms, nearest), guess)
+        requests = asked_requests(self.robot, motors, platforms, guess, nearest, hold, weights)
+        return self.assemble_requests(requests, guess)
 
     def designs(
         self,
