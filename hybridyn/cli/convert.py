@@ -22,11 +22,11 @@ def run(load: RobotChoice, output: str, tightness: float, as_c: bool, **of_c: An
     read = RobotChoice(
         load.robot, base, xacro_args=load.xacro_args, package_dirs=load.package_dirs, strict=load.strict
     )
-    given = any(of_c[name] for name in ("name", "float32", "map_joints", "parameters", "wrenches"))
+    given = any(of_c[name] for name in ("name", "float32", "map_joints", "parameters", "wrenches", "given"))
     refuse(
         (
             given or of_c["effects"] != ("default",),
-            "--name, --float32, --map, --parameters, --wrenches and --effects belong to --c",
+            "--name, --float32, --map, --parameters, --wrenches, --given and --effects belong to --c",
         ),
         (
             load != read,
@@ -55,6 +55,7 @@ def _export(
     map_joints: Sequence[str] | None,
     parameters: Sequence[str] | None,
     wrenches: Sequence[str] | None,
+    given: Sequence[str] | None,
     effects: tuple[str, ...],
 ) -> None:
     """Write the robot's models as C."""
@@ -62,10 +63,11 @@ def _export(
     from ..compiled.export import export
 
     dtype = "float32" if float32 else "float64"
-    given = {
+    chosen = {
         "map_joints": map_joints or (),
         "parameters": parameters or (),
         "wrenches": wrenches or (),
+        "given": given or (),
     }
-    for path in export(load(), output, effects, name=name, dtype=dtype, **given):
+    for path in export(load(), output, effects, name=name, dtype=dtype, **chosen):
         click.echo(str(path), err=True)

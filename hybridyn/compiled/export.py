@@ -25,6 +25,8 @@ try:
     from .program import Program
     from .programs.c_header import header_text
     from .programs.closing.platform_program import close_platforms_program
+    from .programs.given_control import given_motion
+    from .programs.given_step import given_step
     from .programs.map_programs import map_programs
     from .programs.walking import control_step
     from .programs.whole_robot import Interpreted, programs
@@ -45,6 +47,7 @@ def export(
     map_joints: Sequence[str] = (),
     parameters: Sequence[str] = (),
     wrenches: Sequence[str] = (),
+    given: Sequence[str] = (),
 ) -> list[Path]:
     """Write a robot's models as C source for other programs.
 
@@ -57,12 +60,15 @@ def export(
         parameters: Numbers of the robot that are arguments of the functions, as for `hybridyn.compile`; the
             header lists them. The function `close_platforms` is then left out.
         wrenches: Links on which wrenches are arguments of the models of forces, as of feet that stand.
+        given: Columns as in tables from which the control step `idm_from_given` takes its motion: LINK/pose,
+            LINK@OTHER/pose/x, JOINT/position, ... Freedoms that they leave move least from the last tick.
 
     Returns:
         Paths of the written files.
 
     Raises:
-        ModelError: A parameter is unknown, or together with `map_joints`; no wrench can act on a link; an
+        ModelError: A parameter is unknown, or together with `map_joints` or `given`; no wrench can act on a
+            link; what is given cannot be met in C, or `dtype` is not "float64" with it; an
             effect is not available in compiled models, `dtype` is invalid, `name` is not a C identifier, no
             joint moves, or a file of the same name exists that hybridyn did not write.
         CompileError: casadi is not installed, the models cannot be generated, they differ from the general
@@ -74,6 +80,8 @@ def export(
     slots = chosen.slots
     if slots and map_joints:
         raise ModelError("the map of output joints has no parameters: export it by itself")
+    if given and (slots or dtype != "float64"):
+        raise ModelError("a control step from poses needs double precision, and has no parameters")
     values = np.array(values_of(robot.description, slots))
     with as_compile_error(robot):
         built = programs(robot, on, models=ALWAYS, dtype=dtype, parameters=slots, wrenches=wrenches)
@@ -84,11 +92,16 @@ def export(
         verify(_WithoutWrenches(models, dtype), robot, on, design=values if slots else None)
         models += map_programs(asked, map_joints) if map_joints else []
         step, turning, more = control_step(asked, built["close"], built["idm"], name)
-        public = [*models, step]
+        public, inner = [*models, step], [turning]
+        motion, about = given_motion(robot, given) if given else None, list[str]()
+        if motion:
+            step, called, text = given_step(asked, built["idm"], name, motion)
+            public, inner, more = [*public, step], [*inner, *called], f"{more}\n{text}"
+            about = motion.about
         contents = {
-            f"{name}.h": header_text(robot, public, name, dtype, map_joints, slots, wrenches),
-            f"{name}.c": plain_source(models, name, dtype, more, [turning]),
-            f"test_{name}.c": test_text(robot, on, public, name, dtype, map_joints, values, wrenches),
+            f"{name}.h": header_text(robot, public, name, dtype, map_joints, slots, wrenches, about),
+            f"{name}.c": plain_source(models, name, dtype, more, inner),
+            f"test_{name}.c": test_text(robot, on, public, name, dtype, map_joints, values, wrenches, motion),
             "Makefile": _makefile(name),
             "README.md": _readme(robot, on.names, public, name, dtype, arguments=bool(slots)),
         }

@@ -21,6 +21,7 @@ from .code.scalars import REAL
 from .program import Program
 from .programs.closing.platform_program import platform_motions
 from .programs.general import body_rows
+from .programs.given_control import GIVEN_STEP, GivenMotion
 from .programs.map_programs import map_values
 
 #: Number of reference states in the test.
@@ -74,6 +75,7 @@ def test_text(
     map_joints: Sequence[str],
     parameters: Array,
     wrenches: Sequence[str],
+    given: GivenMotion | None,
 ) -> str:
     """Generate the test in C.
 
@@ -84,13 +86,14 @@ def test_text(
         map_joints: Output joints of the programs of the map.
         parameters: Values of the input "parameters", shape (slots,).
         wrenches: Links on which wrenches are arguments.
+        given: What is given to the control step from poses, or None.
     """
     lines = [
         f'/* {WRITTEN}. */\n#include <math.h>\n#include <stdio.h>\n\n#include "{name}.h"',
         DIFFERENCE.format(real=REAL[dtype]),
     ]
     checks: list[str] = []
-    references = _references(robot, effects, programs, map_joints, parameters, wrenches)
+    references = _references(robot, effects, programs, map_joints, parameters, wrenches, given)
     for program, values in zip(programs, references, strict=True):
         if values:
             arrays = (*program.inputs, *program.outputs)
@@ -112,6 +115,7 @@ def _references(
     map_joints: Sequence[str],
     parameters: Array,
     wrenches: Sequence[str],
+    given: GivenMotion | None,
 ) -> list[dict[str, Array]]:
     """Compute each program's inputs and outputs, shapes (SAMPLES, n), among other numbers.
 
@@ -136,6 +140,10 @@ def _references(
         "idm": _efforts(robot, acting, q, v, a),
         "idm_from_motors": _efforts(robot, acting, q, v_closed, a_closed),
     }
+    if given:
+        steps = given.states(q)
+        motion = steps["q"], steps["v_closed"], steps["a_closed"]
+        efforts[GIVEN_STEP] = steps | _efforts(robot, acting, *motion)
     out: list[dict[str, Array]] = []
     for program in programs:
         values = known | (driven if "v_closed" in dict(program.outputs) else {"v": v, "a": a, "near": q})

@@ -72,6 +72,11 @@ convert = RobotCommand(
             "--wrenches", metavar="A,B,...", callback=split_names,
             help="With --c: links on which wrenches are arguments, such as the feet of a robot that stands.",
         ),
+        option(
+            "--given", metavar="A,B,...", callback=split_names,
+            help="With --c: columns as in tables, from which a control step takes its motion: LINK/pose, "
+            "LINK/pose/x, JOINT/position.",
+        ),
         effects_option("default"),
     ],
 )  # fmt: skip

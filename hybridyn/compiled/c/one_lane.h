@@ -1,9 +1,15 @@
-/* The arithmetic of `closing.h` for one row at a time, whose programs hold copies of legs in the lanes of vectors. */
+/* The arithmetic of `advance.h` for one row at a time, whose programs hold copies of legs in the lanes of vectors. */
+#undef V
+#undef M
 #undef W
 #undef C
 #undef AND
 #undef OR
 #undef NOT
+#undef ANY
+#undef NUMBER
+#undef SELECT
+#undef FMAX
 #define W 1
 #define V S
 #define M int
@@ -18,5 +24,7 @@
 INLINE S larger(S a, S b) { return LT(b, a) || NE(b, b) ? a : b; }
 #define to_rows_apart(to, from, width, apart, valid) memcpy(to, from, sizeof(S) * (width))
 #define take(where, to, from, n) (void)((where) && memcpy(to, from, sizeof(S) * (n)))
+#ifndef RUN
 #define RUN(program, in, out) \
     (memcpy(program##_memory.given, &(in), sizeof(in)), !program##_run((S *)&(out), 0))
+#endif

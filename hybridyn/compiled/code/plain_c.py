@@ -123,10 +123,14 @@ def prototype(program: Program, name: str, dtype: str = "float64") -> str:
 
 def work_type(program: Program, name: str, dtype: str = "float64", *, lanes: bool = False) -> str:
     """Return the C type of the workspace of a program's function; `lanes` as from `in_lanes`."""
-    given, result, shared, own = program.sizes
-    vectors = LANES * (own + 1) if lanes else own  # from an aligned place on
-    room = f"{REAL[dtype]} numbers[{given + result + shared + vectors}]"
+    room = f"{REAL[dtype]} numbers[{work_size(program, lanes=lanes)}]"
     return f"typedef struct {{\n    {room};\n}} {name}_{program.name}_work;"
+
+
+def work_size(program: Program, *, lanes: bool) -> int:
+    """Return how many numbers the workspace of a program's function has; `lanes` as from `in_lanes`."""
+    given, result, shared, own = program.sizes
+    return given + result + shared + (LANES * (own + 1) if lanes else own)  # from an aligned place on
 
 
 def in_lanes(programs: list[Program]) -> bool:

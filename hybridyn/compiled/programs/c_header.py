@@ -30,6 +30,12 @@ WHAT = {
     "and a as in `close`; a base and joints that no motor moves are where `last` has them. The guard is "
     "..._OTHER_BRANCH if no way leads there: the motors have moved across a singular posture, to another "
     "assembly, out of reach, or too far for one tick.",
+    "idm_from_given": "A control step from what is `given`, such as a tool's pose: the loops closed on the "
+    "assembly branch of `last`, the posture of the last tick, which must close the loops; freedoms that it "
+    "leaves move least from there, by the rule of `hybridyn.assemble`; then motor efforts as of `idm`. "
+    "Quaternions and directions have a length of one; a lone angle is meant as `last` has it. The guard is "
+    "..._OTHER_BRANCH if no way is sure to lead there: out of reach, near a singular posture, or too far for "
+    "one tick.",
     "close_platforms": "Loops closed from where the platforms are: `pose` (x, y, z, qx, qy, qz, qw) of each "
     "platform in the base of its module, `twist` (velocity of its origin, angular velocity) and `twist_dot` "
     "(their time derivatives, classical) in the axes of that base. Other modules follow their motors as in "
@@ -81,6 +87,7 @@ def header_text(
     joints: Sequence[str] = (),
     parameters: Sequence[Slot] = (),
     wrenches: Sequence[str] = (),
+    given: Sequence[str] = (),
 ) -> str:
     """Return the header.
 
@@ -90,6 +97,7 @@ def header_text(
         joints: Output joints of the programs of the map.
         parameters: Numbers of the description that are arguments.
         wrenches: Links on which wrenches are arguments.
+        given: Lines that list what is given to the control step from poses.
     """
     values = zip(parameters, values_of(robot.description, parameters), strict=True)
     arguments = _numbered([f"{slot} ({value!r})" for slot, value in values])
@@ -106,6 +114,7 @@ def header_text(
         *(f"     {6 * i}..{6 * i + 5}  {link}" for i, link in enumerate(wrenches)),
         *(["   pose, twist, twist_dot", *_posed(robot)] if posed_modules(robot) else []),
         *(_sides(robot, joints) if joints else []),
+        *given,
         *(FREE_BASE if robot.base == "floating" else []),
         "",
         "   Each function gives a guard: use the results where `guard <= 1`, and nowhere else. Above 1,",

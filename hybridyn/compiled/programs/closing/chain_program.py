@@ -21,6 +21,7 @@ from .chain_targets import ChainTargets
 from .coupled import Coupled
 from .extended import extended
 from .given import Part
+from .measure import measure_kernel
 from .rows import Places
 
 #: Sources of each group's posture, and of what is prescribed there.
@@ -102,6 +103,18 @@ class ChainWriter:
         self._settle(_Calls(w["settle"], self, "settle"))
         _Calls(w["branch"], self, "branch").results(
             off=Constants(np.array([[NOT_TOLD]])), turned=Constants(np.array([[NOT_TOLD]]))
+        )
+
+    def measure(self, w: ModuleWriter) -> None:
+        """Add the calls of the program "measure", see `given_step`."""
+        c = _Calls(w, self, "measure")
+        placed, _ = c.placed("q_0", "p_0", "joints")
+        numbers = [w.result(name, w.places(name, [self._number])) for name in ("now", "next")]
+        c.one(
+            "measure",
+            measure_kernel(self._targets),
+            [*placed, c.given_of_chain("wanted")],
+            [*numbers, Worst()],
         )
 
     def _newton(self, c: _Calls) -> None:

@@ -34,7 +34,7 @@ from ...equations.rigid import quaternion_matrix
 from .chain_kernels import SAME_MOTION
 from .coupled import Coupled
 from .given import ANGLE
-from .pointing_rows import NO_LENGTH, PointingRows, direction_rows, distance_rows, met_direction_rows
+from .pointing_rows import PointingRows, direction_rows, distance_rows, length_of, met_direction_rows
 from .rows import LEAST_COSINE, coordinate_rows
 
 #: Least cosine of the angle from a prescribed orientation: beyond, the shorter way is not clear.
@@ -49,15 +49,17 @@ class ChainTargets:
     """Writes what a chain's targets are to its modules.
 
     Attributes:
+        coupled: The chain.
         bodies: For each part the bodies that carry targets.
+        places: Symbols of the placements of these in the base of their part: R row by row, and p.
         rows: Number of rows.
     """
 
     def __init__(self, coupled: Coupled) -> None:
         """Take the chain."""
-        self._coupled, self.bodies = coupled, [coupled.ports(k) for k in range(len(coupled.parts))]
+        self.coupled, self.bodies = coupled, [coupled.ports(k) for k in range(len(coupled.parts))]
         self.rows = coupled.rows
-        self._places = [symbols(f"place_{k}", 12 * len(own)) for k, own in enumerate(self.bodies)]
+        self.places = [symbols(f"place_{k}", 12 * len(own)) for k, own in enumerate(self.bodies)]
         self._g, self._g_dot = symbols("g", coupled.given.size), symbols("g_dot", coupled.given.rates)
 
     def couple(self) -> tuple[ca.Function, list[tuple[Array, ...]]]:
@@ -72,19 +74,19 @@ class ChainTargets:
             mask = np.array([[not is_zero(x) for x in row] for row in T], dtype=bool).reshape(T.shape)
             maps.append(tuple(np.split(mask, T.shape[1] // 6, axis=1)))
             packed.append(pack(T[mask]))
-        inputs = [*(column for column, _ in self._places), self._g[0]]
+        inputs = [*(column for column, _ in self.places), self._g[0]]
         return ca.Function("couple", inputs, [pack(residual), *packed, guard]), maps
 
     def _frame(self, part: int, body: int) -> Frame:
         """Return the frame of a part's body in its base."""
-        _, entries = self._places[part]
+        _, entries = self.places[part]
         at = 12 * self.bodies[part].index(body)
         return entries[at : at + 9].reshape(3, 3), entries[at + 9 : at + 12]
 
     @cached_property
     def _bases(self) -> list[Frame]:
         out: list[Frame] = []
-        for base in self._coupled.problem.carried.bases:
+        for base in self.coupled.problem.carried.bases:
             out.append(_then(self._carrier(base, out), _inner(base)))
         return out
 
@@ -99,45 +101,45 @@ class ChainTargets:
     def _of(self, place: CarriedFrame) -> Frame:
         return _then(self._carrier(place, self._bases), _inner(place))
 
-    def _seen(self, one: Relative) -> Frame:
+    def seen(self, one: Relative) -> Frame:
         """Return the frame of a target's link in its other one."""
         (R, p), (R_other, p_other) = self._of(one.link), self._of(one.other)
         return dot(R_other.T, R), dot(R_other.T, p - p_other)
 
     def _goal(self, number: int) -> Expression:
         """Return what is prescribed of a target."""
-        return self._g[1][self._coupled.given.places[number]]
+        return self._g[1][self.coupled.given.places[number]]
 
     def _rate(self, number: int) -> Expression:
         """Return the prescribed rates of a target."""
-        return self._g_dot[1][self._coupled.given.rate_places[number]]
+        return self._g_dot[1][self.coupled.given.rate_places[number]]
 
     def _pointed(self, number: int) -> PointingRows | None:
         """Return the rows of a direction or a distance; None for other targets."""
-        one, goal, rate = self._coupled.relatives[number], self._goal(number), self._rate(number)
-        target, (R, p) = one.target, self._seen(one)
+        one, goal, rate = self.coupled.relatives[number], self._goal(number), self._rate(number)
+        target, (R, p) = one.target, self.seen(one)
         if isinstance(target, DirectionTarget):
             return direction_rows(R, target.axis, goal, rate)
         return distance_rows(p, goal, rate) if isinstance(target, DistanceTarget) else None
 
     def _along(self, number: int, R: Expression) -> Any:
         """Return the cosine of the angle between a link's first axis, seen from above, and its heading."""
-        given = self._coupled.given
+        given = self.coupled.given
         at = len(self._g[1]) - len(given.turning) + given.turning.index(number - len(given.bodies))
         heading = self._g[1][at]
         return R[0, 0] * ca.cos(heading) + R[1, 0] * ca.sin(heading)
 
     def _side(self, number: int, R: Expression) -> Any:
         """Return 1 where the upright triple of angles is meant, -1 where the other is."""
-        if number - len(self._coupled.given.bodies) not in self._coupled.given.turning:
+        if number - len(self.coupled.given.bodies) not in self.coupled.given.turning:
             return 1.0
         return ca.if_else(self._along(number, R) < 0.0, -1.0, 1.0)
 
     @cached_property
     def _residual(self) -> tuple[Expression, ca.SX]:
         out, guard = [zeros(0)], ca.SX(0.0)
-        for i, one in enumerate(self._coupled.relatives):
-            (R, p), goal = self._seen(one), self._goal(i)
+        for i, one in enumerate(self.coupled.relatives):
+            (R, p), goal = self.seen(one), self._goal(i)
             pointed = self._pointed(i)
             if pointed:
                 miss = pointed.residual
@@ -147,11 +149,11 @@ class ChainTargets:
                 miss = np.concatenate([p - goal[:3], turn])
                 guard = ca.fmax(guard, ca.if_else(cosine > SHORTER_WAY, 0.0, 2.0))
             else:
-                some = self._coupled.given.coordinates[i - len(self._coupled.given.bodies)]
+                some = self.coupled.given.coordinates[i - len(self.coupled.given.bodies)]
                 values, _, cosine = coordinate_rows(R, p, self._side(i, R))
                 miss = np.array(
                     [
-                        _wrapped(values[r] - x, kind)
+                        wrapped(values[r] - x) if kind == ANGLE else values[r] - x
                         for r, kind, x in zip(some.rows, some.kinds, goal, strict=True)
                     ]
                 )
@@ -171,7 +173,7 @@ class ChainTargets:
         Returns:
             Each of shape (rows, 6 ports).
         """
-        out, numbers = [], range(len(self._coupled.relatives))
+        out, numbers = [], range(len(self.coupled.relatives))
         for part, bodies in enumerate(self.bodies):
             columns = [np.concatenate([self._map(i, part, body, met) for i in numbers]) for body in bodies]
             out.append(np.concatenate([zeros(self.rows, 0), *columns], axis=1))
@@ -179,8 +181,8 @@ class ChainTargets:
 
     def _map(self, number: int, part: int, body: int, met: bool) -> Expression:
         """Return the map from the twist of a port to the rates of a target's rows; `met` as in `_maps`."""
-        one = self._coupled.relatives[number]
-        ways = [self._coupled.problem.carried.way(place).get(part) for place in (one.link, one.other)]
+        one = self.coupled.relatives[number]
+        ways = [self.coupled.problem.carried.way(place).get(part) for place in (one.link, one.other)]
         sign = (ways[0] == body) - (ways[1] == body)
         T = zeros(6, 6)
         if sign and ways[0] != ways[1]:
@@ -191,12 +193,12 @@ class ChainTargets:
             T[:3, 3:] = -dot(turn, hat(dot(R.T, point - p)))
         pointed = self._pointed(number)
         if isinstance(one.target, DirectionTarget) and pointed:
-            T = dot(met_direction_rows(self._seen(one)[0], one.target.axis) if met else pointed.map, T[3:])
+            T = dot(met_direction_rows(self.seen(one)[0], one.target.axis) if met else pointed.map, T[3:])
         elif pointed:
             T = dot(pointed.map, T[:3])
         elif isinstance(one.target, CoordinateTarget):
-            some = self._coupled.given.coordinates[number - len(self._coupled.given.bodies)]
-            R, p = self._seen(one)
+            some = self.coupled.given.coordinates[number - len(self.coupled.given.bodies)]
+            R, p = self.seen(one)
             to_rates = coordinate_rows(R, p, self._side(number, R))[1]
             T = np.concatenate([T[:3], dot(to_rates, T[3:])])[list(some.rows)]
         return T / one.target.units[:, None]
@@ -215,14 +217,14 @@ class ChainTargets:
     def _asked(self) -> Expression:
         """Prescribed rates of all rows, without units: T V equals them."""
         out = [zeros(0)]
-        for i, one in enumerate(self._coupled.relatives):
+        for i, one in enumerate(self.coupled.relatives):
             pointed = self._pointed(i)
             out.append((pointed.asked if pointed else self._rate(i)) / one.target.units)
         return np.concatenate(out)
 
     def asked(self) -> ca.Function:
         """From placements, what is prescribed and its rates to the rates of all rows, without units."""
-        inputs = [*(column for column, _ in self._places), self._g[0], self._g_dot[0]]
+        inputs = [*(column for column, _ in self.places), self._g[0], self._g_dot[0]]
         return ca.Function("asked", inputs, [pack(self._asked)])
 
     def settle(self) -> tuple[ca.Function, Handed]:
@@ -256,18 +258,18 @@ class ChainTargets:
         prescribed accelerations of all rows less T_dot V, without units, and d/dt T^T l.
         """
         twists = [symbols(f"V_{k}", 6 * len(own)) for k, own in enumerate(self.bodies)]
-        (l_col, multipliers), g_col = symbols("l", self.rows), ca.SX.sym("g_ddot", self._coupled.given.rates)
+        (l_col, multipliers), g_col = symbols("l", self.rows), ca.SX.sym("g_ddot", self.coupled.given.rates)
         changes = []
-        for (_, entries), (_, V), own in zip(self._places, twists, self.bodies, strict=True):
+        for (_, entries), (_, V), own in zip(self.places, twists, self.bodies, strict=True):
             for i in range(len(own)):
                 R, twist = entries[12 * i : 12 * i + 9].reshape(3, 3), V[6 * i : 6 * i + 6]
                 changes += [dot(R, hat(twist[3:])), dot(R, twist[:3])]
-        given = self._coupled.given
+        given = self.coupled.given
         moved = zeros(given.size)  # only directions and points that move change the rows
         first = len(given.bodies) + len(given.coordinates)
         for at, to in zip(given.places[first:], given.rate_places[first:], strict=True):
             moved[at] = self._g_dot[1][to]
-        state = ca.vertcat(*(column for column, _ in self._places), self._g[0])
+        state = ca.vertcat(*(column for column, _ in self.places), self._g[0])
         rate = pack(*changes, moved)
         maps, fixed = self._maps(met=True), [ca.SX.sym("V", column.numel()) for column, _ in twists]
         y = pack(reduce(plus, (dot(T, unpack(V)) for T, V in zip(maps, fixed, strict=True))))
@@ -276,7 +278,7 @@ class ChainTargets:
             ca.jtimes(y, state, rate), ca.vertcat(*fixed), ca.vertcat(*(column for column, _ in twists))
         )
         forces = [ca.jtimes(pack(dot(T.T, multipliers)), state, rate) for T in maps]
-        inputs = [*(column for column, _ in (*self._places, self._g, self._g_dot)), g_col]
+        inputs = [*(column for column, _ in (*self.places, self._g, self._g_dot)), g_col]
         inputs += [*(column for column, _ in twists), l_col]
         return ca.Function("change", inputs, [ca.densify(x) for x in (asked - drift, *forces)])
 
@@ -301,14 +303,15 @@ def _then(outer: Frame, inner: Frame) -> Frame:
     return dot(outer[0], inner[0]), plus(outer[1], dot(outer[0], inner[1]))
 
 
-def _wrapped(x: Any, kind: int) -> Any:
-    return x - 2 * np.pi * ca.floor(x / (2 * np.pi) + 0.5) if kind == ANGLE else x
+def wrapped(x: Any) -> Any:
+    """Return an angle less whole turns, within half a turn."""
+    return x - 2 * np.pi * ca.floor(x / (2 * np.pi) + 0.5)
 
 
 def _rotation_vector(R: Expression) -> tuple[Expression, Any]:
     """Compute the rotation vector of a rotation, shape (3,), and the cosine of its angle."""
     vector = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]], dtype=object) * 0.5
     cosine = (R[0, 0] + R[1, 1] + R[2, 2] - 1.0) * 0.5
-    sine = ca.sqrt(sum((x * x for x in vector), ca.SX(NO_LENGTH)))
+    sine = length_of(vector)
     factor = ca.atan2(sine, cosine) / sine
     return np.array([factor * x for x in vector], dtype=object), cosine

@@ -1,6 +1,7 @@
 """The programs of a whole robot for one choice of given joints and targets, and their C libraries.
 
-One library closes the rows of a table, the other those of many designs in lanes: one text, `c/closing.h`.
+One library closes the rows of a table, the other those of many designs in lanes: one text, `c/closing.h`. Its
+walk, `c/advance.h`, is that of exported control steps, too.
 """
 
 from __future__ import annotations
@@ -130,7 +131,7 @@ def closing_source(
     """
     programs = closing_programs(robot, parts, chosen, chains)
     names, written = constants_of(programs, 0 if chosen is None else chosen.size), list(programs.values())
-    texts = ["closing.h"]
+    texts = ["row_records.h", "advance.h", "closing.h"]
     order = motors_given(robot, parts) if chosen is None and not chains else []
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
     if chosen is None:

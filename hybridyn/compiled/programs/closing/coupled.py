@@ -188,10 +188,13 @@ class Coupled:
 Split = tuple[list[int], list[tuple[tuple[int, ...], tuple[int, ...]]]]
 
 
-def split_poses(robot: HybridRobot, requests: Requests) -> Split:
+def split_poses(robot: HybridRobot, requests: Requests, *, every: bool = False) -> Split:
     """Return which poses modules meet alone, and which modules meet the others together.
 
     Directions and distances are among the others, also where one module meets them alone.
+
+    Args:
+        every: Whether all poses are among the others.
 
     Raises:
         AssemblyError: As in `chains_of`.
@@ -202,7 +205,7 @@ def split_poses(robot: HybridRobot, requests: Requests) -> Split:
     own: dict[int, list[int]] = {}
     for pose in alone.poses:
         own.setdefault(robot.body_owner[robot.bodies.place[pose.link][0]][0], []).append(number[id(pose)])
-    pointing = [k for k, poses in own.items() if any(requests.poses[i].further for i in poses)]
+    pointing = [k for k, poses in own.items() if every or any(requests.poses[i].further for i in poses)]
     found += [((k,), tuple(own.pop(k))) for k in pointing]
     return sorted(i for poses in own.values() for i in poses), sorted(found)
 

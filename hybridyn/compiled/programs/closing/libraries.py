@@ -37,6 +37,7 @@ from .given import (
     CLOSED_TO_ROUNDING,
     Part,
     lanes_for,
+    modules_of,
     numbers,
     places_at,
     structure_of,
@@ -270,6 +271,8 @@ def place_of(
 
 #: Number of generic postures that are tried, and how far the row is from each (rad, module lengths).
 POSTURES, ROW_AWAY = 4, 1e-3
+#: Largest turn of joints of modules without loops, away from a singular home [rad, module lengths].
+BENT = 0.7
 #: Largest difference from the general path, relative to the largest entry of each result: rounding, through
 #: the condition of loops at any posture.
 ROWS_AGREE = 1e-8
@@ -371,7 +374,8 @@ def check_chains(closing: Closing, robot: HybridRobot, requests: Requests) -> No
         start = robot.home.copy()
         for part in closing.parts:
             _move(part, number, start, (start.copy(), *np.zeros((2, robot.nv))))
-        asked = _nearby(robot, requests, closing.chains, start, number)
+        start = bent(robot, start, number)
+        asked = nearby_requests(robot, requests, closing.chains, start, number)
         wanted = wanted_of(robot, asked, split_poses(robot, asked))
         row = None if wanted is None else closing.numbers(wanted)
         place = None if row is None else closing.place(robot, start, row)
@@ -391,7 +395,18 @@ def check_chains(closing: Closing, robot: HybridRobot, requests: Requests) -> No
         check_agreement(robot, "motion of the chains", offs, ROWS_AGREE)
 
 
-def _nearby(
+def bent(robot: HybridRobot, q: Array, seed: int) -> Array:
+    """Return a posture, shape (nq,), with modules without loops turned: arms may be straight at home."""
+    q, rng = q.copy(), np.random.default_rng(seed)
+    for _, module in modules_of(robot):
+        m, at = module.mechanism, module.q_index
+        if not m.closures.rows:
+            turn = BENT * rng.uniform(-1.0, 1.0, (1, m.spanning.nv)) * m.spanning_col_scale
+            q[at] = m.spanning.integrate(q[None, at], turn)[0]
+    return q
+
+
+def nearby_requests(
     robot: HybridRobot, requests: Requests, chains: Sequence[Coupled], q: Array, seed: int
 ) -> Requests:
     """Return requests like some others near a posture, shape (nq,), where chains move and all else stays."""

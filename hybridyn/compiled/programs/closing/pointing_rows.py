@@ -43,7 +43,7 @@ def direction_rows(R: Expression, axis: int, wanted: Expression, rate: Expressio
     e, others = plain(np.eye(3)[axis]), [(axis + 1) % 3, (axis + 2) % 3]
     d = dot(R.T, wanted)
     turn, cosine, moved = cross(d, e), d[axis], hat(d)
-    sine = ca.sqrt(sum((x * x for x in turn), ca.SX(NO_LENGTH)))
+    sine = length_of(turn)
     angle, safe = ca.atan2(sine, cosine), ca.fmax(sine, SMALL_SINE)
     straight = ca.logic_and(sine < SMALL_SINE, cosine > 0.0)
     factor = ca.if_else(straight, 1.0 + sine * sine / 6.0, angle / sine)
@@ -67,10 +67,15 @@ def distance_rows(p: Expression, wanted: Expression, rate: Expression) -> Pointi
         rate: Their time derivatives, shape (4,).
     """
     way = p - wanted[1:]
-    distance = ca.sqrt(sum((x * x for x in way), ca.SX(NO_LENGTH)))
+    distance = length_of(way)
     n = _times(1.0 / distance, way)
     miss, asked = distance - wanted[0], plus(rate[0], along(n, rate[1:]))
     return PointingRows(filled([miss], 1), n[None], filled([asked], 1), 1.0)
+
+
+def length_of(x: Expression) -> ca.SX:
+    """Compute the length of a vector, not quite zero."""
+    return ca.sqrt(sum((y * y for y in x), ca.SX(NO_LENGTH)))
 
 
 def _times(factor: Any, values: Expression) -> Expression:

@@ -190,7 +190,7 @@ def _kernel(parts: Sequence[Part]) -> tuple[ca.Function, Array]:
     for joint, source in enumerate(e.source):
         if source is None:
             body = int(m.cut.bodies[joint + 1])
-            z.append(np.concatenate([chain.p0[body], _quaternion(chain.R0[body])]))
+            z.append(np.concatenate([chain.p0[body], quaternion_of(chain.R0[body])]))
         else:
             z.append(q[spanning.q_slices[source]])
     rows = rows_at(trees, given, folding, np.concatenate([zeros(0), *z]), zeros(0), {})
@@ -213,7 +213,7 @@ def _bent(tree: Tree, q: Expression) -> ca.SX:
     return off
 
 
-def _quaternion(R: Expression) -> Expression:
+def quaternion_of(R: Expression) -> Expression:
     """Compute the unit quaternion x, y, z, w of a rotation, as `spatial.quaternion_from_rotation`."""
     a, b, c = R[0, 0], R[1, 1], R[2, 2]
     xy, xz, yz = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]

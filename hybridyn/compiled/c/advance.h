@@ -1,0 +1,178 @@
+/* A row closed on the branch of the row before, as `assembly.follow` does it: for W designs at once, each lane from its
+   own row before, or for one robot (`one_lane.h`). Needs NQ, NP, NV, NG, NR, SLOTS, MODULES, KEPT, the constants of
+   `closing_source`, `far.h`, `row_records.h`, and the programs "newton", "settle" and "branch". */
+#define EVERY LE(C(0), C(0))
+#define NUMBERS(x) (sizeof(x) / sizeof(V))
+#ifndef RUN /* a program; gives the lanes in which its guard is within the limit */
+#define RUN(program, in, out) run(program##_samples, program##_SHARED, (V *)&(in), NUMBERS(in), (V *)&(out), NUMBERS(out), w)
+typedef void Samples(const V *given, V *result, V *shared, V *own, V *guard);
+INLINE M run(Samples *samples, Long shared, const V *in, Long given, V *out, Long result, Work *w) {
+    V worst_yet = C(0);
+    for (Long k = 0; k < given; k++) worst_yet += in[k] * C(0); /* not finite: NaN */
+    samples(in, out, w->programs, w->programs + shared, &worst_yet);
+    worst_yet += none(out, (int)result); /* not finite: NaN */
+    return LE(worst_yet, C(GUARD_LIMIT));
+}
+INLINE void take(M where, V *to, const V *from, Long n) {
+    for (Long k = 0; k < n; k++) to[k] = SELECT(where, from[k], to[k]);
+}
+#endif
+
+INLINE V largest_lanes(const V *x) {
+    V out = x[0];
+    for (int m = 1; m < MODULES; m++) out = FMAX(out, x[m]);
+    return out;
+}
+INLINE V size_in(const NewtonOut *out, int m) { return FMAX(out->step[m], out->wrist[m]); }
+INLINE V size_of(const NewtonOut *out) { return FMAX(largest_lanes(out->step), largest_lanes(out->wrist)); }
+
+/* Newton's method from the guess in `at` without damping; gives where it comes to the positions. */
+static M reached(Work *w) {
+    M good = EVERY, near = NOT(EVERY);
+    for (int m = 0; m < MODULES; m++) w->before[m] = C(INFINITY);
+    for (int k = 0; k < PATIENCE; k++) {
+        w->newton.at = w->now.at;
+        const M trusted = RUN(newton, w->newton, w->moved);
+        M nearer = EVERY, there = EVERY;
+        for (int m = 0; m < MODULES; m++) {
+            const V step = w->moved.step[m], far = w->moved.open[m];
+            nearer = AND(nearer, OR(LT(far, w->before[m]), LT(step, C(NEAR))));
+            there = AND(there, AND(LE(step, C(NEAR)), LE(w->moved.wrist[m], C(NEAR))));
+            w->before[m] = far;
+        }
+        good = AND(good, OR(near, AND(trusted, nearer)));
+        take(NOT(near), (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
+        near = OR(near, there);
+        if (!ANY(AND(good, NOT(near)))) break;
+    }
+    return AND(good, near);
+}
+
+/* Compare a step with its prediction. */
+static M on_branch(Work *w) {
+    w->branch.found = w->now.at;
+    memcpy(w->branch.g_0, w->settle.g_0, sizeof(w->branch.g_0));
+    M good = RUN(branch, w->branch, w->about);
+    for (int m = 0; m < MODULES; m++) {
+        const M near = LE(w->about.off[m], C(SAME_BRANCH) * w->first[m] + C(SMALL_STEP));
+        const M straight = OR(LE(w->first[m], C(SMALL_STEP)), LE(w->about.turned[m], C(MOST_TURNING)));
+        good = AND(good, AND(near, straight));
+    }
+    return good;
+}
+
+/* Where a step keeps its branch by bounds of what "branch" computes: the joints have turned by twice its module's later
+   steps at most, as rotations about several axes do not add up. */
+static M surely_same(Work *w) {
+    M good = EVERY;
+    for (int m = 0; m < MODULES; m++) {
+        const M near = LE(C(2) * w->later[m], C(SAME_BRANCH) * w->first[m] + C(SMALL_STEP));
+        good = AND(good, AND(near, LE(w->turning[m], C(MOST_BOUND))));
+    }
+    return good;
+}
+
+/* Where the steps to a row are no longer than the checks can judge. */
+static M not_far(Work *w) {
+    for (int l = 0; l < W; l++) ((S *)&w->far)[l] = is_far((S *)w->settle.g_0 + l, (S *)w->settle.row.g + l, W);
+    return LE(w->far, C(0));
+}
+
+/* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain. */
+static M advanced(Work *w, M certain, int lone) {
+    w->newton.at = w->settle.start = w->branch.start = w->now.at;
+    memcpy(w->newton.g, w->settle.row.g, sizeof(w->newton.g));
+    memcpy(w->branch.g, w->settle.row.g, sizeof(w->branch.g));
+    M good = lone ? certain : AND(certain, not_far(w));
+    good = AND(good, RUN(newton, w->newton, w->moved));
+    w->now.at = w->branch.predicted = w->moved.at;
+    memcpy(w->first, w->moved.step, sizeof(w->first));
+    memcpy(w->settle.kept, w->moved.kept, sizeof(w->settle.kept));
+    memcpy(w->before, w->moved.open, sizeof(w->before));
+    V before = size_of(&w->moved);
+    if (!lone) good = AND(good, LE(before, C(LONGEST)));
+    for (int m = 0; m < MODULES; m++) w->taken[m] = size_in(&w->moved, m), w->later[m] = C(0);
+    for (int k = 0; k < ITERATIONS; k++) {
+        const M left = NOT(LE(before, C(NEAR)));
+        if (!ANY(AND(left, good))) break;
+        w->newton.at = w->now.at;
+        const M trusted = RUN(newton, w->newton, w->moved);
+        const V size = size_of(&w->moved);
+        good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
+        for (int m = 0; KEPT && m < MODULES; m++) { /* the general path damps steps that open what they should close */
+            good = AND(good, OR(NOT(left), OR(LE(w->taken[m], C(NEVER_DAMPED)), LT(w->moved.open[m], w->before[m]))));
+            w->before[m] = w->moved.open[m];
+        }
+        take(left, (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
+        before = SELECT(left, size, before);
+        for (int m = 0; m < MODULES; m++) {
+            w->taken[m] = SELECT(left, size_in(&w->moved, m), w->taken[m]);
+            w->later[m] += SELECT(left, w->taken[m], C(0));
+        }
+    }
+    good = AND(good, LE(before, C(NEAR)));
+    M left = EVERY;
+    for (int k = 0; k < LAST_STEPS; k++) {
+        w->settle.at = w->now.at;
+        const M trusted = RUN(settle, w->settle, w->settled);
+        take(left, (V *)&w->now, (V *)&w->settled.now, NUMBERS(State));
+        take(left, w->turning, w->settled.turning, MODULES);
+        const V step = largest_lanes(w->settled.step);
+        for (int m = 0; m < MODULES; m++) w->later[m] += SELECT(left, w->settled.step[m], C(0));
+        const M open = NOT(AND(LE(step, C(LAST_STEP)), LE(largest_lanes(w->settled.open), C(OPEN))));
+        good = AND(good, OR(NOT(left), trusted));
+        left = AND(left, open);
+        if (!ANY(AND(left, good))) break;
+    }
+    good = AND(good, NOT(left));
+    if (lone) return good;
+    const M sure = surely_same(w);
+    return ANY(AND(good, NOT(sure))) ? AND(good, OR(sure, on_branch(w))) : good;
+}
+
+/* Follow the branch from the row before, in `last`, where a step to the row was too long for its checks, in steps as
+   long as predictions hold. Gives the lanes of `whole` and those where it leads on. */
+static M walked(Work *w, M certain, M whole) {
+    M left = AND(certain, NOT(whole));
+    V done = C(0), step = C(0.25);
+    w->end = w->now;
+    w->here = w->last;
+    memcpy(w->there, w->settle.g_0, sizeof(w->there));
+    w->row = w->settle.row;
+    while (ANY(left)) {
+        step = SELECT(LE(C(1) - done, step), C(1) - done, step);
+        const V to = done + step;
+        const M last = LE(C(1), to);
+        for (int l = 0; l < W; l++)
+            between((S *)w->there + l, (S *)w->row.g + l, ((S *)&step)[l] / (1 - ((S *)&done)[l]), (S *)w->settle.row.g + l, W);
+        take(last, w->settle.row.g, w->row.g, NG);
+        for (int i = 0; i < NR; i++) {
+            w->settle.row.g_dot[i] = SELECT(last, w->row.g_dot[i], C(0));
+            w->settle.row.g_ddot[i] = SELECT(last, w->row.g_ddot[i], C(0));
+        }
+        memcpy(w->settle.g_0, w->there, sizeof(w->there));
+        w->now.at = w->here;
+        const M good = advanced(w, left, 0), moved = AND(good, NOT(last));
+        take(AND(good, last), (V *)&w->end, (V *)&w->now, NUMBERS(State));
+        take(moved, (V *)&w->here, (V *)&w->now.at, NUMBERS(Posture));
+        take(moved, w->there, w->settle.row.g, NG);
+        whole = OR(whole, AND(good, last));
+        left = AND(left, AND(NOT(whole), OR(good, LT(C(SHORTEST), step))));
+        done = SELECT(moved, to, done);
+        step = SELECT(good, C(2) * step, C(0.5) * step);
+    }
+    w->now = w->end;
+    w->settle.row = w->row;
+    return AND(certain, whole);
+}
+
+/* Close the row in `settle` on the branch of the posture in `now`, where settle.g_0 holds.
+   `guess`: from that posture Newton's method must reach the row by itself, too; `lone`: it has no branch. */
+static M closed(Work *w, M good, int guess, int lone) {
+    memcpy(w->newton.g, w->settle.row.g, sizeof(w->newton.g));
+    w->last = w->now.at;
+    if (guess) good = AND(good, reached(w));
+    if (!lone) w->now.at = w->last;
+    const M whole = advanced(w, good, lone);
+    return !KEPT && !lone && ANY(AND(good, NOT(whole))) ? walked(w, good, whole) : whole; /* a chain walks in other steps */
+}
