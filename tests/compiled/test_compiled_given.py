@@ -108,7 +108,7 @@ class Task:
 def walk(step: Stepper, task: Task, count: int) -> None:
     """Compare random steps with the general path; those that C refuses are too long, or cannot be done."""
     robot, rng, taken, last = step.robot, np.random.default_rng(0), 0, np.zeros(0)
-    starts = swing(robot, 0.05, count // TOGETHER + 1)[0]
+    starts = swing(robot, 0.01, count // TOGETHER + 1)[0]
     for k in range(count):
         last = starts[k // TOGETHER] if k % TOGETHER == 0 else last
         levels = task.next(rng, last)
@@ -126,7 +126,7 @@ def walk(step: Stepper, task: Task, count: int) -> None:
 CASES = [
     ("five_bar", "m1_tool", "x z", 0),
     ("arm yyy", "l2", "x z", 0),
-    slow("arm yyyy", "l3", "x z pitch", 1),
+    slow("arm yyyy", "l3", "x z pitch", 0),
     slow("excavator", "teeth", "x z pitch", 0),
     slow("stewart_ur5", "wrist_3_link", "", 0),
     slow("stewart_ur5", "wrist_3_link", "x y z", 3),
