@@ -13,7 +13,8 @@ import numpy as np
 from pictures import COLOURS, INK, figure, options, plain, row, save, snapshots
 
 import hybridyn
-from hybridyn.identification.parameters import standard_parameters, with_parameters
+from hybridyn.identification.parameters import standard_parameters
+from hybridyn.identification.robot_with import with_parameters
 
 NOISE, ENCODERS = 0.02, 1e-5
 PERIOD, BAND, RATE = 5.0, 2.0, 200.0

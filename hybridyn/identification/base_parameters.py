@@ -3,35 +3,27 @@
 The columns of Y depend on each other, by constants. A QR with column pivoting over random assembled states
 counts the independent ones. A QR body by body, with pivoting among the ten of each, chooses them (Gautier
 1991): a parameter is grouped with those of bodies nearer to the base, as in Khalil's rules.
-
-Long measurements are reduced, chunk by chunk, to one triangular factor of the columns that are left, never to
-normal equations.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
 
 import numpy as np
 import scipy.linalg
 
 from ..assembly.spanning import spanning_positions
 from ..compiled.equations.states import any_accelerations, moving_states
-from ..compiled.failures import needs_casadi
 from ..effects.choice import Choice
-from ..errors import TrajectoryError
 from ..linkage.newton import LoopProblem, close
 from ..linkage.walking import CLOSED
 from ..spatial import Array, Index
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
 from ..threads import one_thread
-from .parameters import StandardParameters, standard_parameters
-from .regressor import done_together, effort_rows
-from .whitening import Whitening
+from .parameters import standard_parameters
+from .regressor import effort_rows
+from .standard import StandardParameters
 
 #: A pivot below this part of the largest counts as zero, in columns of scaled parameters. Rounding leaves
 #: about 1e-14, and less than 1e-6 of a robot's efforts is beyond any measurement.
@@ -45,12 +37,6 @@ FAR_WITH_LOOPS, STEPS, FAR = 0.6, 3, 2.5
 ENTRIES = 4_000_000
 #: Terms that the name of a base parameter shows.
 SHOWN = 8
-#: Samples whose rows are built at once.
-AT_ONCE = 1024
-
-#: Positions, rates, accelerations and measured efforts of some samples, shapes (T, nq), (T, nv), (T, nv) and
-#: (T, motors).
-Chunk = tuple[Array, Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,94 +205,3 @@ def _name(row: Array, lead: int, names: tuple[str, ...]) -> str:
         size = "" if abs(abs(row[i]) - 1.0) < 1e-9 else f"{abs(row[i]):.4g} "
         out += f" {'-' if row[i] < 0 else '+'} {size}{names[i]}"
     return out + (f" + {len(others) - SHOWN} more" if len(others) > SHOWN else "")
-
-
-@dataclass(frozen=True, eq=False)
-class TriangularFactor:
-    """Least squares of all samples: |Y x - tau|^2 = |R x - z|^2 + rest^2, of what motors do together.
-
-    Attributes:
-        base: The base parameters x.
-        R: Upper triangular factor of the weighted rows, shape (rank, rank).
-        z: Right-hand side, shape (rank,).
-        rest: Norm of what no x explains.
-        rows: Number of rows: samples times motors, or the motions that redundant ones drive.
-    """
-
-    base: BaseParameters
-    R: Array
-    z: Array
-    rest: float
-    rows: int
-
-
-def triangular_factor(
-    robot: HybridRobot,
-    chunks: Iterable[Chunk],
-    *,
-    effects: Choice = None,
-    symmetric: bool = False,
-    base: BaseParameters | None = None,
-    weights: Array | None = None,
-    compiled: bool = False,
-    threads: int = 1,
-) -> TriangularFactor:
-    """Reduce measurements of any length to the triangular factor of their base columns, in bounded memory.
-
-    Args:
-        robot: The robot.
-        chunks: Samples in parts of any size: q, v, a of the spanning tree and measured efforts.
-        effects: As in `regressor`.
-        symmetric: As in `regressor`.
-        base: `base_parameters` with the same choices, if known.
-        weights: Factor of the rows of each motor, such as 1 / standard deviation, shape (motors,); those
-            of redundant motors matter for what they do together.
-        compiled: Whether to build C for the rows first (`CompiledRows`), which pays for 100,000 samples.
-        threads: Number of threads that share the samples. They do not change the result.
-
-    Raises:
-        CompileError: As `CompiledRows`, if `compiled`.
-        AssemblyError, SingularityError, TrajectoryError: As `regressor`.
-    """
-    base = base or base_parameters(robot, effects=effects, symmetric=symmetric)
-    parameters, rank = base.standard, base.rank
-    factor = np.ones(len(robot.motors)) if weights is None else np.asarray(weights, dtype=float)
-    if factor.shape != (len(robot.motors),) or not (np.isfinite(factor) & (factor > 0)).all():
-        raise TrajectoryError(f"weights must be {len(robot.motors)} positive numbers, one for each motor")
-    rows_of: Callable[..., Array] | None = None
-    if compiled:
-        needs_casadi()
-        from .compiled_rows import CompiledRows
-
-        rows_of = CompiledRows(robot, parameters, base.columns)
-
-    def reduced(part: Chunk) -> tuple[Array, int]:
-        """Return the triangular factor of some samples, and the number of their rows."""
-        *motion, tau = part
-        Y = rows_of(*motion) if rows_of else effort_rows(robot, parameters, *motion, together=True)
-        Y = Y if rows_of else Y[..., base.columns]
-        together = done_together(robot, motion[0])
-        white = Whitening.of(np.tile(1 / factor, (len(tau), 1)), together)
-        new = white(np.concatenate([Y, tau[..., None]], axis=2))
-        return triangular(new), len(new)
-
-    R, rows = np.zeros((rank + 1, rank + 1)), 0
-    parts = _parts(robot, chunks)
-    with one_thread(), ThreadPoolExecutor(threads) as pool:
-        while some := list(islice(parts, threads)):
-            new = [*pool.map(reduced, some)]
-            R = triangular(np.concatenate([R, *(factor for factor, _ in new)]))
-            rows += sum(count for _, count in new)
-    return TriangularFactor(base, R[:rank, :rank], R[:rank, rank], abs(float(R[rank, rank])), rows)
-
-
-def _parts(robot: HybridRobot, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-    """Yield the samples of the chunks in parts of bounded size, after checks of shapes and numbers."""
-    for q, v, a, tau in chunks:
-        q = as_positions(robot, q)[0]
-        v, a = as_rates(robot, v)[0], as_rates(robot, a, "a", "acceleration")[0]
-        tau = as_efforts(robot, tau)[0]
-        same_samples(q=q, v=v, a=a, tau=tau)
-        for first in range(0, len(q), AT_ONCE):
-            part = slice(first, first + AT_ONCE)
-            yield q[part], v[part], a[part], tau[part]

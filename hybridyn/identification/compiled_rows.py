@@ -37,8 +37,8 @@ from ..spatial import Array, Index
 from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from .inertial import OF_BODY
-from .parameters import StandardParameters
 from .regressor import add_laws, effort_rows
+from .standard import StandardParameters
 
 #: Largest difference from the general path at the states that a new library is compared at, relative to the
 #: largest entry.

@@ -54,18 +54,13 @@ class Fit:
 
 
 def estimate(
-    Y: Array,
-    tau: Array,
-    names: Sequence[str],
-    method: str = "wls",
-    instruments: Array | None = None,
+    Y: Array, tau: Array, names: Sequence[str], method: str = "wls", instruments: Array | None = None,
     together: Array | None = None,
-) -> Fit:
+) -> Fit:  # fmt: skip
     """Estimate x, and each motor's noise.
 
     Args:
-        Y: Regressor, shape (T, motors, p).
-        tau: Efforts, shape (T, motors).
+        Y, tau: Regressor, shape (T, motors, p), and efforts, shape (T, motors).
         names: Name of each parameter, for messages.
         method: "wls": least squares, each motor weighted by its own noise. "irls": the same, and samples
             far off count less (Huber). "iv": instruments, whose noise is not that of Y.
@@ -82,12 +77,11 @@ def estimate(
             f"{counted(T, 'sample')} of {counted(motors, 'motor')} cannot determine {p} parameters: record a "
             "longer motion"
         )
-    instruments = instruments if method == "iv" else None
     sigma, fit, weights = _sizes(tau), None, np.ones((T, 1))
     least = np.finfo(float).eps * np.maximum(sigma, TINY)
     for _ in range(MOST_ROUNDS):
         before, white = fit, Whitening.of(np.tile(sigma, (T, 1)), together)
-        fit = _solved(Y, tau, white, np.sqrt(weights), names, instruments)
+        fit = _solved(Y, tau, white, np.sqrt(weights), names, instruments if method == "iv" else None)
         if method == "irls":
             size, weights, inflated = _huber(white, fit)
             sigma = size * (sigma if together is None else _proportions(white, fit, weights))
@@ -97,9 +91,8 @@ def estimate(
         if before is not None and (np.abs(fit.x - before.x) <= AGREED * fit.deviation).all():
             break
     assert fit is not None
-    if method == "irls":
-        fit = replace(fit, root=fit.root * inflated)
-    return replace(fit, sigma=sigma, weights=np.broadcast_to(weights, (T, motors)))
+    root = fit.root * inflated if method == "irls" else fit.root
+    return replace(fit, root=root, sigma=sigma, weights=np.broadcast_to(weights, (T, motors)))
 
 
 def _huber(white: Whitening, fit: Fit) -> tuple[Array, Array, float]:

@@ -101,17 +101,10 @@ class Excitation:
 
 @one_thread()
 def excitation(
-    robot: HybridRobot,
-    *,
-    effects: Choice = "model",
-    symmetric: bool = False,
-    period: float = 10.0,
-    harmonics: int = 5,
-    gain: float = 3.0,
-    evaluations: int = 50,
-    seed: int = 0,
+    robot: HybridRobot, *, effects: Choice = "model", symmetric: bool = False, period: float = 10.0,
+    harmonics: int = 5, gain: float = 3.0, evaluations: int = 50, seed: int = 0,
     compiled: CompiledRobot | None = None,
-) -> Excitation:
+) -> Excitation:  # fmt: skip
     """Compute a motion of the motors from which `identify` learns much.
 
     The motion starts at home. It respects the limits of positions, speeds and efforts of all joints in the
@@ -138,20 +131,8 @@ def excitation(
     check_robot(robot)
     sought = linear_model(base_parameters(robot, effects=effects, symmetric=symmetric))
     search = _ExcitationSearch(LogSource(robot, sought, compiled, every=1), period, gain)
-    rng = np.random.default_rng(seed)
-    shape = 2, harmonics, len(robot.motors)
-    spread = search.room / np.arange(1, harmonics + 1)[:, None]
-    best = search.within(FIRST * spread * rng.normal(size=shape))
-    step = 0.5
-    for _ in range(evaluations - 1):
-        changed = best[1] + step * np.abs(best[1]).max() / search.room.max() * spread * rng.normal(size=shape)
-        try:
-            other = search.within(changed, tries=2)
-        except ModelError:
-            other = (-np.inf, np.inf, np.inf), changed
-        better = other[0] > best[0]
-        best, step = (other, step * GROWS) if better else (best, step * SHRINKS)
-    measures, best_one = search.within(best[1], each=FINE)
+    best = _best(search, harmonics, evaluations, seed)
+    measures, best_one = search.within(best, each=FINE)
     return Excitation(robot, period, *search.judged(best_one), search.home, *measures)
 
 
@@ -239,6 +220,27 @@ class _ExcitationSearch:
         length = np.linalg.norm(rows, axis=0)
         condition = float(np.linalg.cond(rows / np.where(length > 0, length, 1.0)))
         return 2.0 * float(np.sum(np.log(np.maximum(diagonal, np.finfo(float).tiny)))), condition, growth
+
+
+def _best(search: _ExcitationSearch, harmonics: int, evaluations: int, seed: int) -> Array:
+    """Search the Fourier coefficients from which most is learned, shape (2, harmonics, motors).
+
+    Each candidate is drawn around the best one so far, in steps that grow with success and shrink without.
+    """
+    rng = np.random.default_rng(seed)
+    spread = search.room / np.arange(1, harmonics + 1)[:, None]
+    shape = 2, *spread.shape
+    best = search.within(FIRST * spread * rng.normal(size=shape))
+    step = 0.5
+    for _ in range(evaluations - 1):
+        changed = best[1] + step * np.abs(best[1]).max() / search.room.max() * spread * rng.normal(size=shape)
+        try:
+            other = search.within(changed, tries=2)
+        except ModelError:
+            other = (-np.inf, np.inf, np.inf), changed
+        better = other[0] > best[0]
+        best, step = (other, step * GROWS) if better else (best, step * SHRINKS)
+    return best[1]
 
 
 def _growth(robot: HybridRobot, q: Array) -> float:

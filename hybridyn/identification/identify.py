@@ -16,9 +16,9 @@ from ..threads import one_thread
 from .base_parameters import base_parameters
 from .estimators import TINY, Fit, estimate
 from .logs import read_log
-from .parameters import with_parameters
 from .possible import DEFINITE, Possible, consistent, exists
 from .result import Identification, Residuals, residuals
+from .robot_with import with_parameters
 from .rows import LogRows, LogSource, check_robot
 from .sought import Sought, linear_model
 from .units import check_log, check_scales

@@ -81,8 +81,7 @@ def read_log(robot: HybridRobot, table: Any, *, efforts: bool = True) -> Log:
     of = {quantity: _of_motors(robot, every, columns, quantity, file) for quantity in QUANTITIES}
     measured = of["current"] if of["effort"] is None else of["effort"]
     wanted = {"time": columns.get("time"), f"{robot.motors[0]}/position": of["position"]}
-    if efforts:
-        wanted[f"{robot.motors[0]}/effort"] = measured
+    wanted |= {f"{robot.motors[0]}/effort": measured} if efforts else {}
     for name, values in wanted.items():
         if values is None:
             raise TrajectoryError(

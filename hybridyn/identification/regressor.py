@@ -29,7 +29,8 @@ from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, same_samples
 from .inertial import wrench_matrix
-from .parameters import StandardParameters, standard_parameters
+from .parameters import standard_parameters
+from .standard import StandardParameters
 
 #: Samples whose rows stay in the processor's cache.
 IN_CACHE = 128
@@ -88,14 +89,9 @@ def regressor(
 
 
 def effort_rows(
-    robot: HybridRobot,
-    parameters: StandardParameters,
-    q: Array,
-    v: Array,
-    a: Array,
-    *,
+    robot: HybridRobot, parameters: StandardParameters, q: Array, v: Array, a: Array, *,
     together: bool = False,
-) -> Array:
+) -> Array:  # fmt: skip
     """Compute Y, shape (T, motors, p), from checked arrays of shapes (T, nq), (T, nv), (T, nv).
 
     Args:

@@ -59,17 +59,23 @@ def processed(log: Log, *, band: float | None = None, period: float | None = Non
             f"{_other_times(log.step)}",
             file=log.file,
         )
-    remarks = [*log.remarks, *([f"{spikes} outliers of positions replaced"] if spikes else [])]
-    if period is not None:
-        time = log.time if log.at is None else log.at
-        x, x_dot, x_ddot = _series(log, position, band, period, time)
-        count = int(band * period + 1e-9)
-        remarks.append(
-            f"Fourier series of {count} harmonics of {1 / period:.4g} Hz fitted and differentiated"
-        )
-        return replace(
-            log, time=time, at=None, position=x, rates=(x_dot, x_ddot), band=band, remarks=tuple(remarks)
-        )
+    found = (f"{spikes} outliers of positions replaced",) if spikes else ()
+    log = replace(log, band=band, remarks=(*log.remarks, *found))
+    return _filtered(log, position, band) if period is None else _fitted(log, position, band, period)
+
+
+def _fitted(log: Log, position: Array, band: float, period: float) -> Log:
+    """Return a log with the Fourier series of its positions, shape (T, motors), and the rates of that."""
+    time = log.time if log.at is None else log.at
+    x, x_dot, x_ddot = _series(log, position, band, period, time)
+    count = int(band * period + 1e-9)
+    said = f"Fourier series of {count} harmonics of {1 / period:.4g} Hz fitted and differentiated"
+    return replace(log, time=time, at=None, position=x, rates=(x_dot, x_ddot), remarks=(*log.remarks, said))
+
+
+def _filtered(log: Log, position: Array, band: float) -> Log:
+    """Return a log with its positions, shape (T, motors), filtered without phase, and their differences."""
+    rate = 1.0 / log.step
     sections = signal.butter(ORDER, band, fs=rate, output="sos")
     edge = int(np.ceil(ENDS * rate / band)) + len(FIRST)
     if len(log.time) < 2 * edge + FEWEST:
@@ -83,14 +89,14 @@ def processed(log: Log, *, band: float | None = None, period: float | None = Non
         signal.oaconvolve(smooth, weights[:, None], mode="same", axes=0) * rate**order
         for order, weights in ((1, FIRST), (2, SECOND))
     ]
-    remarks.append(
+    said = (
         f"positions filtered forwards and backwards by a Butterworth filter of order {ORDER}, band "
         f"{band:.4g} Hz, and differentiated centrally; {edge} samples left out at each end"
     )
     kept = slice(edge, len(log.time) - edge)
     done = replace(
-        log, time=log.time[kept], position=smooth[kept], rates=(rates[0][kept], rates[1][kept]), band=band,
-        remarks=tuple(remarks),
+        log, time=log.time[kept], position=smooth[kept], rates=(rates[0][kept], rates[1][kept]),
+        remarks=(*log.remarks, said),
     )  # fmt: skip
     return replace(done, effort=log.effort[kept]) if log.at is None else _at_efforts(done)
 

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 import hybridyn
-from hybridyn.identification.parameters import standard_parameters, with_parameters
+from hybridyn.identification.parameters import standard_parameters
+from hybridyn.identification.robot_with import with_parameters
 from hybridyn.structure.robot import joint_position
 
 PERIOD, HARMONICS, RATE = 4.0, 5, 200.0

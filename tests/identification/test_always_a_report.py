@@ -12,8 +12,9 @@ import pytest
 import hybridyn
 from hybridyn.effects import StribeckFriction
 from hybridyn.errors import ModelError
-from hybridyn.identification.parameters import standard_parameters, with_parameters
+from hybridyn.identification.parameters import standard_parameters
 from hybridyn.identification.possible import pseudo_inertia
+from hybridyn.identification.robot_with import with_parameters
 from hybridyn.identification.signals import fourier
 from hybridyn.structure.robot import joint_position
 from tests import ROOT

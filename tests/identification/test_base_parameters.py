@@ -5,7 +5,8 @@ import pytest
 
 import hybridyn
 from hybridyn.identification.grouping import grouping
-from hybridyn.identification.parameters import standard_parameters, with_parameters
+from hybridyn.identification.parameters import standard_parameters
+from hybridyn.identification.robot_with import with_parameters
 from hybridyn.structure.building import build_robot
 from tests.identification.robots import described
 from tests.mechanisms import KINDS, random_states

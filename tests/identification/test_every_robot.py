@@ -11,9 +11,9 @@ from hybridyn.effects import CoulombFriction
 from hybridyn.identification.base_parameters import random_motions
 from hybridyn.identification.estimators import estimate
 from hybridyn.identification.inertial import ten_numbers
-from hybridyn.identification.parameters import with_parameters
 from hybridyn.identification.regressor import effort_rows
 from hybridyn.identification.result import residuals
+from hybridyn.identification.robot_with import with_parameters
 from hybridyn.structure.robot import joint_position
 from tests.identification.robots import (
     SMALL,

@@ -8,10 +8,11 @@ import pytest
 from scipy import stats
 
 import hybridyn
-from hybridyn.identification.base_parameters import random_motions, triangular_factor
+from hybridyn.identification.base_parameters import random_motions
 from hybridyn.identification.estimators import estimate
-from hybridyn.identification.parameters import with_parameters
+from hybridyn.identification.long_measurements import triangular_factor
 from hybridyn.identification.regressor import done_together, effort_rows
+from hybridyn.identification.robot_with import with_parameters
 from hybridyn.structure.robot import joint_position
 from tests.identification.robots import base_of, flight, other_values, robot_of
 from tests.mechanisms import KINDS

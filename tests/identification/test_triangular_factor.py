@@ -8,8 +8,8 @@ import pytest
 import hybridyn
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.programs.whole_robot import function_of
-from hybridyn.identification.base_parameters import triangular_factor
 from hybridyn.identification.compiled_rows import SharedInertias, regressor_program
+from hybridyn.identification.long_measurements import triangular_factor
 from hybridyn.identification.parameters import standard_parameters
 from tests.shipped import shipped, states_near_home
 
