@@ -61,7 +61,7 @@ BOUNDS = {
     # Files and packages for which xacro asks; robots include a few dozen files.
     "asked": Bound(10_000, "reads more than {most} files: {count}"),
     # What an expansion of xacro makes takes less than 10 s and 500 MB. A stack of 256 six-legged modules
-    # (80,000 elements) makes 85 % of it; arms, hands and humanoids below 10 %.
+    # (80,000 elements) makes 57 % of it; arms, hands and humanoids below 10 %.
     "made": Bound(
         500_000_000,
         "macros, blocks, includes and expressions make more than {most}: {count}; {mend}. If the robot is "

@@ -1,340 +1,295 @@
-"""Expand one file by the package xacro, in a copy of our own, since it keeps its state in its modules.
+"""Expand one xacro file: macros, properties, includes, conditions, blocks and texts, as xacro does.
 
-Replaced in it are how it evaluates texts, whose values are traced (`traced`), and expressions
-(`expressions`), and how it reads files (`robot_folders`), whose elements get a `PLACE`.
+Elements are made anew from those of the files, which stay as they are. xacro itself, whose expressions run
+Python and whose files are any, judges in the tests.
 """
 
 from __future__ import annotations
 
-import importlib.util
-import io
-import itertools
 import os
-import sys
-from collections.abc import Iterable, Mapping
-from functools import cache, partial
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from traceback import walk_stack, walk_tb
-from types import FrameType, SimpleNamespace
-from typing import Any, NoReturn, cast
-from xml.dom.expatbuilder import ExpatBuilderNS
-from xml.dom.minidom import Element
+from typing import Any, NamedTuple
 
 from ...errors import ModelError
-from ..bounds import Budget, RunawayError
+from ..bounds import RunawayError
 from ..shipped import shown
-from .expressions import FORBIDDEN, Evaluator, bounded_round, size_of
+from .definitions import Default, Macro, define_argument, define_macro, define_property, stated
+from .elements import Tag, read_tags, written
 from .robot_folders import RobotFolders
-from .traced import OPEN, Names, Trace, TracedValue, UntracedError, plain
-from .xml_node import DOCTYPE, PLACE
+from .scopes import Scope, truth
+from .texts import Texts
 
 #: What errors without a message mean.
 IN_WORDS: dict[type[BaseException], str] = {
     MemoryError: "needs too much memory", RecursionError: "macros or includes call themselves without end",
 }  # fmt: skip
-#: Names of every `$(eval ...)`.
-CONSTANTS = {"true": True, "false": False}
-#: What an element, text or comment, and an attribute take in xacro's document [bytes].
-NODE, ATTRIBUTE = 400, 500
-#: What count a macro or block that is replaced, a node that is moved, or passed in a search, a text that is
-#: evaluated, a character of YAML, and a note [bytes]: they take time.
-REPLACED, MOVED, PASSED, TEXT, YAML, NOTE = 1000, 8, 2, 75, 500, 10_000
+#: What an element or text, and an attribute take, and what a macro or block counts for its time [bytes].
+NODE, ATTRIBUTE, USED = 400, 500, 1000
+
+
+class Around(NamedTuple):
+    """What is around an element.
+
+    Attributes:
+        macros: Macros by name.
+        symbols: Values by name; a block `b` is "*b", its content "**b".
+        owner: Attributes of the element that is made around it.
+    """
+
+    macros: Scope
+    symbols: Scope
+    owner: dict[str, str]
 
 
 class Expansion:
-    """One expansion, with which the functions of our copy of xacro are connected.
+    """One expansion.
 
     Attributes:
         text: The text of the expansion.
-        trace: What depends on the arguments, if the expansion is traced.
+        texts: Evaluates the texts of the file.
         notes: xacro's warnings.
         folders: The robot's folders, which know what was asked of them.
-        evaluator: Evaluates expressions.
     """
 
     def __init__(self, file: str, folders: RobotFolders, given: Mapping[str, str], *, traced: bool) -> None:
         """Expand a file.
 
         Raises:
-            UntracedError: It cannot be traced.
-            ModelError: xacro reports an error.
+            ModelError: xacro reports an error, or the expansion cannot be traced.
             RunawayError: The expansion makes too much.
         """
-        self.folders, self.notes, self.trace, self._traced = folders, list[str](), Trace(given), traced
-        self._given = _Arguments({name: self.trace.argument(name) for name in given} if traced else given)
-        self._budget, self._lexed = folders.budget, cache(_lexed)
-        xacro = self._xacro = _own_xacro()
-        dollar, symbols, find = xacro.substitution_args, xacro._global_symbols, partial(folders.ask, "find")
-        dict.update(
-            symbols["xacro"], message=self._note, warning=self._note, error=self._note,
-            print_location=lambda *_, **__: "", arg=self._argument,
-        )  # fmt: skip
-        spaces = xacro.NameSpace, xacro.YamlDictWrapper
-        self.evaluator = Evaluator(symbols, spaces, self._budget)
-        self._of_arguments = Evaluator({**symbols, "find": find}, spaces, self._budget)
-        xacro.eval_text, xacro.safe_eval = self._text, lambda text, names: self.evaluator(text, names)
-        xacro.Table._eval_literal = staticmethod(partial(self.trace.mapped, xacro.literal))
-        xacro.get_boolean_value = lambda value, stated: self.trace.chosen(
-            lambda one: xacro.boolean(one, stated), value
-        )
-        xacro.parse, xacro.abs_filename_spec, xacro.replace_node = self._parsed, self._located, self._insert
-        xacro.open = self._opened
-        xacro.glob, xacro.root_dir = SimpleNamespace(glob=_refuse_pattern), os.getcwd()
-        xacro.warning, xacro.print_location = self._note, lambda: None
-        dollar._eval, dollar._eval_find = self._of_dollar, find
-
+        self.folders, self.texts = folders, Texts(folders, given, traced=traced)
+        self.notes, self._calls = self.texts.notes, list[str]()
         try:
-            document = xacro.process_file(folders.file, mappings=self._given, verbosity=0)
-            for name in given:
-                if name not in self._given.asked:  # xacro itself would ignore it
-                    declared = ", ".join(f"'{known}'" for known in self._given.asked) or "none"
-                    raise ModelError(f"there is no argument '{name}'; the file's arguments: {declared}")
-            # each element on its own line
-            text: str = document.toprettyxml(indent="", encoding="utf-8").decode()
+            around = Around(self._scope({}), self._scope(self.texts.symbols), {})
+            made = self._made(self._read(folders.file), around)
+            if unknown := [name for name in given if name not in self.texts.asked]:
+                declared = ", ".join(f"'{name}'" for name in self.texts.asked) or "none"
+                raise ModelError(f"there is no argument '{unknown[0]}'; the file's arguments: {declared}")
+            text = written(made)
         except Exception as error:
-            raise _failure(xacro, error, file) from None
+            raise self._failure(error, file) from None
         finally:
             folders.closed = True
-        self.text = self.trace.text(text) if traced else text
+        self.text = self.texts.trace.text(text) if traced else text
 
     def again(self, given: Mapping[str, str]) -> str:
         """Return the text of the expansion with other arguments of the same names.
 
         Raises:
-            UntracedError: xacro has to expand the file.
+            UntracedError: The file has to be expanded as a whole.
             Exception: Any error of an expression.
         """
-        self._budget.restart("made")
-        return self.trace.again(given)
+        self.folders.budget.restart("made")
+        return self.texts.trace.again(given)
 
-    def _note(self, *words: Any, **_: Any) -> str:
-        """Keep a message of xacro as a note."""
-        if self.folders.closed:
-            raise UntracedError
-        file, line = _place_in(walk_stack(None)) or ("", 0)
-        where = f"{file or shown(Path(self.folders.file))}:{line}: " if line else ""
-        self._budget.spend("made", NOTE)
-        self.notes.append(f"{where}xacro: " + " ".join(" ".join(map(str, words)).split()))
-        return ""
+    def _scope(self, around: Scope | Mapping[str, Any], *, is_space: bool = False) -> Scope:
+        return Scope(around, self.texts.value, is_space=is_space)
 
-    def _parsed(self, _: None, filename: str) -> Any:
-        """Parse a file."""
-        try:
-            content = self.folders.ask("read", filename)
-        except OSError as error:
-            self._xacro.filestack.pop()
-            raise self._xacro.XacroException(exc=error) from None
-        if self._traced and OPEN.encode() in content:
-            raise UntracedError
-        self._budget.spend("made", len(content) + NODE * content.count(b"<"))  # tags, comments and texts
-        file = "" if filename == self.folders.file else shown(Path(filename))
-        return _Placing(file, self._budget).parseString(content)
+    def _read(self, path: str) -> Tag:
+        """Return the root element of a file."""
+        content = self.texts.content(path)
+        self.folders.budget.spend("made", len(content) + NODE * content.count(b"<"))
+        return read_tags(content, "" if path == self.folders.file else shown(Path(path)))
 
-    def _opened(self, path: str) -> io.TextIOBase:
-        """Open a file of YAML."""
-        content = self.folders.ask("read", path)
-        counts = f"of {len(content) / 1e6:.2f} MB counts {YAML} times its size, each time it is read"
-        mend = f"the YAML file {shown(Path(path))} {counts}: take out what the robot does not need"
-        self._budget.spend("made", YAML * len(content), mend=mend)
-        return io.TextIOWrapper(io.BytesIO(content), encoding="utf-8")
+    def _content(self, nodes: Sequence[Tag | str], around: Around) -> list[Tag | str]:
+        """Return what elements and texts become.
 
-    def _located(self, stated: Any) -> str:
-        """Return the path of an included file."""
-        name = self.trace.chosen(str, stated)
-        package, _, rest = name.removeprefix("package://").partition("/")
-        is_uri = name.startswith("package://")
-        return str(
-            os.path.join(self.folders.ask("find", package), rest) if is_uri else self._xacro.absolute(name)
-        )
-
-    def _insert(self, node: Any, by: Any, content_only: bool = False) -> None:
-        """Replace a node by other nodes, or by their children, in time linear in their number.
-
-        xacro's own function inserts them one by one and searches the parent's list each time, which is
-        quadratic: with it, a stack of 100 modules takes 25 s.
+        What a condition holds stands in the place of the condition, without a call of this function: macros
+        that call themselves end by one.
         """
-        sources = [] if by is None else by if isinstance(by, list) else [by]
-        new = [child for source in sources for child in source.childNodes] if content_only else sources
-        siblings = node.parentNode.childNodes
-        self._budget.spend("made", REPLACED + PASSED * len(siblings) + MOVED * len(new))
-        index = siblings.index(node)
-        siblings[index : index + 1] = new
-        for left, right in itertools.pairwise([node.previousSibling, *new, node.nextSibling]):
-            if left is not None:
-                left.nextSibling = right
-            if right is not None:
-                right.previousSibling = left
-        for child in new:
-            child.parentNode = node.parentNode
-        node.parentNode = node.previousSibling = node.nextSibling = None
+        out, texts = list[Tag | str](), self.texts
+        waiting = [(iter(nodes), around, texts.at)]
+        while waiting:
+            rest, around, here = waiting[-1]
+            texts.at = here
+            node = next(rest, None)
+            if node is None:
+                waiting.pop()
+            elif isinstance(node, str):
+                self.folders.budget.spend("made", NODE + len(node))
+                out.append(str(texts.text(node, around.symbols)))
+            else:
+                texts.at = node
+                if node.name == "xacro:element":
+                    node = self._named(node, around)
+                if node.name in ("xacro:if", "xacro:unless"):
+                    if self._holds(node, around):
+                        waiting.append((iter(node.children), around._replace(owner={}), node))
+                elif node.name in MAKERS:
+                    out += MAKERS[node.name](self, node, around) or ()
+                elif node.name.startswith("xacro:"):
+                    out += self._called(node, around)
+                else:
+                    out.append(self._made(node, around))
+        return out
 
-    def _argument(self, name: str) -> str:
-        """Return the value of an argument in an expression."""
-        if OPEN in self._given[name]:
-            raise UntracedError
-        return self._given[name]
+    def _made(self, node: Tag, around: Around) -> Tag:
+        """Return an element, whose attributes and content are evaluated."""
+        self.texts.at = node
+        made = {
+            name: str(self.texts.text(value, around.symbols))
+            for name, value in node.attributes.items()
+            if not name.startswith("xacro:") and name != "xmlns:xacro"
+        }
+        self.folders.budget.spend("made", NODE + ATTRIBUTE * len(made))
+        children = self._content(node.children, around._replace(owner=made))
+        return Tag(node.name, made, children, node.place)
 
-    def _of_dollar(self, expression: str, context: Mapping[str, Mapping[str, str]]) -> str:
-        """Return the value of `$(eval ...)` as text: it knows the arguments and the names of `math`."""
-        stated, convert = context.get("arg", {}), self._xacro.substitution_args.convert_value
+    def _named(self, node: Tag, around: Around) -> Tag:
+        """Return an element whose name is evaluated."""
+        (said,) = stated(node, "xacro:name")
+        name = str(self.texts.text(said, around.symbols))
+        if not name:
+            raise ValueError("xacro:element: empty name")
+        return node._replace(name=name)
 
-        def argument(name: str) -> Any:
-            if OPEN in stated[name]:
-                raise UntracedError
-            return convert(stated[name], "auto")
+    def _holds(self, node: Tag, around: Around) -> bool:
+        """Return whether the content of a condition stands."""
+        self.folders.budget.spend("made", USED)
+        (condition,) = stated(node, "value", texts=self.texts)
+        return self.texts.holds(condition, around.symbols) == (node.name == "xacro:if")
 
-        if OPEN in expression:
-            raise UntracedError
-        self._of_arguments.functions["arg"] = argument
-        math = self._xacro._global_symbols["math"]
-        known = {**CONSTANTS, **{name: math[name] for name in dict.keys(math) if not callable(math[name])}}
-        names = Names(lambda name: known[name] if name in known else argument(name))
-        return str(self._of_arguments(expression, names))
+    def _attribute(self, node: Tag, around: Around) -> None:
+        """Set an attribute of the element around."""
+        name, value = (str(self.texts.text(one, around.symbols)) for one in stated(node, "name", "value"))
+        if not name:
+            raise ValueError("xacro:attribute: empty name")
+        around.owner[name] = value
 
-    def _text(self, text: str, symbols: Any) -> Any:
-        """Return the value of a text with expressions, which is a text unless it is one expression alone."""
-        cuts = 1 + text.count("$") // 100  # of the lexer, which copies what follows
-        self._budget.spend("made", TEXT + len(text) * cuts)
-        if "$" not in text:
-            return self.trace.unmarked(text)
-        found = list[Any]()
-        for kind, token in self._lexed(text):
-            found.append(self._token(kind, token, symbols))
-            self._budget.spend("made", size_of(plain(found[-1])))
-        return found[0] if len(found) == 1 else self.trace.joined(found)
-
-    def _token(self, kind: int, token: str, symbols: Any) -> Any:
-        """Return the value of a part of a text."""
-        xacro, inner = self._xacro, token[2:-1]
-        if kind == xacro.LEXER.EXPR:
+    def _included(self, node: Tag, around: Around) -> list[Tag | str]:
+        """Return the content of files."""
+        name, space, optional = stated(node, "filename", more="ns optional", texts=self.texts)
+        if node.elements():
+            self.texts.note("Child elements of a <xacro:include> tag are ignored")
+        inside = around
+        if space:
+            space = str(self.texts.text(space, around.symbols))
+            inside = Around(self._scope({}, is_space=True), self._scope(around.symbols, is_space=True), {})
+            around.macros.put(space, inside.macros)
+            around.symbols.put(space, inside.symbols)
+        out = list[Tag | str]()
+        for path in self._located(self.texts.text(name, around.symbols)):
+            self.texts.files.append(path)
             try:
-                text = self._text(inner, symbols)
-                return self._evaluated(text, symbols)
-            except Exception as error:
-                suffix = f"{os.linesep}when evaluating expression '{inner}'"
-                raise xacro.XacroException(exc=error, suffix=suffix) from error
-        if kind == xacro.LEXER.EXTENSION:
-            return self.trace.unmarked(xacro.eval_extension(f"$({self._text(inner, symbols)})"))
-        return token[1:] if kind == xacro.LEXER.DOLLAR_DOLLAR_BRACE else self.trace.unmarked(token)
+                root = self._read(path)
+            except OSError:
+                self.texts.files.pop()
+                if truth(optional):
+                    continue
+                raise
+            made = self._made(root, inside)
+            self.texts.files.pop()
+            self._lift(made.attributes, around)
+            out += made.children
+        return out
 
-    def _evaluated(self, text: Any, symbols: Any) -> Any:
-        """Return the value of an expression; if it is traced, it has had no effects."""
-        before = len(self.notes), len(self.folders.replies)
-        value = self.trace.evaluated(self.evaluator, text, Names(symbols.__getitem__))
-        effects = self.evaluator.has_effects or before != (len(self.notes), len(self.folders.replies))
-        if isinstance(value, TracedValue) and effects:
-            raise UntracedError
-        return value
+    def _located(self, name: Any) -> list[str]:
+        """Return the paths of files that are included."""
+        name = self.texts.trace.chosen(str, name)
+        path = self.texts.absolute(name)
+        if name.startswith("package://"):
+            package, _, rest = name.removeprefix("package://").partition("/")
+            path = os.path.join(self.folders.ask("find", package), rest)
+        if not re.search(r"[*?[]", path):
+            return [path]
+        if not (found := self.folders.ask("match", path)):
+            self.texts.note(f"the pattern '{path}' matches no file")
+        return list(found)
 
+    def _lift(self, attributes: Mapping[str, str], around: Around) -> None:
+        """Declare name spaces of XML in the element around."""
+        for name, value in attributes.items():
+            if name.startswith("xmlns:") and around.owner.setdefault(name, value) != value:
+                self.texts.note(f"inconsistent namespace redefinitions for {name}")
 
-class _Arguments(dict[str, str]):
-    """Arguments of the file; `asked` are the names that the file asks for."""
+    def _inserted(self, node: Tag, around: Around) -> list[Tag | str]:
+        """Return a block."""
+        (name,) = stated(node, "name", texts=self.texts)
+        key = next((key for key in (f"**{name}", f"*{name}") if key in around.symbols), None)
+        if key is None:
+            raise ValueError(f'Undefined block "{name}"')
+        self.folders.budget.spend("made", USED)
+        made = self._made(around.symbols[key], around)
+        return made.children if key.startswith("**") else [made]
 
-    def __init__(self, given: Mapping[str, str]) -> None:
-        super().__init__(given)
-        self.asked = dict[object, None]()
+    def _called(self, node: Tag, around: Around) -> list[Tag | str]:
+        """Return what a macro makes of its parameters and blocks."""
+        macro, inside, attributes = self._found(node, around)
+        self._calls.append(macro.name)
+        self.folders.budget.spend("made", USED)
+        left = [*macro.parameters]
+        for name, value in attributes.items():
+            if name not in left:
+                raise ValueError(f'Invalid parameter "{name}"')
+            left.remove(name)
+            self.texts.put(inside.symbols, name, self.texts.text(value, around.symbols))
+        content = self._content(node.children, around._replace(owner={}))
+        blocks = [one for one in content if isinstance(one, Tag)]
+        wanted = [name for name in left if name.startswith("*")]
+        if len(blocks) < len(wanted):
+            raise ValueError("Not enough blocks")
+        if len(blocks) > len(wanted):
+            raise ValueError(f'Unused block "{blocks[len(wanted)].name}"')
+        for name, block in zip(wanted, blocks, strict=True):
+            inside.symbols.put(name, block)
+        self._by_default(macro, [name for name in left if name not in wanted], inside, around)
+        out = self._content(macro.body.children, inside)
+        self._lift(macro.body.attributes | inside.owner, around)
+        self._calls.pop()
+        return out
 
-    def __contains__(self, name: object) -> bool:
-        self.asked[name] = None
-        return super().__contains__(name)
+    def _found(self, node: Tag, around: Around) -> tuple[Macro, Around, dict[str, str]]:
+        """Return the macro that an element calls, with scopes of its own, and the attributes for it."""
+        attributes, name = dict(node.attributes), node.name.removeprefix("xacro:")
+        if name == "call":
+            (said,) = stated(node, "macro")
+            name = str(self.texts.text(said, around.symbols))
+            del attributes["macro"]
+        macros, symbols = around.macros, around.symbols
+        if name not in macros:
+            *spaces, last = name.split(".")
+            for space in spaces:
+                if space not in macros:
+                    break
+                macros, symbols = macros[space], symbols[space]
+            if last not in macros:
+                raise ValueError(f"unknown macro name: xacro:{name}")
+            name = last
+        return macros[name], Around(self._scope(macros), self._scope(symbols), {}), attributes
 
+    def _by_default(self, macro: Macro, names: Sequence[str], inside: Around, around: Around) -> None:
+        """Set parameters that are not given."""
+        missing = list[str]()
+        for name in names:
+            default = macro.defaults.get(name, Default(False, None))
+            if default.forwards and name in around.symbols:
+                self.texts.put(inside.symbols, name, around.symbols[name])
+            elif default.text is not None:
+                self.texts.put(inside.symbols, name, self.texts.text(default.text, around.symbols))
+            elif default.forwards:
+                raise ValueError(f"Undefined property to forward: {name}")
+            else:
+                missing.append(name)
+        if missing:
+            raise ValueError(f"Undefined parameters [{','.join(missing)}]")
 
-class _Counted(Element):
-    """An element, whose copies count."""
-
-    def cloneNode(self, deep: bool) -> Any:
-        """Return a copy."""
-        budget: Budget = cast("Any", self.ownerDocument).budget
-        budget.spend("made", NODE + ATTRIBUTE * self.attributes.length)
-        clone: Any = super().cloneNode(False)
-        clone.__class__ = type(self)
-        for child in self.childNodes:
-            budget.spend("made", 0 if isinstance(child, Element) else NODE + len(child.data))
-            clone.appendChild(child.cloneNode(True))
-        return clone
-
-
-class _Placing(ExpatBuilderNS):
-    """Builds the document of one file.
-
-    Elements have a place; that of xacro's own, which check their attributes, is lost where they are cloned.
-    """
-
-    def __init__(self, file: str, budget: Budget) -> None:
-        """Prepare for a file, whose name stands in its elements' places."""
-        super().__init__()
-        self._file, self._budget = file, budget
-        cast("Any", self.document).budget = budget
-
-    def start_doctype_decl_handler(self, *_: object) -> NoReturn:
-        """Refuse a DOCTYPE."""
-        raise ModelError(DOCTYPE, line=self.getParser().CurrentLineNumber)
-
-    def start_element_handler(self, name: str, attributes: Any) -> None:
-        """Begin an element; expat gives its name as "URI name prefix"."""
-        place = f"{self._file}:{self.getParser().CurrentLineNumber}"
-        if not name.endswith(" xacro"):
-            attributes = [*attributes, PLACE, place]
-        super().start_element_handler(name, attributes)
-        begun: Any = self.curNode
-        begun.__class__, begun.place = _Counted, place
-        self._budget.spend("made", NODE + ATTRIBUTE * len(attributes) // 2)  # with their places
-
-
-@cache
-def _own_xacro() -> Any:
-    """Return a copy of the package xacro under a name of our own, without what no robot file needs."""
-    found: Any = importlib.util.find_spec("xacro")
-    own: Any = importlib.util.spec_from_file_location(f"{__name__}_own", found.origin)
-    xacro: Any = importlib.util.module_from_spec(own)
-    sys.modules[own.name] = xacro
-    own.loader.exec_module(xacro)
-    xacro.substitution_args = importlib.import_module(f"{own.name}.substitution_args")
-    xacro.substitution_args.os = SimpleNamespace(environ={}, path=os.path)  # no environment
-    xacro.absolute, xacro.boolean = xacro.abs_filename_spec, xacro.get_boolean_value
-    xacro.literal = xacro.Table._eval_literal
-    # what a default holds is never divided in another way, for which there are exponentially many
-    xacro.re_macro_arg = xacro.re.compile(xacro.re_macro_arg.pattern.replace("+)+|", "+)++|"))
-    symbols = xacro._global_symbols
-    for table in (symbols, symbols["math"], symbols["python"]):
-        for name in FORBIDDEN:
-            dict.pop(table, name, None)
-        dict.update(table, range=range, round=bounded_round)
-    return xacro
-
-
-def _lexed(text: str) -> list[tuple[int, str]]:
-    """Return the parts of a text and their kinds, by xacro's lexer."""
-    xacro, found = _own_xacro(), []
-    lexer = xacro.QuickLexer(xacro.LEXER)
-    lexer.lex(text)
-    while lexer.peek():
-        found.append(lexer.next())
-    return found
-
-
-def _refuse_pattern(pattern: str) -> NoReturn:
-    """Refuse a pattern of names in `<xacro:include>`, which no robot file uses."""
-    raise ModelError(f"the pattern '{pattern}' names no file; include each file by its name")
-
-
-def _failure(xacro: Any, error: Exception, file: str) -> ModelError:
-    """Return an error as one line of text with its macros, and the file and line where it occurred."""
-    own, inner, suffix = "", error, ""
-    while isinstance(inner, xacro.XacroException) and inner.exc is not None:
-        own += str(inner.args[0] or "").partition("<class")[0] + " "
-        inner, suffix = inner.exc, str(inner.suffix or suffix)
-    message = "xacro: " + " ".join(" ".join([own, _described(inner), suffix]).split())
-    macros = [macro.body.getAttribute("name") for macro in reversed(xacro.macrostack)]
-    if macros:
-        message += f" (in macro {' < '.join(macros[:4])})"
-    stack = [name for name in xacro.filestack if name]
-    where = os.path.relpath(stack[-1]) if stack and stack[-1] != os.path.abspath(file) else file
-    line = getattr(error, "lineno", None) or getattr(error, "line", None)  # of expat, and of a DOCTYPE
-    if line is None and (place := _place_in(reversed([*walk_tb(error.__traceback__)]))):
-        where, line = place[0] or file, place[1]
-    kind = RunawayError if isinstance(inner, RunawayError) else ModelError
-    return kind(message, file=where, line=line)
+    def _failure(self, error: Exception, file: str) -> ModelError:
+        """Return an error as one line of text with its macros, and the file and line where it occurred."""
+        message = "xacro: " + " ".join(_described(error).split())
+        if expression := getattr(error, "evaluated", ""):
+            message += f" when evaluating expression '{expression}'"
+        if self._calls:
+            message += f" (in macro {' < '.join([*reversed(self._calls)][:4])})"
+        path = self.texts.files[-1]
+        where = os.path.relpath(path) if path != os.path.abspath(file) else file
+        line = getattr(error, "lineno", None) or getattr(error, "line", None)  # of expat, and of a DOCTYPE
+        if line is None and self.texts.at:
+            where, line = self.texts.at.place[0] or file, self.texts.at.place[1]
+        kind = RunawayError if isinstance(error, RunawayError) else ModelError
+        return kind(message, file=where, line=line)
 
 
 def _described(error: BaseException) -> str:
@@ -345,12 +300,11 @@ def _described(error: BaseException) -> str:
     return IN_WORDS.get(type(error)) or own or str(error) or type(error).__name__
 
 
-def _place_in(frames: Iterable[tuple[FrameType, int]]) -> tuple[str, int] | None:
-    """Return the place of the element that xacro evaluates in the first of some frames, or None."""
-    for frame, _ in frames:
-        node = frame.f_locals.get("node") if frame.f_code.co_name == "eval_all" else None
-        place = getattr(node, "place", "")
-        if node is not None and node.nodeType == node.ELEMENT_NODE and (place or node.hasAttribute(PLACE)):
-            file, _, line = (place or node.getAttribute(PLACE)).rpartition(":")
-            return file, int(line)
-    return None
+#: What each element of xacro's becomes.
+MAKERS: dict[str, Callable[[Expansion, Tag, Around], list[Tag | str] | None]] = {
+    "xacro:property": lambda one, node, around: define_property(node, around.symbols, one.texts),
+    "xacro:arg": lambda one, node, around: define_argument(node, around.symbols, one.texts),
+    "xacro:macro": lambda one, node, around: define_macro(node, around.macros, one.texts),
+    "xacro:attribute": Expansion._attribute, "xacro:include": Expansion._included,
+    "xacro:insert_block": Expansion._inserted,
+}  # fmt: skip

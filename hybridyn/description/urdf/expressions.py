@@ -114,9 +114,7 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
     names: Any
     _max_count: int
 
-    def __init__(
-        self, symbols: Mapping[str, Any], spaces: tuple[type[dict[str, Any]], ...], budget: Budget
-    ) -> None:
+    def __init__(self, symbols: Mapping[str, Any], spaces: tuple[Any, ...], budget: Budget) -> None:
         super().__init__(_OPERATORS, {}, {})
         self.functions = {name: value for name, value in symbols.items() if callable(value)}
         self.spaces, self.budget, self.has_effects = spaces, budget, False
@@ -170,7 +168,7 @@ class Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
     def _eval_attribute(self, node: ast.Attribute) -> Any:
         """Return a harmless method, or an element of one of xacro's dictionaries."""
         value, name = self._eval(node.value), node.attr
-        self.has_effects |= name == "pop" or type(getattr(value, "parent", {})) is not dict
+        self.has_effects |= name == "pop" or hasattr(value, "put")
         if isinstance(value, str) and name in ("join", "replace"):
             return partial(repeating, value, name)
         if any(isinstance(value, kind) and name in methods for kind, methods in _METHODS.items()):

@@ -8,6 +8,7 @@ points. Hidden files, and anything but regular files, are never read.
 from __future__ import annotations
 
 import contextlib
+import glob
 import hashlib
 import os
 import re
@@ -58,7 +59,7 @@ class RobotFolders:
         self._granted = [os.path.realpath(folder) for folder in (*own, *self.package_dirs, *granted)]
 
     def ask(self, what: str, of: str) -> Any:
-        """Read a file or find a package ("read", "find").
+        """Read a file, find a package, or the files of a pattern ("read", "find", "match").
 
         Raises:
             OSError: The system cannot open or read the file.
@@ -118,6 +119,15 @@ class RobotFolders:
         raise ModelError(
             f"package '{package}' is not found; name the folder that holds it with package_dirs{extra}"
         )
+
+    def match(self, pattern: str) -> list[str]:
+        """Return the files that a pattern of names describes, in their order.
+
+        Raises:
+            ModelError: The folder before the first wildcard is outside the robot's folders, or hidden.
+        """
+        self._within(os.path.dirname(re.split(r"[*?[]", pattern)[0]))
+        return sorted(glob.glob(pattern))
 
     def _within(self, path: str) -> str:
         """Return the real path of a file; raise ModelError if the file may not be read."""

@@ -27,7 +27,7 @@ MOST_TRACED = 16
 
 #: Expansions with arguments by file, folders and names, the last one last; None cannot be traced.
 _traced: list[tuple[tuple[str, ...], Expansion | None]] = []
-#: Our copy of xacro expands one file at a time.
+#: A traced expansion serves one call at a time.
 _lock = threading.Lock()
 
 
@@ -59,7 +59,7 @@ def expand(
 
 def _alone(file: str, fresh: Callable[[], RobotFolders], about: Sequence[str]) -> tuple[str, list[str]]:
     """Expand a file without arguments, or return the expansion that is kept."""
-    name = hashed(sys.version, *about, *map(state_of, (__package__, "xacro")))
+    name = hashed(sys.version, *about, state_of(__package__))
     known = kept(name)
     if known is None or not fresh().give(known["replies"]):
         made = _expanded(file, fresh(), {}, False)
@@ -93,7 +93,7 @@ def _with_arguments(
 
 def _expanded(file: str, folders: RobotFolders, given: Mapping[str, str], traced: bool) -> Expansion:
     """Expand a file."""
-    from .expansion import Expansion  # what is kept needs no xacro
+    from .expansion import Expansion  # what is kept needs no yaml
 
     return Expansion(file, folders, given, traced=traced)
 
