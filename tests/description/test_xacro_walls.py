@@ -294,7 +294,7 @@ RUNAWAYS = {
     "plain attributes": f'<xacro:macro name="m"><a b="{"a" * 10**6}"/></xacro:macro>{"<xacro:m/>" * 2000}',
     "syntax": "".join(f'<a b="${{[{i},{"1," * 4900}]}}"/>' for i in range(300)),
     "YAML": """<a b="${xacro.load_yaml('large.yaml')}"/>""",
-    "elements": "<a/>" * 500_000,
+    "elements": "<a/>" * 700_000,
     "instructions": "<?a?>" * 1_500_000,
     "comments": "<!---->" * 1_500_000,
     "sections": "<![CDATA[a]]> " * 1_500_000,

@@ -69,8 +69,8 @@ def _write(tag: Tag, out: list[str]) -> None:
     attributes = {**tag.attributes, PLACE: f"{file}:{line}"}
     said = "".join(f' {name}="{_escaped(attributes[name])}"' for name in sorted(attributes))
     if [*map(type, tag.children)] in ([], [str]):
-        (text,) = tag.children or ("",)
-        out.append(f"<{tag.name}{said}>{_escaped(str(text))}</{tag.name}>\n")
+        text = "".join(map(str, tag.children))
+        out.append(f"<{tag.name}{said}>{_escaped(text)}</{tag.name}>\n" if text else f"<{tag.name}{said}/>\n")
         return
     out.append(f"<{tag.name}{said}>\n")
     for child in tag.children:
