@@ -91,6 +91,21 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
             "limits of spherical",
         )
     ],
+    "`PhysicsJointStateAPI` of balls and closures": [
+        (
+            joined(
+                "Revolute", CUT, "float state:angular:physics:position = 9",
+                schemas=("PhysicsJointStateAPI:angular",),
+            ),
+            "positions at the start of balls",
+        ),
+        (
+            usda(A, joint("Spherical", "j", "", "a", "float state:rotX:physics:position = 9",
+                          schemas=("PhysicsJointStateAPI:rotX",))),
+            "positions at the start of balls",
+        ),
+        (joined("Revolute", CUT, "float physxJoint:maxJointVelocity = 9"), "limits of speed of joints that"),
+    ],
     "`PhysicsJointStateAPI`": [
         (
             pair("float state:angular:physics:position = 90", schemas=("PhysicsJointStateAPI:angular",)),

@@ -199,7 +199,7 @@ PhysicsPrismaticJoint: physics:localPos0=3? physics:localPos1=3? physics:localRo
     physxJoint:armature=+? state:linear:physics:position=n?
 PhysicsSphericalJoint: physics:localPos0=3? physics:localPos1=3? physics:localRot0=u4?
     physics:coneAngle0Limit=40.5? physics:coneAngle1Limit=40.5?
-PhysicsFixedJoint: physics:localPos0=3? physics:localPos1=3? physics:localRot1=u4?
+PhysicsFixedJoint: physics:localPos0=3 physics:localPos1=3? physics:localRot1=u4?
 """)
 
 

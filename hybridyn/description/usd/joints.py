@@ -60,6 +60,16 @@ class UsdJoint(StatedJoint):
         """Whether it has limits of its position."""
         return bool(np.isfinite([*self.limits.values()]).any())
 
+    @property
+    def has_speed(self) -> bool:
+        """Whether it has a limit of its speed."""
+        return any(np.isfinite(numbers_of(self.prim, axis).get("velocity", np.inf)) for axis in self.chain)
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether it states a position at the start."""
+        return any(self.prim.number(state_of(self.prim, axis), 0.0) for axis in self.limits)
+
     @functools.cached_property
     def heavy(self) -> bool:
         """Whether it has armature or friction."""
@@ -223,6 +233,11 @@ def _interval(prim: Prim, *names: str) -> list[float]:
 def instance(prim: Prim, axis: str) -> str:
     """Return the name under which schemas of several axes know an axis of a joint ("angular")."""
     return ONE_AXIS[prim.kind][1] if prim.kind in ONE_AXIS else axis
+
+
+def state_of(prim: Prim, axis: str) -> str:
+    """Return the name of the attribute that is the position of an axis at the start."""
+    return f"state:{instance(prim, axis)}:physics:position"
 
 
 def numbers_of(prim: Prim, axis: str) -> dict[str, float]:
@@ -426,10 +441,7 @@ def add_home(robot: RobotFile, stage: UsdStage, joints: list[tuple[UsdJoint, boo
             if axis == "ball":
                 value = _ball_coordinates(joint, forward, found)
             else:
-                state, unit = (
-                    f"state:{instance(joint.prim, axis)}:physics:position",
-                    unit_of(joint.prim, axis),
-                )
+                state, unit = state_of(joint.prim, axis), unit_of(joint.prim, axis)
                 zero = TRANSFORM_ROUNDING * (1.0 if axis.startswith("rot") else size)
                 position = _position(axis, found)
                 value = (joint.prim.number(state, 0.0) * unit or (position if abs(position) > zero else 0.0),)

@@ -338,12 +338,19 @@ class _UsdBuilder:
         own = [joint.prim.path for joint in tree.cut if not joint.closes]
         kept = [joint.prim.path for joint, _ in tree.branches if joint.closes]
         limited = [joint.prim.path for joint in tree.cut if joint.limited and not joint.needed]
+        fast = [joint.prim.path for joint in tree.cut if joint.has_speed and not joint.needed]
+        still = [joint for joint in tree.cut if not joint.needed]
+        still += [joint for joint, _ in tree.branches if "ball" in joint.chain]
+        placed = [joint.prim.path for joint in still if joint.is_placed]
         self.robot.notes += noted({
             "joints {} close loops and are cut there; to cut other joints, set "
             "physics:excludeFromArticulation = true on those": own,
             "joints {} are excluded from the articulation, but are driven or coupled, or are the only joint "
             "of a body: they are joints of the tree": kept,
             "limits of joints that close loops are not read: {}": limited,
+            "limits of speed of joints that close loops are not read: {}": fast,
+            "positions at the start of balls and of joints that close loops are not read (those of bodies "
+            "count): {}": placed,
         })  # fmt: skip
 
 
