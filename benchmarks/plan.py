@@ -97,6 +97,7 @@ def short() -> list[Task]:
         ("ddm", accuracy.measure, [("ddm", "five_bar", effort)], True),
         ("idm", accuracy.measure, [("idm", "gough_stewart", effort)], True),
         ("scaling", scaling.measure, [("stack", n, 8, some) for n in (1, 2)], False),
+        ("tools", scaling.tools, [(n, 2) for n in (1, 2)], True),
         ("simulation", simulation.measure, [("five_bar, let go, 1 s", steps, 0.1)], True),
         ("controlled", simulation.controlled, [(simulation.GOVERNOR, few, 0.1)], True),
         ("throughput", accuracy.measure, [("ddm", "five_bar", load)], True),
@@ -124,6 +125,7 @@ def full() -> list[Task]:
     jobs: Jobs = [
         *((model, accuracy.measure, [one for one in models if one[0] == model], True) for model in MODELS),
         ("scaling", scaling.measure, sizes, False),
+        ("tools", scaling.tools, [(n,) for n in SIZES["stack"] if 4 <= n <= 64], True),
         ("simulation", simulation.measure, flights, True),
         ("controlled", simulation.controlled, [(name,) for name in simulation.SCENES], True),
         ("throughput", accuracy.measure, batches, True),

@@ -238,6 +238,18 @@ def modules(results: Results) -> Table:
     return [*head, "growth", f"MiB at {MODULES}", "growth"], lines
 
 
+def tools(results: Results) -> Table:
+    """Give times of a row of a tool's pose by number of modules, and each over that of four."""
+    rows = chosen(results["tools"], case="stack")
+    each = [r.us / r.at for r in rows]
+    growth = exponent([r.at for r in rows], [r.us for r in rows])
+    lines = [
+        ["a row [ms]", *(number(r.us / 1e3) for r in rows), f"n^{growth:.2f}" if growth > -1 else ""],
+        ["a row and module, over the first", *(number(x / each[0]) for x in each), ""],
+    ]
+    return ["modules", *(f"{r.at:.0f}" for r in rows), "growth"], lines if rows else []
+
+
 def simulation(results: Results) -> Table:
     """Give the fastest runs that reach an error, of each motion and scene."""
     lines = []
@@ -328,6 +340,7 @@ QUESTIONS = (
     Question("What do derivatives cost?", texts.DERIVATIVES, ("derivatives",), derivatives, "derivatives"),
     Question("What does a sweep cost?", texts.SWEEPS, ("sweeps",), sweeps, "sweeps"),
     Question("What does a module cost?", texts.MODULES, ("scaling",), modules, "scaling"),
+    Question("What does a tool's pose cost?", texts.TOOLS, ("tools",), tools),
     Question(
         "What does a simulation cost?",
         texts.SIMULATION,

@@ -18,6 +18,7 @@ SECTIONS = {
     "ddm": "direct model: every method at every setting",
     "idm": "inverse model: every method at every setting",
     "scaling": "time and memory against the number of modules",
+    "tools": "a tool's pose through a number of modules, by the general path",
     "simulation": "time integration: error of the final state, energy and closures",
     "controlled": "scenes: processor time of a simulated second",
     "throughput": "size of batches and number of threads",

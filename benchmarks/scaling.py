@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -20,13 +21,16 @@ from benchmarks.reference import round_trip, round_trip_limit
 from benchmarks.results import CHECK, NAN, Row
 from benchmarks.timing import MIB, forget_peak, in_own_process, interleaved, memory, timed
 from hybridyn import HybridRobot
+from hybridyn.assembly.chain.solve import motion_of
 from hybridyn.description.cache_folder import VARIABLE
-from hybridyn.spatial import Array
+from hybridyn.spatial import Array, quaternion_from_rotation
 from hybridyn.studies.compare.methods import written
 from hybridyn.studies.compare.peer_engine import NotComparableError
 
 BATCH = 500
 ROUNDS = 3
+#: Rows of a tool's path after the first, and how far they are from one another [m].
+TOOL_ROWS, TOOL_STEP = 20, 1e-3
 #: For one point, compilation included [s].
 PATIENCE = 900.0
 
@@ -77,6 +81,26 @@ def measure(family: str, modules: int, samples: int = BATCH, only: tuple[str, ..
             row = Row(family, line.model, name, at=modules, batch=line.batch)
             out.append(row._replace(us=us, mib=mib, note=note))
     return out
+
+
+def tools(modules: int, rows: int = TOOL_ROWS) -> list[Row]:
+    """Measure rows of poses of the outermost platform of a stack in its root [us of processor time]."""
+    robot = case_of(f"stack {modules}").load()
+    platforms = {link: tuple(x[0] for x in levels) for link, levels in stack_motion(modules, 8).items()}
+    q, still = hybridyn.assemble(robot, platforms=platforms)[0], np.zeros((1, robot.nv))
+    link = robot.modules[-1].outputs[0]
+    start = motion_of(robot, link, (q[None], still, still))
+    poses = np.tile(np.concatenate([start.p, quaternion_from_rotation(start.R)], axis=1), (rows + 1, 1))
+    poses[:, 0] += TOOL_STEP * np.arange(rows + 1)
+
+    def call(count: int) -> Callable[[], object]:
+        return lambda: hybridyn.assemble(robot, guess=q, platforms={link: poses[:count]})
+
+    first, all_rows = (
+        min(timed(call(count), 1, time.process_time) for _ in range(ROUNDS)) for count in (1, rows + 1)
+    )
+    row = Row("stack", "assemble", GENERAL, "a row of a tool's pose", at=modules, batch=rows)
+    return [row._replace(us=1e6 * (all_rows - first) / rows)]
 
 
 def write_motion(case: str, samples: int, path: Path) -> tuple[float, int]:

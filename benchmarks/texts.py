@@ -82,6 +82,12 @@ Time per sample [us] of stacks of 6-UPS modules, in a process of its own for eac
 from 4 modules on. Snakes are in the figure and in the file.
 """
 
+TOOLS = """\
+The pose of the outermost platform of a stack in its root, six numbers for six freedoms a module: the general
+path closes all loops by the rule of least motion. Processor time of rows of 1 mm, one after the other. The
+same in C, for the LX4, is in programs.csv.
+"""
+
 SIMULATION = """\
 The fastest run whose final state has at most the given error; wall time, for scenes with controllers
 processor time per simulated second. Motors push with constant efforts. Peers are RK4 in Python, and MuJoCo.
