@@ -105,20 +105,20 @@ def unreachable(
     rows = task.problem.residual(result.q[at : at + 1], np.array([min(sample, len(task.known) - 1)]))[0]
     row = int(np.argmax(np.abs(rows)))
     worst, measure = task.row_names[row], task.row_measures[row]
-    what = "the loops do not close" if measure is None else "not reached"
+    what = f"{task.label}, {worst}: the loops do not close" if measure is None else f"{worst}: not reached"
     if best <= task.tolerance:  # but not rounding: a least distance, at a posture where rows lose rank
-        why = f"the nearest posture, a singular one, leaves {best:.2g} of the module's length open"
+        why = f"the nearest posture of {task.label}, a singular one, leaves {best:.2g} of its length open"
     elif measure is None:
         why = f"best residual {best:.2g} of the module's length (limit {task.tolerance:.0e})"
     else:
         off, most = (x * measure[0] for x in (best, task.tolerance))
-        why = f"the nearest posture found misses it by {off:.2g} {measure[1]} (limit {most:.0e})"
+        why = f"the nearest posture of {task.label} misses it by {off:.2g} {measure[1]} (limit {most:.0e})"
     if lacking:
         who = "a loop" if isinstance(task, Task) else "the way to the target"
         why += f" ({who} lacks {lacking:.2g} m in any posture)"
     told, distance = _told(ended)
     return AssemblyError(
-        f"{task.label}, {worst}: {what}{AT_SAMPLE}: {why} after {result.iterations} iterations"
+        f"{what}{AT_SAMPLE}: {why} after {result.iterations} iterations"
         f"{task.surplus(result.q[at : at + 1])}.{told} The target is out of reach, or contradicts "
         "another one; move it, or give a better guess",
         module=task.module,

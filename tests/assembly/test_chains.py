@@ -333,9 +333,9 @@ def test_by_how_much_a_target_is_missed_is_told_in_its_unit(
 def test_what_cannot_be_met_is_refused(tmp_path: Path) -> None:
     robot, rods = hybridyn.load(excavator(tmp_path)), dict.fromkeys(MOTORS, 0.0)
     both = partial(hybridyn.assemble, robot, motors=rods, platforms={"teeth": ({"x": 5.0},)})
-    refused(both, AssemblyError, "so is the motion of every module between them; leave one out")
+    refused(both, AssemblyError, "so are all motions between them; leave one out")
     across = partial(hybridyn.assemble, robot, platforms={"teeth": ({"y": 0.3},)})
-    refused(across, AssemblyError, r"'stick', 'rocker' changes it \(y of 'teeth'\); leave it out")
+    refused(across, AssemblyError, r"'stick', 'rocker', changes it \(y of 'teeth'\); leave it out")
     empty = partial(hybridyn.assemble, robot, platforms={"teeth": ({},)})
     refused(empty, TrajectoryError, "pose of 'teeth' is empty; give some of x, y")
     two = arm(tmp_path, "yyy")

@@ -123,7 +123,7 @@ class ChainRates:
                 condition = float(s[i, 0] / least[i]) if least[i] else np.inf
                 raise SingularityError(
                     f"{task.label}: the {what} of {self._links()} given{AT_SAMPLE} cannot be followed: "
-                    f"together the modules lose a direction there (condition number {condition:.1e}, limit "
+                    f"together they lose a direction there (condition number {condition:.1e}, limit "
                     f"{1 / SINGULAR_ROWS:.0e}). Move the motion away from there",
                     module=self.modules[-1].name,
                     what="targets",
@@ -135,11 +135,14 @@ class ChainRates:
         if len(bad) and not nearest:
             t = int(bad[0])
             off = _times(self.split.rows, task.problem, x)[t, -right.shape[1] :] - right[t]
-            worst = task.row_names[int(np.argmax(np.abs(off))) - right.shape[1]]
+            row = int(np.argmax(np.abs(off))) - right.shape[1]
+            worst, measure = task.row_names[row], task.row_measures[row]
+            scale, unit = measure or (1.0, "rad")
+            unit += "/s" if what == "rates" else "/s^2"
             raise AssemblyError(
                 f"{task.label}: the {what} of {self._links()} given{AT_SAMPLE} contradict what else is "
-                f"given{task.surplus(self.x)}. {worst} is missed most, by {missed[t]:.3g} rad or module "
-                f"lengths (limit {limit[t]:.2g}). Leave some out",
+                f"given{task.surplus(self.x)}. {worst} is missed most, by {scale * missed[t]:.3g} {unit} "
+                f"(limit {scale * limit[t]:.2g}). Leave some out",
                 module=self.modules[-1].name,
                 sample=t,
             )

@@ -199,9 +199,9 @@ def _immovable(
     names = "', '".join(robot.modules[k].name for k in chain.modules)
     if motions:
         rows = ", ".join(dict.fromkeys(name for one in problem.relatives for name in one.names))
-        why = f"no motion of the modules '{names}' changes it ({rows})"
+        why = f"no motion that is left, of '{names}', changes it ({rows})"
     else:
-        why = "so is the motion of every module between them"
+        why = "so are all motions between them"
     return AssemblyError(
         f"the pose of {links} is given, and {why}; leave {'it' if motions else 'one'} out",
         module=robot.modules[chain.modules[-1]].name,
