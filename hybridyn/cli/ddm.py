@@ -14,7 +14,7 @@ from ..structure.robot import HybridRobot
 from ..studies.check.remarks import free_motions_of
 from ..tables.columns import acceleration_columns
 from ..tables.signals import unit_of
-from ..tables.trajectory import base_acceleration
+from ..tables.tree_coordinates import base_acceleration
 from .common.each_table import for_each_table
 from .common.engine_choice import EngineChoice, choose_engine, worth_of
 from .common.one_table import CommandTables

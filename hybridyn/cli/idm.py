@@ -8,14 +8,15 @@ from ..description.loop_signs import has_mass
 from ..description.names import did_you_mean
 from ..dynamics.inverse import inverse_model
 from ..effects import Effects, choose
-from ..effects.choice import DEFAULT, FROM_FILES, stated_names
+from ..effects.catalogue import DEFAULT, FROM_FILES
+from ..effects.choice import stated_names
 from ..errors import ModelError
 from ..streams.departures import departures
 from ..streams.one_pass import BlockResults, Pass
 from ..streams.postures import TreeSamples
 from ..streams.reaction_columns import reaction_rows
 from ..structure.robot import HybridRobot
-from ..tables.columns import Layout
+from ..tables.layout import Layout
 from .common.each_table import for_each_table
 from .common.engine_choice import EngineChoice, choose_engine, worth_of
 from .common.one_table import CommandTables

@@ -28,27 +28,17 @@ from .state_checks import check_closed, natural_force, robot_mass
 
 
 def backward(
-    robot: HybridRobot,
-    states: list[ModuleState],
-    loads: Loads,
-    sharing: Sharing | None,
-    tau: Array,
-    result: Reactions | None,
-    q: Array,
-    v: Array,
-    a: Array,
-) -> None:
+    robot: HybridRobot, states: list[ModuleState], loads: Loads, sharing: Sharing | None, tau: Array,
+    result: Reactions | None, q: Array, v: Array, a: Array,
+) -> None:  # fmt: skip
     """Compute the forces that every module needs, the efforts of its motors and the wrench on its base.
 
     Args:
-        states: States of its modules.
-        loads: External wrenches and effects.
+        states, loads: States of its modules; external wrenches and effects.
         sharing: How the load is distributed among motors, or None if efforts are known and not checked.
         tau: Efforts, shape (T, motors); filled in place, or read if `sharing` is None.
         result: Reactions, filled in place, or None.
-        q: Positions, shape (T, nq).
-        v: Rates, shape (T, nv).
-        a: Accelerations, shape (T, nv).
+        q, v, a: Positions, rates and accelerations, shapes (T, nq), (T, nv), (T, nv).
 
     Raises:
         SingularityError: Closures lose rank and `on_singular` is "raise"; or a velocity belongs to no branch;
@@ -76,11 +66,15 @@ def backward(
     if result is not None:
         result.base[:] = root
         if robot.base != "floating":  # else the root body belongs to a module
-            classical = loads.on.velocity is not None
-            V, V_dot = base_motion(robot, q, v, a, loads.on.gravity, classical=classical)
-            root_body = robot.bodies.bodies[0]
-            I0 = spatial_inertia(root_body.mass, root_body.com, root_body.inertia)
-            result.base[:] += V_dot @ I0 + loads.on.body_bias(V, I0) - loads.root
+            result.base[:] += _of_root_body(robot, loads, q, v, a)
+
+
+def _of_root_body(robot: HybridRobot, loads: Loads, q: Array, v: Array, a: Array) -> Array:
+    """Compute the wrench that the root body itself needs, without the modules on it, shape (T, 6)."""
+    V, V_dot = base_motion(robot, q, v, a, loads.on.gravity, classical=loads.on.velocity is not None)
+    body = robot.bodies.bodies[0]
+    I0 = spatial_inertia(body.mass, body.com, body.inertia)
+    return V_dot @ I0 + loads.on.body_bias(V, I0) - loads.root
 
 
 def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads) -> Reactions:

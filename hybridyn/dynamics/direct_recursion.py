@@ -40,9 +40,8 @@ def articulate(
     Raises:
         SingularityError: Closures lose rank, or a force acts on a motion without inertia.
     """
-    T = len(tau)
     out: list[ArticulatedModule] = []
-    I_star = [np.tile(s.mechanism.inertias, (T, 1, 1, 1)) for s in states]
+    I_star = [np.tile(s.mechanism.inertias, (len(tau), 1, 1, 1)) for s in states]
     beta_star = [
         loads.on.body_bias(s.outputs, s.mechanism.inertias) - load.on_outputs(s)  # Eq. (38)
         for s, load in zip(states, loads.modules, strict=True)

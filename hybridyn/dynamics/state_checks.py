@@ -97,8 +97,7 @@ def check_closed(
 
     Args:
         states: States of its modules.
-        q: Positions, shape (T, nq).
-        v: Rates, shape (T, nv).
+        q, v: Positions, shape (T, nq), and rates, shape (T, nv).
         a: Accelerations, shape (T, nv), or None to skip their check.
 
     Returns:
@@ -122,19 +121,26 @@ def check_closed(
         natural = natural_sizes(robot, largest, m.length)
         speed, size = (np.abs(x / unit).max(axis=1, initial=0.0) for x in (s.v, s.a))
         rates = np.abs(m.closures.rates(s.motion, s.v, s.a)) * m.reduction.row_scale
-        for (what, how), value, limit in zip(
-            levels, rates, _limits(natural, slack, speed, size), strict=False
-        ):
-            _check(s, what, how, s.module.named_rows(), value, limit)
-        if all(wrist.carries for wrist in m.spec.wrists):
-            continue
-        turning, turned = (np.abs(x).max(axis=(1, 2)) for x in (s.whole.w, s.whole.w_dot))
-        limits = _limits(natural, slack, np.maximum(speed, turning), np.maximum(size, turned))
-        own = m.author_closures.rates(s.whole, *(m.cut.with_still_wrists(x) for x in (s.v, s.a)))
-        rates = np.abs(own) * m.spanning_row_scale
+        limits = _limits(natural, slack, speed, size)
         for (what, how), value, limit in zip(levels, rates, limits, strict=False):
-            _check(s, what, how, every, _of_free_wrists(s, value, limit), limit)
+            _check(s, what, how, s.module.named_rows(), value, limit)
+        if not all(wrist.carries for wrist in m.spec.wrists):
+            turning, turned = (np.abs(x).max(axis=(1, 2)) for x in (s.whole.w, s.whole.w_dot))
+            limits = _limits(natural, slack, np.maximum(speed, turning), np.maximum(size, turned))
+            for (what, how), value, limit in zip(levels, _rates_with_wrists(s), limits, strict=False):
+                _check(s, what, how, every, _of_free_wrists(s, value, limit), limit)
     return worst
+
+
+def _rates_with_wrists(s: ModuleState) -> Array:
+    """Compute how fast the author's closures open, and accelerate apart, with wrists at rest in their bodies.
+
+    Returns:
+        Scaled magnitudes, shape (2, T, rows).
+    """
+    m = s.mechanism
+    own = m.author_closures.rates(s.whole, *(m.cut.with_still_wrists(x) for x in (s.v, s.a)))
+    return np.abs(own) * m.spanning_row_scale
 
 
 def _limits(natural: tuple[Array, Array], slack: float, speed: Array, size: Array) -> tuple[Array, Array]:

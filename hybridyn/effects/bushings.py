@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import ModelError
 from ..linkage.tree import Motion
 from ..spatial import LARGEST, Array, cross, rotate, rotate_back, rotation_from_quaternion
-from .joint_laws import UNIT_QUATERNION
+from .springs import UNIT_QUATERNION
 
 #: Fields of the law that hold three numbers by bushing.
 WORDS = ("torque_stiffness", "torque_damping", "force_stiffness", "force_damping")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,50 +16,14 @@ from ..structure.bodies import Payload
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_numbers
-from .bodies import GravityCompensation, LineSprings
-from .bushings import Bushings
+from .bodies import GravityCompensation
+from .catalogue import DEFAULT, FROM_FILES, JOINTS, LINKS, OF_MOTION, UNITS, WORDS, OfMotion
 from .inputs import BaseMotion, Limits
-from .joint_laws import (
-    BallSpring,
-    CoulombFriction,
-    Damper,
-    PolynomialDamper,
-    PolynomialSpring,
-    RotorInertia,
-    Spring,
-    Stop,
-    StribeckFriction,
-    ViscousFriction,
-)
+from .joint_laws import RotorInertia
 from .joints import OnJoints, placed
-from .links import GroundContact, Wrench
+from .links import Wrench
 from .tendons import OnTendons, Tendons, on_tendons
 from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
-
-JOINTS = (
-    RotorInertia, ViscousFriction, CoulombFriction, StribeckFriction, Spring, Damper, Stop, PolynomialSpring,
-    PolynomialDamper, BallSpring, Tendons,
-)  # fmt: skip
-LINKS = (Wrench, GroundContact, GravityCompensation, LineSprings, Bushings)
-#: Laws of wrenches that depend on the motion of links alone.
-OF_MOTION = (GroundContact, GravityCompensation, LineSprings, Bushings)
-OfMotion = GroundContact | GravityCompensation | LineSprings | Bushings
-#: Every effect by name.
-UNITS: dict[str, type[Any]] = {
-    unit.name: unit
-    for unit in (
-        Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms, *JOINTS, *LINKS, Payload, BaseMotion,
-        Limits,
-    )
-}  # fmt: skip
-
-#: Effects selected by `effects=None` and by the word "default".
-DEFAULT = ("gravity", "inertia", "leg_inertia", "velocity")
-
-#: Effects whose parameters are joint attributes in URDF or model.toml.
-FROM_FILES = ("rotor_inertia", "viscous_friction", "coulomb_friction")
-
-WORDS = ("default", "model", "none")
 
 
 @dataclass(frozen=True)
@@ -211,22 +175,7 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
         return effects
     units = listed_units(robot, effects)
     names = {unit.name for unit in units}
-    for part in ("velocity", "rotor_inertia"):
-        if part in names and "inertia" not in names:
-            raise ModelError(f"the effect '{part}' needs 'inertia': without inertia there is only statics")
-    for payload in (unit for unit in units if isinstance(unit, Payload)):
-        if payload not in robot.payloads:
-            raise ModelError(
-                f"the robot does not carry the payload on '{payload.link}' yet: take it from "
-                "hybridyn.with_effects(robot, effects)", element=payload.link,
-            )  # fmt: skip
-    for unit in units:
-        for link in unit.links if isinstance(unit, LINKS) else ():
-            if link not in robot.bodies.place:
-                raise ModelError(
-                    f"{unit.name}: no such link '{link}'{did_you_mean(link, robot.bodies.place)}",
-                    element=link,
-                )
+    _check(robot, units, names)
     laws = [law for unit in units if isinstance(unit, JOINTS) and (law := _placed(unit, robot))]
 
     def one(kind: type[Any]) -> Any:
@@ -244,6 +193,26 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
         one(BaseMotion),
     )  # fmt: skip
     return replace(out, names=out.named(names))
+
+
+def _check(robot: HybridRobot, units: Sequence[Any], names: Collection[str]) -> None:
+    """Check that the effects have what they need: inertia, the payload on the robot, links."""
+    for part in ("velocity", "rotor_inertia"):
+        if part in names and "inertia" not in names:
+            raise ModelError(f"the effect '{part}' needs 'inertia': without inertia there is only statics")
+    for payload in (unit for unit in units if isinstance(unit, Payload)):
+        if payload not in robot.payloads:
+            raise ModelError(
+                f"the robot does not carry the payload on '{payload.link}' yet: take it from "
+                "hybridyn.with_effects(robot, effects)", element=payload.link,
+            )  # fmt: skip
+    for unit in units:
+        for link in unit.links if isinstance(unit, LINKS) else ():
+            if link not in robot.bodies.place:
+                raise ModelError(
+                    f"{unit.name}: no such link '{link}'{did_you_mean(link, robot.bodies.place)}",
+                    element=link,
+                )
 
 
 def bound_to(unit: Any, robot: HybridRobot) -> Any:

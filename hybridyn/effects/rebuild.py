@@ -4,7 +4,8 @@ from ..errors import ModelError
 from ..structure.bodies import Payload
 from ..structure.building import rebuilt
 from ..structure.robot import HybridRobot
-from .choice import JOINTS, Choice, Effects, listed_units
+from .catalogue import JOINTS
+from .choice import Choice, Effects, listed_units
 from .inputs import BaseMotion
 
 

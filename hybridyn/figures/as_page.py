@@ -40,11 +40,8 @@ def page_of_chart(chart: PanelFigure) -> str:
         for mark in panel.marks:
             words = {"legendgroup": mark.name, "showlegend": mark.name not in named}
             if shared:
-                words = {
-                    "legendgroup": panel.title,
-                    "legendgrouptitle_text": panel.title,
-                    "showlegend": bool(mark.name),
-                }
+                title = dict.fromkeys(("legendgroup", "legendgrouptitle_text"), panel.title)
+                words = title | {"showlegend": bool(mark.name)}
             figure.add_trace(_trace(mark) | words, **place)
             named.add(mark.name)
         bottom = shared and number + columns >= len(chart.panels)

@@ -48,14 +48,9 @@ def extremes(x: Array, rows: Array, each: int) -> tuple[Array, Array]:
 
 
 def chart_of_rows(
-    columns: Sequence[str],
-    x: Array,
-    rows: Array,
-    *,
-    robot: HybridRobot | None = None,
-    timed: bool = True,
+    columns: Sequence[str], x: Array, rows: Array, *, robot: HybridRobot | None = None, timed: bool = True,
     title: str = "",
-) -> PanelFigure:
+) -> PanelFigure:  # fmt: skip
     """Build a chart of a table over time.
 
     If the table holds efforts, only joints with an effort (motors) are drawn.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,12 +30,9 @@ LABELS = {
 
 
 def figure_of_workspace(
-    coordinates: Mapping[str, Array],
-    measures: Mapping[str, Array],
-    *,
-    title: str = "",
+    coordinates: Mapping[str, Array], measures: Mapping[str, Array], *, title: str = "",
     unit: str = "N or N m",
-) -> Figure:
+) -> Figure:  # fmt: skip
     """Draw the maps of a workspace, one row per measure, with slices of the third coordinate side by side.
 
     Args:
@@ -58,23 +55,18 @@ def figure_of_workspace(
     levels = _levels(index[here, 2]) if len(axes) == 3 else [None]
     figure = empty_figure(3.1 * len(levels) + 1.4, 2.7 * len(maps) + 0.5)
     panels = figure.subplots(len(maps), len(levels), squeeze=False, sharex=True, sharey=len(axes) > 1)
+    slices = [here if level is None else here & (index[:, 2] == level) for level in levels]
     for row, (name, values) in zip(panels, maps.items(), strict=True):
-        label, finite = LABELS[name].format(unit), values[np.isfinite(values)]
-        limit = _limit(finite, 100 if name == "conditioning" else 98)
-        for ax, level in zip(row, levels, strict=True):
-            chosen = here if level is None else here & (index[:, 2] == level)
-            if len(axes) == 1:
-                ax.plot(coordinates[axes[0]][chosen], values[chosen], ".-")
-                ax.set_ylabel(label, fontsize="x-small")
-            else:
-                image = _image(ax, lattice, chosen, values, limit)
-            if level is not None and ax in panels[0]:
-                at = (lattice.start[2] + level * lattice.steps[2]).round(DIGITS) + 0.0
-                ax.set_title(f"{axes[2]} = {at:.4g} {_unit(axes[2])}", fontsize="small")
-            ax.tick_params(labelsize="x-small")
-        if len(axes) > 1:
-            figure.colorbar(image, ax=list(row), shrink=0.9).set_label(label, size="x-small")
-            row[0].set_ylabel(f"{axes[1]} [{_unit(axes[1])}]")
+        label = LABELS[name].format(unit)
+        if len(axes) == 1:
+            row[0].plot(coordinates[axes[0]][here], values[here], ".-")
+            row[0].set_ylabel(label, fontsize="x-small")
+            row[0].tick_params(labelsize="x-small")
+        else:
+            _draw_slices(figure, row, lattice, slices, values, label, 100 if name == "conditioning" else 98)
+    for ax, level in zip(panels[0], levels, strict=True) if len(axes) == 3 else ():
+        at = (lattice.start[2] + level * lattice.steps[2]).round(DIGITS) + 0.0
+        ax.set_title(f"{axes[2]} = {at:.4g} {_unit(axes[2])}", fontsize="small")
     for ax in panels[-1]:
         ax.set_xlabel(f"{axes[0]} [{_unit(axes[0])}]")
     figure.suptitle(title)
@@ -116,6 +108,24 @@ def _limit(values: Array, share: float) -> float:
     """
     clipped = float(np.percentile(values, share)) if len(values) else 0.0
     return clipped or float(values.max(initial=0.0)) or 1.0
+
+
+def _draw_slices(
+    figure: Figure,
+    row: Any,
+    lattice: _Lattice,
+    slices: Sequence[Array],
+    values: Array,
+    label: str,
+    share: float,
+) -> None:
+    """Draw the slices of one measure side by side, with one colour scale over a share [%] of its values."""
+    limit = _limit(values[np.isfinite(values)], share)
+    images = [_image(ax, lattice, at, values, limit) for ax, at in zip(row, slices, strict=True)]
+    figure.colorbar(images[-1], ax=list(row), shrink=0.9).set_label(label, size="x-small")
+    row[0].set_ylabel(f"{lattice.axes[1]} [{_unit(lattice.axes[1])}]")
+    for ax in row:
+        ax.tick_params(labelsize="x-small")
 
 
 def _image(ax: Axes, lattice: _Lattice, chosen: Array, values: Array, high: float) -> Any:

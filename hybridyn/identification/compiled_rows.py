@@ -31,7 +31,7 @@ from ..compiled.programs.inverse import inverse_inputs, write_inverse_sweeps
 from ..compiled.programs.sources import robot_key
 from ..compiled.programs.writer import Writer
 from ..compiled.verifying import movable_states
-from ..effects.choice import DEFAULT
+from ..effects.catalogue import DEFAULT
 from ..errors import CompileError
 from ..spatial import Array, Index
 from ..structure.module import Module

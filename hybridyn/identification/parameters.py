@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import FROM_FILES, Choice, Effects, choose, listed_units
-from ..effects.choice import JOINTS as LAWS
+from ..effects.catalogue import FROM_FILES
+from ..effects.catalogue import JOINTS as LAWS
+from ..effects.choice import Choice, Effects, choose, listed_units
 from ..effects.joints import JointEffect, OnJoints, placed
 from ..errors import ModelError
 from ..spatial import Array, Index

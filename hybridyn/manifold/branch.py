@@ -62,14 +62,9 @@ class Branch(NamedTuple):
 
 
 def branch_of(
-    K: Array,
-    rank: int,
-    v: Array,
-    along: Callable[[Array], Array],
-    name: str,
-    parts: tuple[Array, ...],
+    K: Array, rank: int, v: Array, along: Callable[[Array], Array], name: str, parts: tuple[Array, ...],
     lost: float = LOST_RATES,
-) -> Branch:
+) -> Branch:  # fmt: skip
     """Compute the branch of a velocity; all rows of K are strong if none is weak, or at rest.
 
     Args:
@@ -94,13 +89,32 @@ def branch_of(
     weak = (s[:rank] <= lost * s[0]) | (broken & (s[:rank] <= WEAK * s[0]))
     if not weak.any():
         return regular
-    strong = int(np.argmax(weak))
+    return _crossing(rank, int(np.argmax(weak)), direction, along(direction), name, parts) or regular
+
+
+def _crossing(
+    rank: int, strong: int, direction: Array, K_dot: Array, name: str, parts: tuple[Array, ...]
+) -> Branch | None:
+    """Compute the branch of a direction from the limits of the weak rows; None if no branches cross.
+
+    Args:
+        rank: Number of independent rows.
+        strong: Number of those that are not weak.
+        direction: The scaled direction, of length one, shape (n,).
+        K_dot: Derivative of the scaled rows along it, shape (rows, n).
+        name: The module's name.
+        parts: U, s, Vt of the rows.
+
+    Raises:
+        SingularityError: The direction satisfies the rows, but is on no branch.
+    """
+    U, s, Vt = parts
     N, rest = U[:, strong:], Vt[strong:].T
-    limits = N.T @ along(direction)
+    limits = N.T @ K_dot
     P, size, Qt = np.linalg.svd(limits @ rest)
     k = rank - strong
     if len(size) < k or size[k - 1] < CROSSING:
-        return regular
+        return None
     if s[strong] <= AT_ONCE * s[0] and np.abs(limits @ direction).max() > ASTRAY * size[0]:
         raise SingularityError(
             f"module '{name}': its closures lose rank here, and the velocity is on none of the branches "
@@ -199,17 +213,13 @@ def _motions_at(state: ModuleState, t: int) -> tuple[Array, Array] | None:
     speed = float(np.linalg.norm(v))
     path = _Path(state, t, v / speed if speed else v)
     q = path.at(0.0)[0]
-    parts = np.linalg.svd(K)
-    branch = branch_of(
-        K,
-        r.rank,
-        v,
-        lambda x: derivative(lambda h: path.rows(q, h * x)),
-        state.module.name,
-        parts,
-        LOST_ACCELERATIONS,
-    )
-    strong = len(branch.s)
+    parts, name = np.linalg.svd(K), state.module.name
+
+    def along(x: Array) -> Array:
+        """Compute the derivative of the rows along a direction."""
+        return derivative(lambda h: path.rows(q, h * x))
+
+    strong = len(branch_of(K, r.rank, v, along, name, parts, LOST_ACCELERATIONS).s)
     if strong == r.rank:
         return None
     N, rest, slopes = parts[0][:, strong:], parts[2][strong:].T, path.slopes(0.0)

@@ -176,16 +176,7 @@ class Conserving:
             inverse = _broyden(inverse, dz, new.F - attempt.F)
             z, attempt = z + dz, new
         if lowest > limit:
-            if chart.narrow:
-                raise AmbiguousBranchError(
-                    f"the conserving step at t = {t:g} s ends where closures lose rank, and rounding there "
-                    f"leaves a residual of {lowest:.2g} in its equations (limit {limit:.0e})"
-                )
-            raise StepError(
-                f"the equations of the conserving step at t = {t:g} s were not solved: residual "
-                f"{lowest:.2g} after {spent} iterations (limit {limit:.0e}); take a "
-                "shorter step"
-            )
+            raise _unsolved(chart, t, lowest, limit, spent)
         return best, spent
 
     def _end(self, t: float, q: Array, v: Array, B: Array) -> _End:
@@ -284,3 +275,18 @@ def _check_inertia(end: _End) -> None:
             "its bodies mass, or use 'rk4'",
             what="inertia", condition=float(s[-1] / s[0]) if s[0] > 0 else np.inf,
         )  # fmt: skip
+
+
+def _unsolved(
+    chart: Chart, t: float, residual: float, limit: float, spent: int
+) -> AmbiguousBranchError | StepError:
+    """Return the error that says why the equations of the step at a time [s] were not solved."""
+    if chart.narrow:
+        return AmbiguousBranchError(
+            f"the conserving step at t = {t:g} s ends where closures lose rank, and rounding there "
+            f"leaves a residual of {residual:.2g} in its equations (limit {limit:.0e})"
+        )
+    return StepError(
+        f"the equations of the conserving step at t = {t:g} s were not solved: residual "
+        f"{residual:.2g} after {spent} iterations (limit {limit:.0e}); take a shorter step"
+    )

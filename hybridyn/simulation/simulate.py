@@ -23,7 +23,8 @@ from .events import Event
 from .motion_law import Effort, MotionLaw, Wrenches
 from .result import Origin, SimulationResult, digest
 from .run import Progress, Run
-from .stepping import Solver, SolverOptions, Stepper, build_method, solver_of
+from .solver import Solver, SolverOptions, build_method, solver_of
+from .stepping import Stepper
 from .system import State, System
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def simulate(
         scene: Digest of the scene (`hybridyn.scenes.stage.identity`). It is stored in the checkpoint, and a
             run that resumes it must have the same one.
         **options: Method, length of steps and tolerances: the fields of
-            `hybridyn.simulation.stepping.Solver`; adaptive steps of "dopri5" by default.
+            `hybridyn.simulation.solver.Solver`; adaptive steps of "dopri5" by default.
 
     Returns:
         The motion; `status` and `message` state how it ended. If loops cannot be closed any more, or at a

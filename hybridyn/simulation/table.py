@@ -14,7 +14,7 @@ from ..spatial import Array, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..tables.columns import ENERGIES, RESIDUAL
 from ..tables.signals import POSE, RATES, TWIST, joint_columns
-from ..tables.trajectory import base_acceleration
+from ..tables.tree_coordinates import base_acceleration
 from .result import SimulationResult
 
 

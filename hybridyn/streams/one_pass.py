@@ -24,7 +24,8 @@ from ..effects.choice import Effects
 from ..errors import HybridynError, TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..tables.columns import Layout, read_layout
+from ..tables.columns import read_layout
+from ..tables.layout import Layout
 from ..tables.opening import Table, open_table
 from ..tables.trajectory import read_motions
 from .departures import Departure

@@ -13,8 +13,9 @@ from ..assembly import assemble as general
 from ..errors import AT_SAMPLE, AssemblyError, HybridynError, SingularityError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..tables.columns import Layout
-from ..tables.trajectory import TableMotion, full_state
+from ..tables.layout import Layout
+from ..tables.trajectory import TableMotion
+from ..tables.tree_coordinates import full_state
 from .departures import question
 
 HISTORY = (

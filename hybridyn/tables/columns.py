@@ -41,23 +41,14 @@ model). Reactions, forces [N] and moments [N m]:
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
 
-from ..description.names import did_you_mean, listed
+from ..description.names import did_you_mean
 from ..description.records import Description, Joint
 from ..errors import TrajectoryError
-from .signals import (
-    POSE,
-    RATES,
-    TWIST,
-    WORLD,
-    WRENCH,
-    Signal,
-    joint_columns,
-    picked,
-    read_signal,
-)
+from .header_faults import faults
+from .layout import Layout
+from .signals import POSE, RATES, TWIST, WORLD, WRENCH, joint_columns, picked, read_signal
 
 _FORM = re.compile(
     r"(?P<owner>.+)/(?P<quantity>position|velocity|acceleration|effort|pose|wrench)(/(?P<component>\w+))?"
@@ -73,53 +64,14 @@ RESIDUAL = "residual"
 #: Columns of hybridyn's tables that belong to no joint and no link.
 OTHERS = ("time", *ENERGIES, RESIDUAL)
 
-#: What is told of a free base without a pose.
-FREE = (
-    "; how a free base moves depends on what came before, 'hybridyn simulate' computes it; or hold it "
-    "(base='fixed')"
-)
 
 _Columns = dict[str, dict[str, dict[str, int]]]  # owner, quantity, component: column
 
 
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """The meaning of a table's columns.
-
-    Attributes:
-        file: Path of the table, for messages.
-        time: Column of the time, or None, where rows are independent samples.
-        joints: Joints by name.
-        poses: Poses by name.
-        wrenches: Columns of the wrenches by link.
-        efforts: Column of the efforts by joint.
-        full_state: Whether every joint of the tree is given, so that nothing needs to be assembled.
-    """
-
-    file: str | None
-    time: int | None
-    joints: dict[str, Signal] = field(default_factory=dict)
-    poses: dict[str, Signal] = field(default_factory=dict)
-    wrenches: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    efforts: dict[str, int] = field(default_factory=dict)
-    full_state: bool = False
-
-    @property
-    def signals(self) -> tuple[Signal, ...]:
-        """Every joint and pose."""
-        return (*self.joints.values(), *self.poses.values())
-
-
 def read_layout(
-    columns: Sequence[str],
-    description: Description,
-    *,
-    motors: Sequence[str],
-    base: str = "fixed",
-    file: str | None = None,
-    efforts: bool = False,
-    passive: int = 0,
-) -> Layout:
+    columns: Sequence[str], description: Description, *, motors: Sequence[str], base: str = "fixed",
+    file: str | None = None, efforts: bool = False, passive: int = 0,
+) -> Layout:  # fmt: skip
     """Determine the meaning of each column, and check that none is missing.
 
     Args:
@@ -134,12 +86,25 @@ def read_layout(
     Raises:
         TrajectoryError: A column is unknown, a needed one is missing, or columns contradict each other.
     """
-    joints = {joint.name: joint for joint in description.joints}
+    layout = _layout_of(columns, description, base, file, efforts)
+    if layout.efforts and not efforts:
+        joint = next(iter(layout.efforts))
+        raise TrajectoryError("efforts are not an input here", file=file, column=f"{joint}/effort")
     movable = [joint.name for joint in description.joints if joint.kind != "fixed"]
+    for column, message in faults(layout, movable, motors, description.root, base, passive, efforts):
+        raise TrajectoryError(message, file=file, column=column)
+    return layout
+
+
+def _layout_of(
+    columns: Sequence[str], description: Description, base: str, file: str | None, efforts: bool
+) -> Layout:
+    """Determine the meaning of each column, one by one."""
+    joints = {joint.name: joint for joint in description.joints}
     of_joints, of_links = _sorted_columns(columns, joints, description, file)
     wanted = RATES[:1] if efforts else RATES
     of_base = RATES if base == "moving" else wanted
-    layout = Layout(
+    return Layout(
         file=file,
         time=columns.index("time") if "time" in columns else None,
         joints={
@@ -165,75 +130,12 @@ def read_layout(
             if "effort" in given
             and (efforts or RESIDUAL not in columns)  # those of simulated runs are outputs
         },
-        full_state=all(of_joints.get(name, {}).keys() - {"effort"} for name in movable),
+        full_state=all(
+            of_joints.get(joint.name, {}).keys() - {"effort"}
+            for joint in description.joints
+            if joint.kind != "fixed"
+        ),
     )
-    if layout.efforts and not efforts:
-        joint = next(iter(layout.efforts))
-        raise TrajectoryError("efforts are not an input here", file=file, column=f"{joint}/effort")
-    for column, message in _faults(layout, movable, motors, description.root, base, passive, efforts):
-        raise TrajectoryError(message, file=file, column=column)
-    return layout
-
-
-def _faults(
-    layout: Layout, movable: Sequence[str], motors: Sequence[str], root: str, base: str, passive: int,
-    efforts: bool,
-) -> Iterator[tuple[str | None, str]]:  # fmt: skip
-    """Yield column and message of what is wrong in columns that are known one by one."""
-    if efforts:
-        for name in [name for name in layout.efforts if name not in motors]:
-            hint = did_you_mean(name, motors)
-            yield f"{name}/effort", f"joint '{name}' is not driven{hint}; drop it, or name it as a motor"
-        if absent := [name for name in motors if name not in layout.efforts]:
-            left = listed(absent)
-            yield (
-                f"{absent[0]}/effort",
-                f"is missing: every motor needs its effort ({left} left); write 0 for a free one",
-            )
-    signal = layout.poses.get(root)
-    if base == "fixed" and signal is not None:
-        yield (
-            f"{root}/pose/{signal.components[0]}",
-            f"'{root}' is the root link and the base is fixed; choose a moving base, or drop its pose",
-        )
-    lacking = "x" if signal is None else signal.lacks
-    if base != "fixed" and lacking:
-        message = f"is missing: with a {base} base the table gives the whole pose of '{root}' in the world"
-        message += FREE if base == "floating" else ""
-        yield f"{root}/pose/{lacking}", message
-    yield from _input_faults(layout, movable, motors, root, passive)
-    for signal in layout.signals if layout.time is None else ():
-        if signal.missing:
-            rate = f"{signal.name}/{signal.missing[0]}"
-            yield "time", f"is missing, and so is '{rate}': without time no rates can be fitted"
-
-
-def _input_faults(
-    layout: Layout, movable: Sequence[str], motors: Sequence[str], root: str, most: int
-) -> Iterator[tuple[str | None, str]]:
-    """Yield what is wrong unless joints and poses are a full state, or a posture follows from them."""
-    platforms = [key for key in layout.poses if key != root]
-    if layout.full_state:
-        if platforms:
-            yield (
-                f"{platforms[0]}/pose/{layout.poses[platforms[0]].components[0]}",
-                f"every joint is given too; drop the poses of {listed(platforms)} or the passive joints",
-            )
-        return
-    passive = [name for name in layout.joints if name not in motors]
-    if passive and len(passive) > most:
-        rest = [name for name in movable if name not in layout.joints]
-        message = f"'{passive[0]}' is not a motor; drop it, or give every joint (missing: {listed(rest)})"
-        message += f"; for the motion of output joints, 'hybridyn idm --map {','.join(passive)}'"
-        yield f"{passive[0]}/position", message
-    absent = [name for name in motors if name not in layout.joints]
-    if absent and not platforms:
-        yield (
-            f"{absent[0]}/position",
-            f"is missing: give the motors ({listed(absent)} left) or the pose of a link",
-        )
-    if not motors and not platforms:
-        yield None, "the robot has no motors; give the pose of a link, or every joint"
 
 
 def acceleration_columns(description: Description, joints: Iterable[str], base: str) -> list[str]:

@@ -90,14 +90,9 @@ class Signal(NamedTuple):
 
 
 def read_signal(
-    name: str,
-    joint: Joint | None,
-    given: dict[str, dict[str, int]],
-    file: str | None,
-    wanted: tuple[str, ...] = RATES,
-    *,
-    endless: bool = False,
-) -> Signal:
+    name: str, joint: Joint | None, given: dict[str, dict[str, int]], file: str | None,
+    wanted: tuple[str, ...] = RATES, *, endless: bool = False,
+) -> Signal:  # fmt: skip
     """Build the signal of a joint, or of a pose: a complete orientation, some of its coordinates, or both.
 
     Args:

@@ -26,8 +26,7 @@ def start_server(host: str, port: int, label: str) -> Any:
     """Start viser's server with the check of origins.
 
     Args:
-        host: Address to listen on.
-        port: Port to listen on; the next free one is used if it is taken.
+        host, port: Address and port to listen on; the next free port is used if this one is taken.
         label: Title of the page.
 
     Raises:
@@ -44,9 +43,8 @@ def start_server(host: str, port: int, label: str) -> Any:
 
         def answer(connection: Any, request: Any) -> Any:
             """Refuse a request of another page, else answer as before."""
-            headers = request.headers
-            upgrade = bool(headers.get_all("Upgrade"))
-            reason = refusal(headers.get_all("Host"), headers.get_all("Origin"), upgrade, host)
+            hosts, origins, upgrades = map(request.headers.get_all, ("Host", "Origin", "Upgrade"))
+            reason = refusal(hosts, origins, bool(upgrades), host)
             if reason is not None:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, f"{reason}\n")
             return None if process_request is None else process_request(connection, request)

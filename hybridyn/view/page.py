@@ -19,9 +19,10 @@ import numpy as np
 
 from ..assembly.task import closure_residual
 from ..errors import HybridynError
-from ..spatial import Array, quaternion_from_rotation, rotation_from_quaternion
+from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .camera import camera_around
+from .grip import Grip
 from .own_origin import start_server
 from .panel import closeness, closeness_html, efforts_html, holding, legend_html, status_html
 from .picture import Picture, Role
@@ -43,8 +44,6 @@ ROOM = 1.25
 #: What can be hidden.
 SHOWN: tuple[Role, ...] = ("closure", "joint", "motor")
 BRAND = (59, 125, 216)
-#: Size of the handle of the tool, as a part of the robot's.
-GRIP = 0.12
 
 
 class Page:
@@ -131,7 +130,8 @@ class Page:
         if self.poser.levers:
             gui.add_button("Home").on_click(lambda event: self._request("home", True))
         self._sliders = Sliders(gui, self.poser, self.q, lambda joint, to: self._request(f"move {joint}", to))
-        self._add_grip(picture)
+        links, size = self.poser.links, picture.size
+        self._grip = Grip(self.server, self.poser, size, self._request) if links else None
         with gui.add_folder("Efforts"):
             self._efforts = gui.add_html("")
         with gui.add_folder("Show", expand_by_default=False):
@@ -157,32 +157,10 @@ class Page:
         self._button.on_click(lambda event: self._request("play", not self.playing))
         on_slide(self._time, lambda value: self._request("time", value))
 
-    def _add_grip(self, picture: Picture) -> None:
-        """Add the handle by which a tool is dragged, and the choice of the tool."""
-        links = self.poser.links
-        self._grip: Any = None
-        if not links:
-            return
-        self._tool = self.server.gui.add_dropdown("dragged link", links, initial_value=links[-1])
-        self._tool.on_update(lambda event: self._request("grip", True))
-        self._grip = self.server.scene.add_transform_controls(
-            "/grip", GRIP * picture.size, disable_sliders=True, depth_test=False
-        )
-        self._grip.on_update(self._on_grip)
-
-    def _on_grip(self, event: Any) -> None:
-        """Ask for the pose to which a user has dragged the handle; at the end, for the handle at the tool."""
-        if event.phase == "end":
-            self._request("grip", True)
-        elif event.phase == "update":
-            self._request("drag", (np.array(self._grip.position), np.array(self._grip.wxyz)))
-
     def _place_grip(self) -> None:
-        """Put the handle where the tool is."""
+        """Put the handle, where there is one, to the tool."""
         if self._grip is not None:
-            p, R = self.poser.pose(self.q, self._tool.value)
-            self._grip.position = p
-            self._grip.wxyz = quaternion_from_rotation(R[None])[0, [3, 0, 1, 2]]
+            self._grip.place(self.q)
 
     def _add_checkbox(self, label: str, value: bool, act: Callable[[bool], None]) -> None:
         """Add a checkbox that calls `act` when it changes."""
@@ -227,9 +205,8 @@ class Page:
             self._show(moved.q, moved.message)
         elif name == "drag":
             self._set_playing(False)
-            p, wxyz = value
-            R = rotation_from_quaternion(wxyz[None, [1, 2, 3, 0]])[0]
-            moved = self.poser.drag(self.q, self._tool.value, p, R)
+            assert self._grip is not None
+            moved = self._grip.drag(self.q, value)
             self._show(moved.q, moved.message, held=True)
         elif name == "grip":
             self._place_grip()

@@ -83,9 +83,13 @@ def read_visuals(
             vertices = np.asarray(mesh.vertices) @ placement[:3, :3].T + placement[:3, 3]
             colour = _own_colour(visual.material, colours) or _mesh_colour(mesh) or UNSTATED
             found.append(Visual(link.name, vertices, np.asarray(mesh.faces), colour))
-    unique = [*dict.fromkeys(missing)]
-    more = f" and {len(unique) - NAMED} more" if len(unique) > NAMED else ""
-    return found, [f"shapes not drawn: {', '.join(unique[:NAMED])}{more}"] if unique else []
+    return found, _notes([*dict.fromkeys(missing)])
+
+
+def _notes(missing: list[str]) -> list[str]:
+    """Return the note on shapes that are missing, if any."""
+    more = f" and {len(missing) - NAMED} more" if len(missing) > NAMED else ""
+    return [f"shapes not drawn: {', '.join(missing[:NAMED])}{more}"] if missing else []
 
 
 def _mesh(geometry: Any, find: MeshFiles) -> Any:

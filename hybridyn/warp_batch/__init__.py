@@ -1,7 +1,8 @@
 """Many robots at once through Warp: the exported C of a robot inside functions and kernels of Warp.
 
-Read `functions` (programs as the body of one Warp function, and kernels), `models` (what the functions
-compute), `arrays` (whose arrays come and go), then `batch` and `maps`. `c/` holds what is written by hand;
+Read `functions` (programs as the body of one Warp function, and kernels), `native_models` (what the functions
+compute), `arrays` (whose arrays come and go), `launching` (a kernel on such arrays), then `batch` and `maps`.
+`c/` holds what is written by hand;
 the walk along a branch is that of exported C.
 
 The general path that samples in doubt take is `fallback`: its steps are those of `simulation`, under

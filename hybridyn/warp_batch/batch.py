@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from functools import cached_property, partial
 from typing import Any
@@ -20,6 +19,7 @@ from .arrays import Arrays
 from .drawing import Draw
 from .fallback import Fallback, General
 from .functions import Functions, InWarp, in_warp, wp
+from .launching import Launcher
 from .maps import BatchMap
 from .native_models import LAWS, NativeModels
 
@@ -36,8 +36,7 @@ class Batch:
         robot: The robot.
         effects: Effects in the models.
         parameters: Numbers that calls may change.
-        dtype: Type of all numbers.
-        device: Device of Warp.
+        dtype, device: Type of all numbers, and device of Warp.
         functions: The models as Warp functions, for kernels of your own.
     """
 
@@ -51,14 +50,13 @@ class Batch:
         self._models = NativeModels(robot, effects, parameters.slots, dtype)
         self._general = General(robot, effects, self._designs, dtype)
         self._made: dict[str, InWarp] = {}
-        self._counters = defaultdict[str, Any](partial(self._arrays.empty, 1, number=wp.int32))
+        self._launcher = Launcher(robot, self._arrays)
         self.functions = Functions(tuple(self._models.makers), self.made)
 
     @property
     def failed(self) -> dict[str, int]:
         """Number of samples so far whose guard was above 1, by call. Reading it waits for the device."""
-        counts = {name: int(counter.numpy()[0]) for name, counter in self._counters.items()}
-        return {name: count for name, count in counts.items() if count}
+        return self._launcher.failed
 
     def idm(
         self, q: Any, v: Any, a: Any, *, parameters: Any = None, fallback: bool = False
@@ -83,25 +81,17 @@ class Batch:
         return self._run("idm", given, partial(self._general.model, "idm") if fallback else None)
 
     def ddm(
-        self,
-        q: Any,
-        v: Any,
-        tau: Any,
-        *,
-        base_acceleration: Any = None,
-        parameters: Any = None,
+        self, q: Any, v: Any, tau: Any, *, base_acceleration: Any = None, parameters: Any = None,
         fallback: bool = False,
-    ) -> tuple[Any, ...]:
+    ) -> tuple[Any, ...]:  # fmt: skip
         """Compute accelerations, like `hybridyn.ddm`.
 
         Args:
-            q: Positions, shape (N, nq).
-            v: Rates, shape (N, nv), [m/s, rad/s].
+            q, v: Positions and rates, as in `idm`.
             tau: Efforts in the order of `robot.motors`, shape (N, motors), [N or N m].
             base_acceleration: Spatial acceleration of a "moving" base in its own frame, shape (6,) or (N, 6);
                 default zero.
-            parameters: As in `idm`.
-            fallback: As in `idm`.
+            parameters, fallback: As in `idm`.
 
         Returns:
             Accelerations of the spanning tree, shape (N, nv), [m/s^2, rad/s^2], and guards, shape (N,).
@@ -120,11 +110,8 @@ class Batch:
         """Compute the motion of every body in the world.
 
         Args:
-            q: Positions, shape (N, nq).
-            v: Rates, shape (N, nv), [m/s, rad/s].
-            a: Accelerations, shape (N, nv), [m/s^2, rad/s^2].
-            parameters: As in `idm`.
-            fallback: As in `idm`.
+            q, v, a: The motion, as in `idm`.
+            parameters, fallback: As in `idm`.
 
         Returns:
             24 numbers for each body, shape (N, 24 bodies): axes row by row, origin, velocity, angular
@@ -134,31 +121,22 @@ class Batch:
             HybridynError: An array is wrong.
         """
         given = {"q": q, "v": v, "a": a} | self._numbers(parameters)
-        return self._run(
-            "kinematics", given, partial(self._general.model, "kinematics") if fallback else None
-        )
+        general = partial(self._general.model, "kinematics") if fallback else None
+        return self._run("kinematics", given, general)
 
     def close(
-        self,
-        position: Any,
-        rate: Any = None,
-        acceleration: Any = None,
-        *,
-        near: Any = None,
-        parameters: Any = None,
-        fallback: bool = False,
-    ) -> tuple[Any, ...]:
+        self, position: Any, rate: Any = None, acceleration: Any = None, *, near: Any = None,
+        parameters: Any = None, fallback: bool = False,
+    ) -> tuple[Any, ...]:  # fmt: skip
         """Compute the motion of all joints from the motors', like `CompiledRobot.close` for each sample.
 
         Args:
             position: Positions in the order of `robot.motors`, shape (N, motors), [m or rad].
-            rate: Their rates, of the same shape; zero by default.
-            acceleration: Their accelerations, of the same shape; zero by default.
+            rate, acceleration: Theirs, of the same shape; zero by default.
             near: Closed postures, shape (N, nq) or (nq,), from which the motors move straight to `position`,
                 on the same assembly branch; the home posture by default. A base keeps its pose, and
                 joints that no motor moves keep their positions; rods that spin idly take the least rates.
-            parameters: As in `idm`.
-            fallback: As in `idm`.
+            parameters, fallback: As in `idm`.
 
         Returns:
             q, v, a on the spanning tree, shapes (N, nq), (N, nv), (N, nv), and guards, shape (N,).
@@ -170,24 +148,14 @@ class Batch:
         return self._run("close", given, self._general.close if fallback else None)
 
     def idm_from_motors(
-        self,
-        position: Any,
-        rate: Any = None,
-        acceleration: Any = None,
-        *,
-        near: Any = None,
-        parameters: Any = None,
-        fallback: bool = False,
-    ) -> tuple[Any, ...]:
+        self, position: Any, rate: Any = None, acceleration: Any = None, *, near: Any = None,
+        parameters: Any = None, fallback: bool = False,
+    ) -> tuple[Any, ...]:  # fmt: skip
         """Compute the efforts of the motors from what they do: `close`, then `idm`, in one kernel.
 
         Args:
-            position: As in `close`.
-            rate: As in `close`.
-            acceleration: As in `close`.
-            near: As in `close`.
-            parameters: As in `idm`.
-            fallback: As in `idm`.
+            position, rate, acceleration, near: As in `close`.
+            parameters, fallback: As in `idm`.
 
         Returns:
             Efforts, shape (N, motors), then q, v, a and guards as of `close`.
@@ -200,24 +168,15 @@ class Batch:
         return tau, q, v, a, guard
 
     def step(
-        self,
-        q: Any,
-        v: Any,
-        h: float,
-        steps: int = 1,
-        *,
-        law: str = "constant",
-        parameters: Any = None,
-        fallback: bool = False,
-        **reads: Any,
-    ) -> tuple[Any, ...]:
+        self, q: Any, v: Any, h: float, steps: int = 1, *, law: str = "constant", parameters: Any = None,
+        fallback: bool = False, **reads: Any,
+    ) -> tuple[Any, ...]:  # fmt: skip
         """Take time steps of Runge-Kutta's method of order four on the closed loops.
 
         The law computes the efforts at each stage. Times count from the start of the call.
 
         Args:
-            q: Assembled positions, shape (N, nq).
-            v: Rates, shape (N, nv), [m/s, rad/s].
+            q, v: Assembled positions, shape (N, nq), and rates, shape (N, nv), [m/s, rad/s].
             h: Length of a step [s].
             steps: Number of steps.
             law: "constant" reads `tau`; "table" `tau`, `tau_rate` and `tau_bend`, the efforts and their
@@ -258,7 +217,7 @@ class Batch:
         """
         with as_compile_error(self.robot):
             made = {native.name: in_warp(native, self.dtype) for native in self._models.maps(joints)}
-        return BatchMap(self.robot.home, made, self._run_native, partial(self._general.map, tuple(joints)))
+        return BatchMap(self.robot.home, made, self._launcher.run, partial(self._general.map, tuple(joints)))
 
     def random_states(self, count: int, seed: int = 0, *, tries: int = 64) -> tuple[Any, Any, Any, int]:
         """Draw closed states within the limits of the joints, on the device.
@@ -269,8 +228,7 @@ class Batch:
         and so is one whose pivots would give `step` a guard above 1/2.
 
         Args:
-            count: Number of states.
-            seed: Seed of the draws; the same seed gives the same states.
+            count, seed: Number of states, and seed of the draws; the same seed gives the same states.
             tries: Most draws of a state; a state that is not found in as many is the home posture at rest.
 
         Returns:
@@ -327,55 +285,15 @@ class Batch:
     ) -> dict[str, Any]:
         """Return the inputs of "close"; the positions decide how many samples there are."""
         still = np.zeros(len(self.robot.motors))
-        return {
-            "position": position,
-            "near": self.robot.home if near is None else near,
-            "rate": still if rate is None else rate,
-            "acceleration": still if acceleration is None else acceleration,
-        } | self._numbers(parameters)
+        given = {"position": position, "near": self.robot.home if near is None else near}
+        given |= {"rate": still if rate is None else rate}
+        given |= {"acceleration": still if acceleration is None else acceleration}
+        return given | self._numbers(parameters)
 
     def _run(self, name: str, given: dict[str, Any], fallback: Fallback | None = None) -> tuple[Any, ...]:
         """Run a model, which is compared with the general path before it is first used."""
         made = self.made(name)
-        if name in ("idm", "ddm") and name not in self._counters:
-            self._general.check(made.native, partial(self._run_native, made))
-            self._counters[name].zero_()  # its samples are not the user's
-        return self._run_native(made, given, fallback)
-
-    def _run_native(
-        self, made: InWarp, given: dict[str, Any], fallback: Fallback | None = None
-    ) -> tuple[Any, ...]:
-        """Launch a kernel; returns its results and the guards."""
-        native, arrays = made.native, self._arrays
-        like = next(iter(given.values()))
-        if given.keys() != dict(native.inputs).keys():
-            raise ModelError(f"the base does not move: '{native.name}' takes no base_acceleration")
-        with arrays.stream(like):
-            widths = dict(native.inputs)
-            read = {name: arrays.given(name, x, widths[name]) for name, x in given.items()}
-            first = next(iter(read))
-            if read[first].ndim != 2 or not read[first].shape[0]:
-                raise TrajectoryError(
-                    f"{first} has shape {tuple(read[first].shape)}; wanted (N, {widths[first]}), N at least 1"
-                )
-            count = read[first].shape[0]
-            read = {name: arrays.rows(name, read[name], count) for name in widths}
-            results = [arrays.empty(count, width) for _, width in native.outputs]
-            guard, counter = arrays.empty(count), self._counters[native.name]
-            with as_compile_error(self.robot):
-                arrays.launch(made.kernel, count, [*read.values(), *results, guard, counter])
-            if fallback is not None:
-                self._hand_over(read, results, guard, fallback)
-            back = arrays.back(like)
-            return (*(back(x) for x in results), back(guard))
-
-    def _hand_over(self, read: dict[str, Any], results: list[Any], guard: Any, fallback: Fallback) -> None:
-        """Compute samples whose guard is above 1 by the general path, in the memory of this computer."""
-        rows = np.flatnonzero(~(guard.numpy() <= 1.0))
-        if not len(rows):
-            return
-        found = fallback(rows, {name: np.array(x.numpy(), dtype=float) for name, x in read.items()})
-        for result, part in zip(results, found, strict=True):
-            whole = np.array(result.numpy())
-            whole[rows] = part
-            result.assign(whole)
+        if name in ("idm", "ddm") and not self._launcher.has_run(name):
+            self._general.check(made.native, partial(self._launcher.run, made))
+            self._launcher.forget(name)  # its samples are not the user's
+        return self._launcher.run(made, given, fallback)

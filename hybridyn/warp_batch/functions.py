@@ -98,11 +98,7 @@ def native(
     """
     inputs, outputs = (tuple(end) for end in ends)
     members = "\n".join([*_programs(programs, dtype), more])
-    head = [
-        f"#define SCALAR(name) name{'##f' if dtype == 'float32' else ''}",
-        HEAD,
-        arithmetic(1),
-    ]
+    head = [f"#define SCALAR(name) name{'##f' if dtype == 'float32' else ''}", HEAD, arithmetic(1)]
     given, result = (max(sum(size for _, size in end), 1) for end in (inputs, outputs))
     read = "\n".join(_moved(n, size, f"given[{at} + k] = {{}}") for n, size, at in stored(inputs))
     written = "\n".join(_moved(n, size, f"{{}} = result[{at} + k]") for n, size, at in stored(outputs))

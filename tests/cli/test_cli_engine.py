@@ -13,7 +13,7 @@ import hybridyn.cli.common.engine_choice as engine
 import hybridyn.compiled.programs.closing.assembling as assembling
 import hybridyn.streams.one_pass as blocks
 from hybridyn.description.shipped import shipped_robots
-from hybridyn.tables.columns import Layout
+from hybridyn.tables.layout import Layout
 from tests import ROOT
 from tests.command_line import Said, read_table, table_text
 from tests.robot_texts import door, save

@@ -14,7 +14,8 @@ from hybridyn import effects as fx
 from hybridyn.description.side_cars.tables import EFFECTS
 from hybridyn.dynamics.energy import leg_bodies
 from hybridyn.dynamics.link_motion import observed_motions
-from hybridyn.effects.choice import DEFAULT, FROM_FILES, STANDARD, UNITS, choose, names_on
+from hybridyn.effects.catalogue import DEFAULT, FROM_FILES, UNITS
+from hybridyn.effects.choice import STANDARD, choose, names_on
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
 from hybridyn.streams.departures import departures
 from hybridyn.structure.building import build_robot

@@ -17,7 +17,7 @@ import pytest
 from hybridyn import HybridynError, assemble, ddm, idm, simulate
 from hybridyn.description import Description
 from hybridyn.errors import AssemblyError, ModelError
-from hybridyn.scenes.stage import _check_rates
+from hybridyn.scenes.start import _check_rates
 from tests.hard.claims import Claim, apart
 from tests.hard.scaling import Scale
 from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states, random_wrenches

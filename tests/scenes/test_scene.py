@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.effects.choice import UNITS
+from hybridyn.effects.catalogue import UNITS
 from hybridyn.scenes.effects import units
 from hybridyn.scenes.scene_file import SceneFile, read_scene
 from hybridyn.scenes.stage import SceneStage, identity, play, stage

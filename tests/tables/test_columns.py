@@ -6,7 +6,8 @@ import pytest
 
 from hybridyn.description.records import Description
 from hybridyn.errors import TrajectoryError
-from hybridyn.tables.columns import Layout, acceleration_columns, read_layout
+from hybridyn.tables.columns import acceleration_columns, read_layout
+from hybridyn.tables.layout import Layout
 from tests.comparing import refused
 from tests.tables.arm import BALL, joint, links
 

@@ -14,7 +14,8 @@ from hybridyn.errors import TrajectoryError
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import open_results
-from hybridyn.tables.trajectory import TableMotion, full_state, read_motions
+from hybridyn.tables.trajectory import TableMotion, read_motions
+from hybridyn.tables.tree_coordinates import full_state
 from tests.comparing import ROUNDING, refused
 from tests.files import save
 from tests.tables.arm import ARM, BALL

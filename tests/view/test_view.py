@@ -293,11 +293,12 @@ def test_the_handle_on_the_page_drags_the_tool_and_returns_to_it() -> None:
     robot = loaded("five_bar")
     page = Page(robot, draw(robot), port=0)
     try:
-        grip, (p, _) = page._grip, page.poser.pose(robot.home, "m1_tool")
+        assert page._grip is not None
+        grip, (p, _) = page._grip.handle, page.poser.pose(robot.home, "m1_tool")
         assert grip.position == pytest.approx(p, abs=SINGLE)
         grip.position = p + np.array([0.02, 0.05, 0.01])  # it cannot go aside
         for phase in ("start", "update", "end"):
-            page._on_grip(SimpleNamespace(phase=phase))
+            page._grip.dragged(SimpleNamespace(phase=phase))
         wanted = p + np.array([0.02, 0.0, 0.01])
         wait_until(lambda: grip.position == pytest.approx(wanted, abs=SINGLE), "the handle at the tool")
         assert page.poser.pose(page.q, "m1_tool")[0] == pytest.approx(wanted, abs=SINGLE)

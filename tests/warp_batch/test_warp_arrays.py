@@ -67,7 +67,7 @@ def test_arrays_are_read_in_place_with_their_strides(
     across = torch.from_numpy(np.asfortranarray(v))
     seen = []
     monkeypatch.setattr(functions.wp, "launch", lambda kernel, **x: seen.append(x["inputs"]))
-    back = batch._run_native(batch.made("ddm"), {"q": apart, "v": across, "tau": torch.from_numpy(tau)})
+    back = batch._launcher.run(batch.made("ddm"), {"q": apart, "v": across, "tau": torch.from_numpy(tau)})
     assert [x.ptr for x in seen[0][:2]] == [apart.data_ptr(), across.data_ptr()]
     assert [x.ptr for x in seen[0][3:5]] == [x.data_ptr() for x in back]  # written in place
     monkeypatch.undo()

@@ -11,7 +11,7 @@ import hybridyn
 from ...effects import Effects
 from ...errors import HybridynError, ModelError
 from ...structure.robot import HybridRobot
-from ...tables.columns import Layout
+from ...tables.layout import Layout
 from .text import counted
 
 if TYPE_CHECKING:  # the general path does without the models

@@ -16,7 +16,7 @@ from ...streams.one_pass import BlockResults
 from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
 from ...studies import map_table
-from ...tables.columns import Layout
+from ...tables.layout import Layout
 from ...tables.results import open_results
 from .options import Grid, refuse
 from .text import counted

@@ -16,7 +16,7 @@ from ...streams.postures import TreeSamples, rows_named
 from ...structure.robot import HybridRobot
 from ...studies.effect_worth import Contribution, EffectSets, contributions
 from ...studies.sizing import MotorLoad, Peak, Sizing, motor_rows
-from ...tables.columns import Layout
+from ...tables.layout import Layout
 from .engine_choice import WORTH_OF_EFFECTS, choose_engine
 from .figures import save, title_of
 from .files import write_report

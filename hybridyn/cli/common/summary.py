@@ -13,7 +13,7 @@ from ...streams.departures import Departures
 from ...streams.one_pass import BlockResults
 from ...structure.robot import HybridRobot
 from ...studies.home import branch
-from ...tables.columns import Layout
+from ...tables.layout import Layout
 from ...tables.opening import Table
 from ...tables.over_time import Means, Peaks
 from .figures import save, title_of

@@ -12,7 +12,7 @@ from ...streams.departures import Departures
 from ...streams.one_pass import BlockResults, Model, Pass
 from ...streams.reaction_columns import reaction_columns, shared_wrenches
 from ...streams.workers import Workers, keep_freed_memory
-from ...tables.columns import Layout
+from ...tables.layout import Layout
 from ...tables.opening import Table, open_table
 from ...tables.results import open_results
 from .engine_choice import EngineChoice

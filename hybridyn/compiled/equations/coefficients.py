@@ -8,8 +8,8 @@ from typing import Any
 
 from ...description.records import StatedSpring
 from ...effects.choice import Effects, bound_to
-from ...effects.joint_laws import Spring
 from ...effects.joints import JointEffect, OnJoints, placed
+from ...effects.springs import Spring
 from ...effects.tendons import OnTendons
 from ...errors import ModelError
 from ...structure.parameters.entries import OF_EFFECTS

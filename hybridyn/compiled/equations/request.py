@@ -12,7 +12,8 @@ import pinocchio as pin
 
 from ...assembly.free_motions import MASSLESS_MOTION, own_inertia
 from ...dynamics.actuation import load_share
-from ...effects.choice import OF_MOTION, Choice, Effects, OfMotion, choose
+from ...effects.catalogue import OF_MOTION, OfMotion
+from ...effects.choice import Choice, Effects, choose
 from ...effects.links import GroundContact
 from ...errors import ActuationError, ModelError
 from ...spatial import Array, Index

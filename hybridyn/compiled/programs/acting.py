@@ -10,7 +10,7 @@ import numpy as np
 
 from ...effects.bodies import GravityCompensation, LineSprings
 from ...effects.bushings import Bushings, Moving
-from ...effects.choice import OfMotion
+from ...effects.catalogue import OfMotion
 from ...effects.links import GroundContact
 from ...structure.robot import HybridRobot
 from ..equations.acting import Acting, along_path

@@ -13,6 +13,7 @@ and take least-norm rates, as in `assemble` and `idm`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from ...errors import SingularityError
 from ...linkage.joints import ROOT_JOINT
 from ...linkage.reduction import Basis
 from ...spatial import Array, Index
-from ...structure.module import ModuleState
+from ...structure.module import Module, ModuleState
 from ...structure.robot import HybridRobot
 from ..guards import LOST_MOTORS, OPEN_MOTIONS, check, check_closure_rank
 
@@ -240,31 +241,33 @@ def _right_inverse(
     unit, count = m.spanning_col_scale[freedoms], len(freedoms)
     rates = _spanning_rates(s, Q * m.reduction.col_scale[:, None])
     U, size, Vt = np.linalg.svd(rates[:, freedoms] / unit[:, None])
-    words = {"joints": u.words, "what": u.words.split()[-1], "kind": "joint" if u.chosen else "motor"}
-
-    def lost(t: int) -> dict[str, Any]:
-        """Name the joint that loses most."""
-        worst = int(freedoms[int(np.argmax(np.abs(U[t, :, -1])))])
-        return words | {
-            "reason": "they are not independent" if u.chosen else "parallel singularity",
-            "worst": module.joints[next(i for i, at in enumerate(m.spanning.v_slices) if worst < at.stop)],
-            "advice": "choose other joints with joints=[...]",
-        }
-
     if count:
-        check(LOST_MOTORS, module, np.ones(len(size)), size[:, -1], lost)
+        check(LOST_MOTORS, module, np.ones(len(size)), size[:, -1], partial(_lost, module, freedoms, U, u))
     idle = np.matmul(Q, np.swapaxes(Vt[:, count:], 1, 2))
-
-    def left_open(t: int) -> dict[str, Any]:
-        """Name the freedom that moves most."""
-        return {
-            "what": "independent coordinates", "joints": f"{count} {u.words}",
-            "freedoms": counted(module.mobility, "freedom"), "condition": np.inf,
-            "freedom": module.freedom_names()[int(np.argmax(np.abs(idle[t]).max(axis=1)))],
-            "advice": f"{u.mend}, {module.mobility} in this module",
-        }  # fmt: skip
-
     if idle.shape[2]:
-        check(OPEN_MOTIONS, module, np.where(are_idle(module, idle, s.motion), 0.0, 1.0), 0.0, left_open)
+        words = partial(_left_open, module, count, idle, u)
+        check(OPEN_MOTIONS, module, np.where(are_idle(module, idle, s.motion), 0.0, 1.0), 0.0, words)
     P = np.matmul(np.swapaxes(Vt[:, :count], 1, 2) / size[:, None], np.swapaxes(U, 1, 2)) / unit
     return P, idle
+
+
+def _lost(module: Module, freedoms: Index, U: Array, u: IndependentCoordinates, t: int) -> dict[str, Any]:
+    """Return what the guard says of lost coordinates at sample t: it names the joint that loses most."""
+    worst = int(freedoms[int(np.argmax(np.abs(U[t, :, -1])))])
+    slices = module.mechanism.spanning.v_slices
+    return {
+        "joints": u.words, "what": u.words.split()[-1], "kind": "joint" if u.chosen else "motor",
+        "reason": "they are not independent" if u.chosen else "parallel singularity",
+        "worst": module.joints[next(i for i, at in enumerate(slices) if worst < at.stop)],
+        "advice": "choose other joints with joints=[...]",
+    }  # fmt: skip
+
+
+def _left_open(module: Module, count: int, idle: Array, u: IndependentCoordinates, t: int) -> dict[str, Any]:
+    """Return what the guard says of motions left open at sample t: it names the freedom that moves most."""
+    return {
+        "what": "independent coordinates", "joints": f"{count} {u.words}",
+        "freedoms": counted(module.mobility, "freedom"), "condition": np.inf,
+        "freedom": module.freedom_names()[int(np.argmax(np.abs(idle[t]).max(axis=1)))],
+        "advice": f"{u.mend}, {module.mobility} in this module",
+    }  # fmt: skip

@@ -6,11 +6,12 @@ motions of the robot count, also those that no motor drives.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...effects.choice import Choice
+from ...effects.choice import Choice, Effects
 from ...spatial import Array, to_body_axes
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, one_of
@@ -60,13 +61,9 @@ def link_jacobian(
 
 
 def delassus(
-    robot: HybridRobot,
-    q: ArrayLike,
-    links: str | Sequence[str],
-    *,
-    axes: str = "world",
+    robot: HybridRobot, q: ArrayLike, links: str | Sequence[str], *, axes: str = "world",
     effects: Choice = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Compute J M^-1 J^T of links: their accelerations per unit wrench on them, at rest and without weight.
 
     Contact solvers call it the Delassus matrix. It exists for any mobility and any number of motors.
@@ -92,26 +89,27 @@ def delassus(
     one_of("axes", axes, "world", "link")
     on = chosen_effects(robot, effects).only(INERTIAL)
     q, single = as_positions(robot, q)
-
-    def pushed(x: Array, W: Array) -> Array:
-        """Compute the accelerations of the links from rest under wrenches, shapes (S, 6 k)."""
-        rest = np.zeros((len(x), robot.nv))
-        placed = link_motions(robot, x, rest, names)
-        wrenches = {name: np.zeros((len(x), 6)) for name in names}
-        for i, name in enumerate(names):
-            own = W[:, 6 * i : 6 * i + 6]
-            turned = to_body_axes(placed[name].R, own[..., None])[..., 0] if axes == "world" else own
-            wrenches[name] += turned
-        still = np.zeros((len(x), len(robot.motors)))
-        a = direct_model(robot, x, rest, still, wrenches=wrenches, effects=on).values
-        moved = link_motions(robot, x, a, names)
-        twists = {k: m.twist() if axes == "link" else np.c_[m.p_dot, m.w] for k, m in moved.items()}
-        return np.concatenate([twists[name] for name in names], axis=1)
-
     rows = 6 * len(names)
+    pushed = partial(_pushed, robot, names, on, axes)
     out = by_columns(pushed, q, np.broadcast_to(np.eye(rows), (len(q), rows, rows)))
     out = (out + np.swapaxes(out, 1, 2)) / 2
     return out[0] if single else out
+
+
+def _pushed(robot: HybridRobot, names: Sequence[str], on: Effects, axes: str, q: Array, W: Array) -> Array:
+    """Compute the accelerations of links from rest under wrenches, shapes (S, 6 k)."""
+    rest = np.zeros((len(q), robot.nv))
+    placed = link_motions(robot, q, rest, names)
+    wrenches = {name: np.zeros((len(q), 6)) for name in names}
+    for i, name in enumerate(names):
+        own = W[:, 6 * i : 6 * i + 6]
+        turned = to_body_axes(placed[name].R, own[..., None])[..., 0] if axes == "world" else own
+        wrenches[name] += turned
+    still = np.zeros((len(q), len(robot.motors)))
+    a = direct_model(robot, q, rest, still, wrenches=wrenches, effects=on).values
+    moved = link_motions(robot, q, a, names)
+    twists = {k: m.twist() if axes == "link" else np.c_[m.p_dot, m.w] for k, m in moved.items()}
+    return np.concatenate([twists[name] for name in names], axis=1)
 
 
 def operational_inertia(

@@ -180,13 +180,9 @@ def gravity(
 
 
 def coriolis_matrix(
-    robot: HybridRobot,
-    q: ArrayLike,
-    v: ArrayLike,
-    *,
-    joints: Sequence[str] | None = None,
+    robot: HybridRobot, q: ArrayLike, v: ArrayLike, *, joints: Sequence[str] | None = None,
     effects: Choice = None,
-) -> Array:
+) -> Array:  # fmt: skip
     """Compute C(q, v) with c = C u and M_dot - 2C skew-symmetric (Christoffel's symbols).
 
     c(v) is quadratic in the rates, and the symbols are its polar form between v and the columns of E,

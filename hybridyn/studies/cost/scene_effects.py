@@ -8,7 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from ...effects.choice import UNITS, Effects, choose, stated_names
+from ...effects.catalogue import UNITS
+from ...effects.choice import Effects, choose, stated_names
 from ...errors import HybridynError
 from ...scenes.scene_file import SceneFile
 from ...scenes.stage import SceneStage

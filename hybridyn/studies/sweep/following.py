@@ -10,7 +10,8 @@ from ...effects import Effects
 from ...spatial import Array
 from ...streams.postures import TreeSamples, postures, rows_named
 from ...structure.robot import HybridRobot
-from ...tables.columns import Layout, read_layout
+from ...tables.columns import read_layout
+from ...tables.layout import Layout
 from ...tables.opening import open_table
 from ...tables.trajectory import TableMotion, read_motions
 

@@ -24,7 +24,8 @@ from pydantic import Field, FiniteFloat, model_validator
 
 from ...description.shipped import find_robot
 from ...description.side_cars.tables import Schema
-from ...scenes.scene_file import RobotTable, exactly_one, read_scene
+from ...scenes.controller_tables import exactly_one
+from ...scenes.scene_file import RobotTable, read_scene
 from ...scenes.stage import files_of
 from ...scenes.toml_source import TomlSource, naming
 

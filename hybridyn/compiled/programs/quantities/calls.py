@@ -17,7 +17,7 @@ from ....dynamics.quantities.joint_map import JointMap, related, side_motions
 from ....dynamics.quantities.links import delassus, link_jacobian, operational_inertia
 from ....dynamics.quantities.model import bias, coriolis, coriolis_matrix, gravity, mass_matrix, motion_map
 from ....dynamics.state_checks import checked_state
-from ....effects.joint_laws import Spring, Stop
+from ....effects.springs import Spring, Stop
 from ....errors import HybridynError
 from ....spatial import Array, Mask
 from ....structure.samples import one_of

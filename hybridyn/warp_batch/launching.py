@@ -1,0 +1,83 @@
+"""Kernels on arrays from anywhere: their launch, the samples in doubt, and who computes these instead."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..compiled.failures import as_compile_error
+from ..errors import ModelError, TrajectoryError
+from ..structure.robot import HybridRobot
+from .arrays import Arrays
+from .fallback import Fallback
+from .functions import InWarp, wp
+
+
+class Launcher:
+    """Launches the kernels of a robot, and counts the samples whose guard is above 1."""
+
+    def __init__(self, robot: HybridRobot, arrays: Arrays) -> None:
+        self._robot, self._arrays = robot, arrays
+        self._counters = defaultdict[str, Any](partial(arrays.empty, 1, number=wp.int32))
+
+    @property
+    def failed(self) -> dict[str, int]:
+        """Number of samples so far whose guard was above 1, by call. Reading it waits for the device."""
+        counts = {name: int(counter.numpy()[0]) for name, counter in self._counters.items()}
+        return {name: count for name, count in counts.items() if count}
+
+    def has_run(self, name: str) -> bool:
+        """Return whether a kernel has run."""
+        return name in self._counters
+
+    def forget(self, name: str) -> None:
+        """Forget the samples of a kernel so far."""
+        self._counters[name].zero_()
+
+    def run(self, made: InWarp, given: dict[str, Any], fallback: Fallback | None = None) -> tuple[Any, ...]:
+        """Launch a kernel; return its results and the guards.
+
+        Args:
+            given: Its inputs by name; the first one decides how many samples there are.
+            fallback: Computes the samples whose guard is above 1; None leaves them NaN.
+
+        Raises:
+            HybridynError: An array is wrong, the device is full, or what the fallback raises.
+        """
+        native, arrays = made.native, self._arrays
+        like = next(iter(given.values()))
+        if given.keys() != dict(native.inputs).keys():
+            raise ModelError(f"the base does not move: '{native.name}' takes no base_acceleration")
+        with arrays.stream(like):
+            widths = dict(native.inputs)
+            read = {name: arrays.given(name, x, widths[name]) for name, x in given.items()}
+            first = next(iter(read))
+            if read[first].ndim != 2 or not read[first].shape[0]:
+                raise TrajectoryError(
+                    f"{first} has shape {tuple(read[first].shape)}; wanted (N, {widths[first]}), N at least 1"
+                )
+            count = read[first].shape[0]
+            read = {name: arrays.rows(name, read[name], count) for name in widths}
+            results = [arrays.empty(count, width) for _, width in native.outputs]
+            guard, counter = arrays.empty(count), self._counters[native.name]
+            with as_compile_error(self._robot):
+                arrays.launch(made.kernel, count, [*read.values(), *results, guard, counter])
+            if fallback is not None:
+                _hand_over(read, results, guard, fallback)
+            back = arrays.back(like)
+            return (*(back(x) for x in results), back(guard))
+
+
+def _hand_over(read: dict[str, Any], results: list[Any], guard: Any, fallback: Fallback) -> None:
+    """Compute samples whose guard is above 1 by the general path, in the memory of this computer."""
+    rows = np.flatnonzero(~(guard.numpy() <= 1.0))
+    if not len(rows):
+        return
+    found = fallback(rows, {name: np.array(x.numpy(), dtype=float) for name, x in read.items()})
+    for result, part in zip(results, found, strict=True):
+        whole = np.array(result.numpy())
+        whole[rows] = part
+        result.assign(whole)
