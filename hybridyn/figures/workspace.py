@@ -39,16 +39,14 @@ def figure_of_workspace(
         coordinates: Coordinates of the poses by name, shape (n,) each, [m, rad]; those that vary are drawn,
             up to three. Of a lattice in more of them, only the middle of the others is drawn.
         measures: Measures of the poses by name, shape (n,) each.
-        title: Title of the figure.
-        unit: Unit of the motors' efforts.
+        title, unit: Title of the figure, and unit of the motors' efforts.
 
     Raises:
         HybridynError: matplotlib is missing.
     """
     maps = {name: values for name, values in measures.items() if name in LABELS and values.any()}
     held = [np.abs(values) for name, values in measures.items() if name.endswith("/effort")]
-    if held:
-        maps["hold"] = np.max(held, axis=0)
+    maps |= {"hold": np.max(held, axis=0)} if held else {}
     lattice = _Lattice(coordinates)
     axes, index = lattice.axes[:3], lattice.index
     here = (index[:, 3:] == np.median(index[:, 3:], axis=0).round()).all(axis=1)
