@@ -75,17 +75,11 @@ class Workspace:
 
 @one_thread()
 def workspace(
-    robot: HybridRobot,
-    module: int | str | None = None,
-    *,
-    link: str | None = None,
-    axes: Sequence[str] | None = None,
-    at: Mapping[str, float] | None = None,
-    steps: Mapping[str, float] | None = None,
-    limits: bool = True,
-    spread: Spread = itertools.starmap,
+    robot: HybridRobot, module: int | str | None = None, *, link: str | None = None,
+    axes: Sequence[str] | None = None, at: Mapping[str, float] | None = None,
+    steps: Mapping[str, float] | None = None, limits: bool = True, spread: Spread = itertools.starmap,
     progress: Callable[[int], None] | None = None,
-) -> Workspace:
+) -> Workspace:  # fmt: skip
     """Find every pose on a lattice that a link reaches from home.
 
     Args:
@@ -94,14 +88,11 @@ def workspace(
             If only a link is named, all modules move that move this link.
         link: "link", "link@other" or "link@world", measured in the other link, or in the world, where a
             moving or floating base stays at home: then all modules between the two move. By default the
-            platform of the module. The other link is by default the base link of the module, or
-            the root link if several move the link.
-        axes: Coordinates to sweep, of x, y, z, roll, pitch, yaw. By default all independent ones if there are
-            at most three, else the translations.
-        at: Values of coordinates that are not swept, or of the lattice's origin [m, rad]; by default those of
-            home.
-        steps: Steps of swept coordinates [m, rad]; by default a part of the modules' lengths or a fixed
-            angle.
+            platform of the module, in its base link, or in the root link if several modules move the link.
+        axes: Coordinates to sweep, of x, y, z, roll, pitch, yaw; by default up to three that are independent,
+            else the translations.
+        at: Values of coordinates that are not swept, or of the lattice's origin [m, rad]; default home.
+        steps: Steps of swept coordinates [m, rad]; by default parts of the modules' lengths, or fixed angles.
         limits: Whether joint limits are respected.
         spread: Distributes the chunks of work, for example to other processes.
         progress: Called with the number of poses reached.
@@ -115,27 +106,21 @@ def workspace(
     sweep = find_sweep(robot, module, link, axes, home)
     start, step = values_at(sweep, at or {}), _steps(robot, sweep, steps or {})
     close, measures = PoseClosing(robot, sweep, limits), Measures(robot, sweep)
-    columns = close.q_index
-    q0 = home.copy()
-    q0[columns] = _at_start(close, start, home)
-    _check_origin(close, q0[columns])
-    flood = Flood(close, start, step, q0[columns])
+    flood = Flood(close, start, step, _at_start(close, start, home))
     flood.run(spread, progress)
-    index, inner = flood.found()
-    q = np.tile(q0, (len(index), 1))
-    q[:, columns] = inner
+    index, q = _postures(flood, home)
     return Workspace(
-        sweep=sweep,
-        steps=step,
-        start=start,
-        index=index,
-        coordinates=flood.values(index),
-        q=q,
-        motors=_motors(robot, sweep, q),
-        measures=_measured(measures, q, spread),
-        blocked=dict(flood.blocked),
-        spare=measures.spare,
-    )
+        sweep, step, start, index, flood.values(index), q, _motors(robot, sweep, q),
+        _measured(measures, q, spread), dict(flood.blocked), measures.spare,
+    )  # fmt: skip
+
+
+def _postures(flood: Flood, home: Array) -> tuple[Index, Array]:
+    """Return the reached lattice points, shape (n, axes), and the robot's postures there, shape (n, nq)."""
+    index, inner = flood.found()
+    q = np.tile(home, (len(index), 1))
+    q[:, flood.close.q_index] = inner
+    return index, q
 
 
 def _steps(robot: HybridRobot, sweep: LinkSweep, given: Mapping[str, float]) -> Array:
@@ -191,6 +176,13 @@ def _closed_home(robot: HybridRobot) -> Array:
 
 
 def _at_start(close: PoseClosing, start: Array, home: Array) -> Array:
+    """Return the modules' posture at the lattice's origin, shape (their nq,), which is within the limits."""
+    q = _stepped(close, start, home)
+    _check_origin(close, q)
+    return q
+
+
+def _stepped(close: PoseClosing, start: Array, home: Array) -> Array:
     """Step from home to the lattice's origin and return the modules' posture there, shape (their nq,)."""
     sweep = close.sweep
     q: Array = home[close.q_index]
