@@ -15,6 +15,7 @@ from docs.extensions import tolerances
 from hybridyn.description import Description
 from hybridyn.description.side_cars.tables import EFFECTS
 from hybridyn.scenes import scene_file as scenes
+from hybridyn.scenes.controller_tables import CONTROLLERS, PointTable, ReferenceTable
 from hybridyn.scenes.stage import play, stage
 from hybridyn.studies.cost.points import CostPoint
 from hybridyn.studies.sweep.evaluation import STATUSES
@@ -163,9 +164,9 @@ def test_rows_of_a_table_have_equal_numbers_of_cells_and_links_lead_somewhere(pa
 
 OF_EFFECTS = ("coulomb_friction", "stribeck_friction", "spring", "damper", "stop", "ground_contact")
 SCENES = (
-    scenes.Scene, scenes.RobotTable, scenes.InitialTable, scenes.RatesTable, scenes.ReferenceTable,
-    scenes.PointTable, *scenes.CONTROLLERS.values(), scenes.SceneEffects, scenes.PayloadTable,
-    scenes.WrenchTable, scenes.SolverTable, scenes.OutputTable, scenes.EventTable,
+    scenes.Scene, scenes.RobotTable, scenes.InitialTable, scenes.RatesTable, ReferenceTable, PointTable,
+    *CONTROLLERS.values(), scenes.SceneEffects, scenes.PayloadTable, scenes.WrenchTable, scenes.SolverTable,
+    scenes.OutputTable, scenes.EventTable,
 )  # fmt: skip
 OF_SCENES = {key for table in SCENES for key in table.model_fields}
 OF_SWEEPS = {
