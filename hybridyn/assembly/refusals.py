@@ -70,8 +70,18 @@ def to_singular(ended: Ended) -> ToSingular:
         change = np.abs(np.linalg.svd(beside, compute_uv=False)[:, one.rank - 1] - least).max() / SLOPE_STEP
         found.append((float(least / change) if change else np.inf, int(np.argmax(np.abs(y)))))
     left, freedom = min(found, default=(np.inf, 0))
-    name, unit = task.freedoms[freedom]
-    return ToSingular(name, left * float(task.problem.col_scale[freedom]), unit)
+    moved = task.freedoms[freedom]
+    return ToSingular(moved.name, left * float(task.problem.col_scale[freedom]), moved.unit)
+
+
+def _beyond(task: Task | ChainTask, q: Array) -> str:
+    """Return which joint is farthest outside its limits at a posture, shape (nq,), for its range, or ""."""
+    found = []
+    for one in task.freedoms:
+        if one.at is not None and (off := max(one.lower - q[one.at], q[one.at] - one.upper)) > 0.0:
+            span = one.upper - one.lower
+            found.append((off / span, f"; {one.name} is {off:.2g} {one.unit} outside its limits there"))
+    return max(found, default=(0.0, ""))[1]
 
 
 def _told(ended: Ended | None) -> tuple[str, float | None]:
@@ -119,8 +129,8 @@ def unreachable(
     told, distance = _told(ended)
     return AssemblyError(
         f"{what}{AT_SAMPLE}: {why} after {result.iterations} iterations"
-        f"{task.surplus(result.q[at : at + 1])}.{told} The target is out of reach, or contradicts "
-        "another one; move it, or give a better guess",
+        f"{_beyond(task, result.q[at])}{task.surplus(result.q[at : at + 1])}.{told} The target is out of "
+        "reach, or contradicts another one; move it, or give a better guess",
         module=task.module,
         leg=worst,
         residual=best,

@@ -11,7 +11,7 @@ from ..structure.mechanism import Mechanism
 from ..structure.module import Module
 from .follow import follow
 from .pose_targets import whole_target
-from .task import Task
+from .task import Freedom, Task
 
 #: Closures with a larger relative residual are closed once more, with all freedoms free.
 SETTLED = 1e-14
@@ -62,7 +62,7 @@ def spanning_positions(
         problem = LoopProblem(none, np.zeros(0), units, free, [goal], tree.nv, blocks)
         name = f"wrist of '{module.joints[wrist.joints[-1]]}'"
         at = m.wrists.positions(number)
-        task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6, [(name, "rad")] * tree.nv)
+        task = Task(problem, q[:, at], (), 1e-6, module.name, [name] * 6, [Freedom(name, "rad")] * tree.nv)
         if trajectories or guess.ndim == 1:
             q[:, at] = follow(task, guess[..., at], keep_branch=False)[0]
         else:

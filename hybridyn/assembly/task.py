@@ -70,6 +70,24 @@ class WeakRows(NamedTuple):
     motions: Array
 
 
+class Freedom(NamedTuple):
+    """A freedom of a tree, for messages.
+
+    Attributes:
+        name: Its joint or platform.
+        unit: Its unit, "m" or "rad".
+        at: Number of its coordinate in q, if it has one of its own.
+        lower: Least position, minus infinity without limits.
+        upper: Largest position.
+    """
+
+    name: str
+    unit: str
+    at: int | None = None
+    lower: float = -np.inf
+    upper: float = np.inf
+
+
 class Task(NamedTuple):
     """A problem at every sample of a trajectory.
 
@@ -80,7 +98,7 @@ class Task(NamedTuple):
         tolerance: Largest scaled residual of a closed posture.
         module: The module's name, for messages.
         row_names: Name of each row's closure, coupling or target, for messages.
-        freedoms: Name and unit of each freedom, for messages.
+        freedoms: What is told of each freedom.
     """
 
     problem: LoopProblem
@@ -89,7 +107,7 @@ class Task(NamedTuple):
     tolerance: float
     module: str
     row_names: Sequence[str]
-    freedoms: Sequence[tuple[str, str]]
+    freedoms: Sequence[Freedom]
 
     def with_known(self, q: Array, samples: Index) -> Array:
         """Return positions with the given joints set to their values."""
@@ -268,8 +286,19 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest, *, a
     names = [f"closure '{name}'" for name, at in module.named_rows() for _ in range(at.stop - at.start)]
     names += [name for link, target in request.targets for name in named_rows(target, link)]
     tolerance = max(robot.closure_tolerance, 1e-12)
-    freedoms = [*zip(module.freedom_names(), module.freedom_units(), strict=True)]
+    freedoms = _freedoms(robot, module)
     return Task(problem, request.known, request.given, tolerance, module.name, names, freedoms)
+
+
+def _freedoms(robot: HybridRobot, module: Module) -> list[Freedom]:
+    """Return what is told of each freedom of a module's tree after the cuts."""
+    m, out = module.mechanism, [*map(Freedom, module.freedom_names(), module.freedom_units())]
+    for i, (joint, source) in enumerate(zip(m.tree.joints, m.spec.tree_joint, strict=True)):
+        if source is not None and joint.kind.additive:
+            known, at = robot.records[module.joints[source]], m.tree.v_slices[i].start
+            low, high = (known.lower, known.upper) if known.lower < known.upper else (-np.inf, np.inf)
+            out[at] = out[at]._replace(at=m.tree.q_slices[i].start, lower=low, upper=high)
+    return out
 
 
 def left_open(robot: HybridRobot, module: Module, request: ModuleRequest) -> int:

@@ -15,6 +15,8 @@ from tests.comparing import close_to, refused
 #: Relative, of what is told: the angle that is left is the first term of a series, and the next one is
 #: smaller by a third of the angle's square. The angle is up to half a radian.
 FIRST = 0.1
+#: Of what is told with two digits.
+TOLD = 0.05
 
 
 @pytest.mark.parametrize(("start", "stop"), [(-0.9, -1.06), (-0.9, -1.2), (-1.0, -1.5)])
@@ -26,7 +28,7 @@ def test_a_tool_past_its_reach_tells_how_far_the_joint_is_from_there(
     No sum of lengths proves it.
     """
     s, axis = Sheet("base"), point(0.5, 0.0, np.sqrt(0.75))
-    s.joint("revolute", "base", "turning", point(0, 0, 0), axis, motor=True, limits=(-6.0, 6.0))
+    s.joint("revolute", "base", "turning", point(0, 0, 0), axis, motor=True, limits=(-2.0, 2.0))
     s.joint("fixed", "turning", "tool", point(0.5, 0, 0))
     path = tmp_path / "inclined.urdf"
     path.write_text(s.text("inclined"))
@@ -42,5 +44,7 @@ def test_a_tool_past_its_reach_tells_how_far_the_joint_is_from_there(
         AssemblyError,
         r"pitch of 'tool': not reached at sample 1: .* joint 'turning_joint' .* is about \S+ rad from a sing",
     )
+    (outside,) = re.findall(r"joint 'turning_joint' .* is (\S+) rad outside its limits there", str(error))
+    close_to(float(outside), np.pi - 2.0, TOLD)
     done = float(re.findall(r"ends at (\S+) % of the way", str(error))[0]) / 100
     close_to(error.distance, np.pi - turned(start + done * (stop - start)), FIRST)

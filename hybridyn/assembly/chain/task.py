@@ -12,7 +12,7 @@ from ...linkage.newton import Closed, close
 from ...linkage.targets import CoordinateTarget, PoseTarget, row_measures
 from ...linkage.tree import Motion
 from ...spatial import Array, Index, Mask, in_turn
-from ..task import Task, WeakRows, closed_samples, too_many
+from ..task import Freedom, Task, WeakRows, closed_samples, too_many
 from .bodies import Carried, CarriedFrame
 from .problem import ChainProblem, Relative
 from .shortfall import chain_shortfall
@@ -79,10 +79,15 @@ class ChainTask:
         return own + [one for each in self.problem.relatives for one in row_measures(each.target)]
 
     @property
-    def freedoms(self) -> Sequence[tuple[str, str]]:
-        """Name and unit of each freedom, for messages."""
+    def freedoms(self) -> Sequence[Freedom]:
+        """What is told of each freedom, with its module."""
         return [
-            (f"{name} of module '{part.module}'", unit) for part in self.parts for name, unit in part.freedoms
+            one._replace(
+                name=f"{one.name} of module '{part.module}'",
+                at=None if one.at is None else one.at + first.start,
+            )
+            for part, first in zip(self.parts, self.problem.tree.q_of, strict=True)
+            for one in part.freedoms
         ]
 
     def weak_rows(self, q: Array, samples: Index | None = None) -> list[WeakRows]:
