@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..linkage.elimination import pivoted_qr
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array, Mask
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module

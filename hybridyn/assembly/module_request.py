@@ -7,8 +7,8 @@ import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
 from ..joints.kinds import JointKind
+from ..linkage.motion import Motion
 from ..linkage.targets import Target
-from ..linkage.tree import Motion
 from ..spatial import Array, quaternion_from_rotation
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module

@@ -13,8 +13,8 @@ import numpy as np
 from ..errors import TrajectoryError
 from ..joints.kinds import LENGTHS, QUATERNION, SPIN
 from ..linkage.angles import angular_drift, angular_map, rotation_from_angles
+from ..linkage.motion import Motion
 from ..linkage.targets import COORDINATES
-from ..linkage.tree import Motion
 from ..spatial import Array, rotate, rotation_from_quaternion, rotation_from_vector
 from ..structure.samples import UNIT
 from ..tables.signals import (

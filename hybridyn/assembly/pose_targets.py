@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..linkage.motion import Motion
 from ..linkage.pointing import DirectionTarget, DistanceTarget
 from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target, TurnTarget
-from ..linkage.tree import Motion
 from ..spatial import Array
 from .poses import PoseRequest
 

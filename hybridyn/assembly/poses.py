@@ -10,8 +10,8 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..errors import TrajectoryError
 from ..joints.kinds import LENGTHS
+from ..linkage.motion import Motion
 from ..linkage.targets import COORDINATES
-from ..linkage.tree import Motion
 from ..spatial import LARGEST, Array, rotation_from_quaternion
 from ..structure.given import pose_numbers, triple
 from ..structure.samples import as_numbers

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import AssemblyError, TrajectoryError
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import LARGEST, Array, quaternion_from_rotation, rotation_from_quaternion
 from ..structure.given import by_name, motors_by_name
 from ..structure.robot import HybridRobot, joint_position

@@ -15,9 +15,9 @@ import numpy as np
 
 from ..description.groups import Groups
 from ..joints.kinds import JointKind
+from ..linkage.motion import Motion
 from ..linkage.newton import LoopProblem
 from ..linkage.targets import Target
-from ..linkage.tree import Motion
 from ..spatial import Array, Index, rotate
 
 

@@ -3,9 +3,10 @@
 import numpy as np
 
 from ..linkage.closures import Closures
+from ..linkage.motion import Motion
 from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import LegBlock
-from ..linkage.tree import Motion, Tree
+from ..linkage.tree import Tree
 from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module

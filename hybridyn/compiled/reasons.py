@@ -41,8 +41,9 @@ def _light(robot: HybridRobot, on: Effects, q: Array) -> str:
     """Name the motion with the least inertia, as a part of that with all other motions locked."""
     import pinocchio as pin
 
-    from .equations.direct import NEARLY_NO_INERTIA  # a start from the cache needs no CasADi
-    from .equations.request import direct_options, request
+    from .equations.least_inertia import NEARLY_NO_INERTIA  # a start from the cache needs no CasADi
+    from .equations.options import direct_options
+    from .equations.request import request
 
     still, model = np.zeros((len(q), robot.nv)), robot.unchanged_model
     loads = all_loads(robot, on.without("limits"), q, still, None, None)

@@ -12,7 +12,7 @@ from ..assembly.free_motions import free_motions, idle_motions
 from ..description.names import counted, listed
 from ..errors import ActuationError
 from ..linkage.elimination import null_basis
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array, Index
 from ..structure.module import Module
 from ..structure.robot import HybridRobot

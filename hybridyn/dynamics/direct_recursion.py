@@ -11,8 +11,8 @@ Eqs. (45), (47), which keeps them positive semidefinite; the paper's S2, S3, K a
 
 import numpy as np
 
+from ..linkage.motion import Motion
 from ..linkage.reduction import Basis
-from ..linkage.tree import Motion
 from ..spatial import Array, congruence, motion_matrix
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot

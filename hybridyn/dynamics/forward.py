@@ -7,7 +7,7 @@ nowhere else.
 import numpy as np
 
 from ..effects.terms import Gravity
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array, crm, cross, motion_to_body
 from ..structure.mechanism import Mechanism
 from ..structure.module import ModuleState

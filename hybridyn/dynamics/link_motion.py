@@ -8,7 +8,7 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..effects.choice import Effects
 from ..errors import TrajectoryError
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array, cross, quaternion_from_rotation, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, same_samples

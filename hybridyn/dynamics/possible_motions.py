@@ -10,8 +10,8 @@ is chosen.
 import numpy as np
 
 from ..linkage.elimination import least_squares, null_basis
+from ..linkage.motion import Motion
 from ..linkage.reduction import Basis
-from ..linkage.tree import Motion
 from ..manifold.branch import along_branch
 from ..spatial import Array
 from ..structure.module import Module, ModuleState

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..linkage.closures import TreeClosure, normals
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array, Mask, hat, rotate_back, wrench_to_base
 from ..structure.module import ModuleState
 from .guards import LOST_PIVOT

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..description.names import did_you_mean
 from ..errors import ModelError
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import LARGEST, Array, cross, rotate, rotate_back
 from ..structure.robot import HybridRobot
 from .joints import WIDTH, Numbers, positive

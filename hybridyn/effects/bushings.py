@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ModelError
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import LARGEST, Array, cross, rotate, rotate_back, rotation_from_quaternion
 from .springs import UNIT_QUATERNION
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..description.names import did_you_mean, listed
 from ..errors import ModelError, TrajectoryError
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array
 from ..structure.bodies import Payload
 from ..structure.module import ModuleState

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..description.names import did_you_mean
 from ..errors import AT_SAMPLE, ActuationError, ModelError
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array, rotation_from_quaternion
 from ..structure.robot import HybridRobot
 from ..tables.rates import FEWEST_ROWS, Spline, aligned, angular_rates

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import ModelError, TrajectoryError
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array, cross, rotate, rotate_back
 from .joints import WIDTH, positive
 

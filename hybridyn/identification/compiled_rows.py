@@ -26,7 +26,8 @@ from ..compiled.library.cache import Built
 from ..compiled.library.calls import Library
 from ..compiled.program import Constants, Program
 from ..compiled.programs.derivatives.columns import collect
-from ..compiled.programs.derivatives.sweeps import DENSE, ProgramGraph, Sweep, nodes_of
+from ..compiled.programs.derivatives.nodes import nodes_of
+from ..compiled.programs.derivatives.sweeps import DENSE, ProgramGraph, Sweep
 from ..compiled.programs.inverse import inverse_inputs, write_inverse_sweeps
 from ..compiled.programs.sources import robot_key
 from ..compiled.programs.writer import Writer

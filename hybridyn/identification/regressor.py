@@ -23,7 +23,7 @@ from ..dynamics.inverse_recursion import output_jacobians
 from ..dynamics.state_checks import check_closed
 from ..effects.choice import Choice
 from ..linkage.elimination import back_substitute, pivot_ratio, pivoted_qr
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array, Index, cross, motion_matrix, rotate_back
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot

@@ -34,7 +34,8 @@ from ..spatial import (
     slices,
 )
 from .couplings import CouplingRows, TreeCoupling
-from .tree import Motion, Tree
+from .motion import Motion
+from .tree import Tree
 
 #: Axes of frame A in the rotational rows.
 TURNING = {"free": slice(0), "perpendicular": slice(2, 3), "parallel": slice(2), "fixed": slice(3)}

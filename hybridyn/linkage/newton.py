@@ -18,9 +18,10 @@ import numpy as np
 from ..spatial import Array, Index, Mask
 from .closures import Closures
 from .elimination import back_substitute, least_squares, pivot_ratio, pivoted_qr
+from .motion import Motion
 from .reduction import RANK_TOLERANCE, LegBlock
 from .targets import Target
-from .tree import Motion, Tree
+from .tree import Tree
 
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
 LONGEST_STEP = 0.5

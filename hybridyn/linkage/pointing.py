@@ -16,7 +16,8 @@ from ..spatial import (
     rotate_back,
     rotation_from_vector,
 )
-from .tree import Jacobians, Motion
+from .motion import Motion
+from .tree import Jacobians
 
 #: Sine of an angle below which it counts as zero, or as half a turn.
 SMALL_SINE = 1e-4

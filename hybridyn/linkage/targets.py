@@ -22,8 +22,9 @@ from ..spatial import (
     rotation_vector,
 )
 from .angles import angles_of, angular_drift, angular_map, headings_along, plain_heading, rate_map, wrapped
+from .motion import Motion
 from .pointing import DirectionTarget, DistanceTarget
-from .tree import Jacobians, Motion
+from .tree import Jacobians
 
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 #: Angles [rad] that differ by less are one, when the triples of a rotation are told apart.

@@ -16,7 +16,8 @@ import numpy as np
 
 from ..linkage.closures import TreeClosure
 from ..linkage.joints import TreeJoint
-from ..linkage.tree import Motion, Tree
+from ..linkage.motion import Motion
+from ..linkage.tree import Tree
 from ..spatial import Array, Index, indices, quaternion_from_rotation, select
 from .module_spec import ModuleSpec
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linkage.tree import Motion, Tree
+from ..linkage.motion import Motion
+from ..linkage.tree import Tree
 from ..spatial import Array, cross, hat, indices, rotate, rotate_back
 from .bodies import Body
 

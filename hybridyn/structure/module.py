@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import AssemblyError, ModelError
 from ..joints.kinds import JointKind
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array, Index
 from .mechanism import Mechanism
 

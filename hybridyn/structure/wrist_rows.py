@@ -9,7 +9,7 @@ from ..errors import warn
 from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
 from ..linkage.joints import TreeJoint
-from ..linkage.tree import Motion
+from ..linkage.motion import Motion
 from ..spatial import Array, Index, Mask, indices, rotate, select, to_body_axes
 from .cut import Cut
 from .wrists import Wrist

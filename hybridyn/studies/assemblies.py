@@ -19,8 +19,8 @@ from ..assembly.spanning import settled, spanning_positions
 from ..assembly.task import Task, closure_residual, module_task
 from ..description.names import listed
 from ..errors import AssemblyError, TrajectoryError
+from ..linkage.motion import Motion
 from ..linkage.newton import SMALLEST_STEP
-from ..linkage.tree import Motion
 from ..spatial import Array, Index, Mask
 from ..streams.departures import position_limits
 from ..structure.module import Module

@@ -10,8 +10,8 @@ from scipy.optimize import least_squares
 
 import hybridyn
 from hybridyn import AssemblyError, TrajectoryError
+from hybridyn.linkage.motion import Motion
 from hybridyn.linkage.pointing import DirectionTarget, DistanceTarget
-from hybridyn.linkage.tree import Motion
 from hybridyn.spatial import Array, rotation_from_vector
 from tests.assembly.test_angles import arm
 from tests.assembly.test_chains import (

@@ -14,7 +14,7 @@ from hybridyn.compiled.comparing import compare_at_states
 from hybridyn.compiled.library.building import best_lanes
 from hybridyn.compiled.library.calls import Calls, Library
 from hybridyn.compiled.programs.derivatives.evaluation import Derivatives
-from hybridyn.compiled.programs.quantities import engine
+from hybridyn.compiled.programs.quantities import following
 from hybridyn.compiled.programs.sources import library_of
 from hybridyn.compiled.programs.whole_robot import Interpreted, programs
 from hybridyn.compiled.verifying import verify
@@ -31,13 +31,13 @@ Robot = hybridyn.HybridRobot
 
 
 def motion_map(robot: Robot) -> None:
-    engine.artifact_of(robot, independent_coordinates(robot, None), "float64").loaded(Library)
+    following.artifact_of(robot, independent_coordinates(robot, None), "float64").loaded(Library)
 
 
 def pushed_models(robot: Robot) -> None:
     on = choose(robot, None)
-    scalar, check = Scalar("float64", best_lanes()), partial(engine._check, robot, on, "float64")
-    library_of(robot, on, scalar, models=engine.MODELS, check=check).loaded(Library)
+    scalar, check = Scalar("float64", best_lanes()), partial(following._check, robot, on, "float64")
+    library_of(robot, on, scalar, models=following.MODELS, check=check).loaded(Library)
 
 
 def regressor(robot: Robot) -> None:

@@ -14,7 +14,8 @@ from hybridyn.compiled.derivatives import Derivatives, ddm_jacobian, idm_jacobia
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Constants, Shared
 from hybridyn.compiled.programs.derivatives.motor_motion import brackets
-from hybridyn.compiled.programs.derivatives.sweeps import ProgramGraph, StageNode, Sweep
+from hybridyn.compiled.programs.derivatives.nodes import StageNode
+from hybridyn.compiled.programs.derivatives.sweeps import ProgramGraph, Sweep
 from hybridyn.compiled.programs.writer import Writer
 from hybridyn.description.records import Description
 from hybridyn.joints.kinds import JointKind

@@ -13,7 +13,7 @@ import pytest
 import hybridyn
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.failures import check_agreement
-from hybridyn.compiled.programs.quantities import engine
+from hybridyn.compiled.programs.quantities import following
 from hybridyn.dynamics.quantities.independent import independent_coordinates
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
@@ -264,8 +264,8 @@ def test_a_motion_map_that_is_trusted_nowhere_is_not_used(monkeypatch: pytest.Mo
         return states, np.full(len(states[0]), np.inf)
 
     calls = SimpleNamespace(batch=batch, trusted=1.0, dtype=np.dtype(float))
-    monkeypatch.setattr(engine, "Library", lambda _: SimpleNamespace(programs={"following": calls}))
-    moves = engine.Following(robot, independent_coordinates(robot, None), SimpleNamespace())
+    monkeypatch.setattr(following, "Library", lambda _: SimpleNamespace(programs={"following": calls}))
+    moves = following.Following(robot, independent_coordinates(robot, None), SimpleNamespace())
     refused(
-        lambda: engine.check_following(moves), hybridyn.CompileError, "hand every one of 96 random states"
+        lambda: following.check_following(moves), hybridyn.CompileError, "hand every one of 96 random states"
     )

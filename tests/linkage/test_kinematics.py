@@ -4,7 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hybridyn.linkage.tree import Motion, Tree, TreeJoint
+from hybridyn.linkage.motion import Motion
+from hybridyn.linkage.tree import Tree, TreeJoint
 from hybridyn.structure.bodies import merge_fixed_joints
 from tests.comparing import ROUNDING, close_to
 from tests.mechanisms import random_mechanism

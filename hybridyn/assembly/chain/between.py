@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...linkage.motion import Motion
 from ...linkage.targets import COORDINATES
-from ...linkage.tree import Motion
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..module_request import module_request

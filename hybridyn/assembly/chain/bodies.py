@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...linkage.tree import Motion, Tree
+from ...linkage.motion import Motion
+from ...linkage.tree import Tree
 from ...spatial import Array, Index, Mask, rotate, rotation_from_vector
 
 

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...linkage.elimination import least_norm, least_squares
+from ...linkage.motion import Motion
 from ...linkage.newton import LoopProblem, relative_change
 from ...linkage.targets import Target
-from ...linkage.tree import Motion
 from ...spatial import Array, Index, Mask
 from .bodies import Carried, CarriedFrame, ChainMotion, ChainTree, Frames
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...description.names import listed
 from ...errors import AssemblyError, inform
+from ...linkage.motion import Motion
 from ...linkage.reduction import decide_rank
 from ...linkage.targets import named_rows
-from ...linkage.tree import Motion
 from ...spatial import Array, rotation_from_quaternion
 from ...structure.module import Module
 from ...structure.robot import HybridRobot

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...description.names import listed
+from ...linkage.motion import Motion
 from ...linkage.newton import Closed, close
 from ...linkage.targets import CoordinateTarget, PoseTarget, row_measures
-from ...linkage.tree import Motion
 from ...spatial import Array, Index, Mask, in_turn
 from ..task import Freedom, Task, WeakRows, closed_samples, too_many
 from .bodies import Carried, CarriedFrame

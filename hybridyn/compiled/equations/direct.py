@@ -13,28 +13,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Array, Index
-from .chains import forces, mass_matrix, motion_map, sweep
-from .core import (
-    Core,
-    ModulePlan,
-    core_body,
-    leg_guard,
-    motions_of,
-    own_inertia,
-    rank_guard,
-    spins_of_legs,
-    whole,
-    wrist_jacobian,
-)
+from .chains import forces, mass_matrix, motion_map
+from .core import Core, ModulePlan, motions_of, own_inertia, rank_guard
+from .direct_legs import LEG_SUMS
+from .direct_outwards import accelerations_outwards, add_wrists, legs_on_paths
 from .expressions import (
     Expression,
-    along,
     congruence,
     dot,
     hat,
-    is_zero,
-    numbers,
     pack,
     plus,
     symmetric,
@@ -43,15 +30,12 @@ from .expressions import (
     upper,
     zeros,
 )
-from .guarded_elimination import size_of, solve, solve_definite, squares
-from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
-from .request import Options
-from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_child, to_parent
-from .spins import AMPLIFIED, CERTAIN, without_forces
-from .stages import GivenColumns, Stage, WrittenModule, begun, cut, read_by_core, twist_width
-
-#: Contributions of the legs of a platform (`legs.leg_sums`), and the size of each.
-LEG_SUMS = (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
+from .guarded_elimination import solve_definite
+from .least_inertia import NEARLY_NO_INERTIA, least_inertia, unforced_spins
+from .options import Options
+from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_parent
+from .scales import squares
+from .stages import GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
 
 
 def quadratic_form(
@@ -122,12 +106,6 @@ def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
     return crf(resting(V), momentum(own, resting(V))) if velocity else zeros(6)
 
 
-#: Ratio of an inertia to what it is the difference of, below which accelerations lose more than five digits:
-#: of a pivot to its diagonal entry, and of this to the inertia with all other joints locked (of the first
-#: axis of a gimbal-locked wrist of light links).
-NEARLY_NO_INERTIA = 1e-5
-
-
 def write_direct(plan: ModulePlan, options: Options, *, motion: bool = False) -> WrittenModule:
     """Write a module's direct model and cut it into its stages: outwards, inwards, outwards, wrists.
 
@@ -155,11 +133,11 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: bool = False) ->
         y = dot(X[:, 7:], u_0 - dot(G, A)) + dot(X[:, :6], A) + X[:, 6]
     s = np.concatenate([A, y])  # Eq. (51)
     joints = [k for k, col in enumerate(parts.v) if col >= 0]
-    outputs[2] = _accelerations_outwards(core, options, s, joints)
-    wrists, guard = _add_wrists(core, plan, (q, v), (V, A), s, last)
+    outputs[2] = accelerations_outwards(core, options, s, joints)
+    wrists, guard = add_wrists(core, plan, (q, v), (V, A), s, last)
     if wrists:
         outputs[3] = {"a_wrists": pack(list(wrists.values()))} | ({} if motion else {"guard": ca.SX(guard)})
-    at = {"a_core": parts.v[joints], "a_legs": _legs_on_paths(plan), "tau": parts.tree_v[forced]}
+    at = {"a_core": parts.v[joints], "a_legs": legs_on_paths(plan), "tau": parts.tree_v[forced]}
     at["a_wrists"] = np.array(list(wrists), dtype=int)
     return WrittenModule(cut([outwards, inwards, back, last], outputs), *read_by_core(plan), at)
 
@@ -219,7 +197,7 @@ def _solve(
     unforced = _hold_thin(plan, options, (A_t, E, Q_0), f)
     least = None
     if plan.column is not None:
-        least, uncertain = _least_inertia(plan, Psi, M_yy, A_t)
+        least, uncertain = least_inertia(plan, Psi, M_yy, A_t)
         unforced = unforced + uncertain
     right = np.concatenate([E, Q_0[:, None]], axis=1)
     solved, definite = solve_definite(A_t, right, NEARLY_NO_INERTIA, least)
@@ -251,128 +229,9 @@ def _hold_thin(
     guard: Any = 0.0
     for i, spin in enumerate(plan.spinning(options.rotor)):
         left = np.array([times(1.0 - spin.has, Q_0[i])], dtype=object)
-        guard = guard + spin.guard + _unforced(plan, left, f, plan.parts.tree_v)
+        guard = guard + spin.guard + unforced_spins(plan, left, f, plan.parts.tree_v)
         own = plus(times(spin.has, A_t[i, i]), 1.0 - spin.has)
         for row in (E[i], Q_0[i : i + 1], A_t[i], A_t[:, i]):
             row[:] = [times(spin.has, x) for x in row]
         A_t[i, i] = own
     return guard
-
-
-def _unforced(plan: ModulePlan, left: Expression, f: Expression, freedoms: Index) -> Any:
-    """Return the guard of forces on thin spins, from those along some freedoms of the tree after the cuts."""
-    if all(is_zero(x) for x in left):
-        return 0.0
-    size = size_of(f, 1.0 / plan.mechanism.reduction.col_scale[freedoms], [], 1.0)
-    return without_forces(left, size, plan.scale)
-
-
-def _least_inertia(
-    plan: ModulePlan, Psi: Expression, M_yy: Expression, A_t: Expression
-) -> tuple[Expression, Any]:
-    """Compute what certainly is an inertia along each motion, where arguments change inertias.
-
-    It is a part of the inertias of the joints that take part; that about one axis is a difference of those
-    about all. Spins that idle are decided by their own numbers.
-
-    Returns:
-        These inertias, shape (motions,), and the guard that their rounding does not grow in other motions.
-    """
-    turned = plan.mechanism.turned_inertia[plan.parts.tree_v]
-    joints = np.array([plus(x, float(y)) for x, y in zip(np.diag(M_yy), turned, strict=True)], dtype=object)
-    least, growth = zeros(len(A_t)), zeros(len(A_t))
-    for k in range(len(plan.parts.spins), len(A_t)):
-        terms = along(np.array([times(x, x) for x in Psi[:, k]], dtype=object), joints)
-        least[k] = times(CERTAIN * plan.scale.eps, terms)
-        others = [j for j in range(len(A_t)) if j != k and not is_zero(A_t[k, j])]
-        coupled = sum((A_t[k, j] * A_t[k, j] / A_t[j, j] for j in others), ca.SX(0.0))
-        growth[k] = terms * coupled / (AMPLIFIED * A_t[k, k] * A_t[k, k])
-    return least, squares(growth)
-
-
-def _accelerations_outwards(
-    core: Core, options: Options, s: Expression, joints: list[int]
-) -> dict[str, ca.SX]:
-    """Return accelerations of the core's joints, of platforms less the base's, and of outputs, Eq. (53)."""
-    out: dict[str, ca.SX] = {}
-    if joints:
-        out["a_core"] = pack(s[6:][joints])
-    for i in sorted(core.platforms):
-        out[f"delta {i}"] = pack(s[core.chain.columns_of(i + 1)] - s[:6])
-    for o, body in enumerate(core.outputs):
-        if options.carries[o]:
-            A = whole(core.chain, body, s, motion_map(core.chain, body))
-            out[f"A {o}"] = pack(classical(core.chain.V[body], A) if options.velocity else A)
-    return out
-
-
-def _legs_on_paths(plan: ModulePlan) -> Index:
-    """Return the freedoms of grouped legs on paths to wrists."""
-    own = {int(col) for col in plan.parts.v if col >= 0}
-    wrists = {int(col) for path in plan.paths for col in path.v[path.wrist_v]}
-    return np.array(sorted({int(c) for path in plan.paths for c in path.v} - own - wrists), dtype=int)
-
-
-def _add_wrists(
-    core: Core, plan: ModulePlan, given: tuple[Expression, Expression], base: tuple[Expression, Expression],
-    s: Expression, received: GivenColumns,
-) -> tuple[dict[int, Any], Any]:  # fmt: skip
-    """Compute the wrists' accelerations by freedom of the spanning tree, and the guard of their pivots.
-
-    Given are q and v of the spanning tree, twist and acceleration of the base, and s = [V_dot_base; y].
-    `received` gets the legs' accelerations.
-    """
-    (q, v), parts, legs = given, plan.parts, _legs_on_paths(plan)
-    known = dict(zip(legs.tolist(), received.take("a_legs", len(legs)), strict=True))
-    known |= {int(col): s[6 + k] for k, col in enumerate(parts.v) if col >= 0}
-    out: dict[int, Any] = {}
-    guard: Any = ca.SX(0.0)
-    for path, pivots in zip(plan.paths, plan.wrist_pivots, strict=True):
-        a = np.array([(known | out).get(int(col), 0.0) for col in path.v], dtype=object)
-        a[path.wrist_v] = 0.0
-        chain = sweep(list(path.links), q[path.q], v[path.v], base[0], a, base[1])
-        body = core_body(plan, path.wrist.target)
-        target = whole(core.chain, body, s, motion_map(core.chain, body))
-        target = to_child(numbers(path.wrist.R), numbers(path.wrist.p), target)
-        miss = target - chain.c[-1]
-        X, doubts = solve(wrist_jacobian(path, chain), miss[:, None], pivots)
-        out |= {int(col): value for col, value in zip(path.v[path.wrist_v], X[:, 0], strict=True)}
-        guard = ca.fmax(guard, squares(doubts))
-    return out, guard
-
-
-def write_direct_legs(
-    plan: ModulePlan, n: int, options: Options, *, motion: bool = False
-) -> tuple[list[Stage], Array]:
-    """Write the direct model of group n of a module, and return its stages and its legs' own numbers.
-
-    Args:
-        motion: Whether one stage computes the accelerations "a" alone, also from those of spins.
-    """
-    group, given, later = plan.parts.groups[n], GivenColumns(), GivenColumns()
-    leg, forced = group[0], group[0].among(options.motors)
-    q, v = given.take("q", len(leg.q)), given.take("v", len(leg.v))
-    platform = PlatformMotion.read(given.take("platform", 19))
-    base = given.base_twist(options)
-    tau = given.scattered("tau", forced, len(leg.v))
-    written = write_leg(group, q, v, (base, zeros(6)), platform, plan.scale, plan.leg_pivots[n])
-    rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
-    delta = later.take("delta", 6)
-    if motion:
-        a = leg_accelerations(written, delta)
-        a = plus(a, written.S * later.take("u_dot of leg", 1)) if written.spin else a
-    else:
-        spinning, certain = spins_of_legs(plan, written, group, options.rotor)
-        sums, written = leg_sums(written, tau, options.velocity, rotor, spinning)
-        a = leg_accelerations(written, delta)
-        if written.spin:
-            a = plus(a, dot(sums["over_base"], later.base_acceleration(options)))
-    inputs = {"numbers": written.folding.symbol()} | given
-    if motion:
-        return cut([inputs | later], [{"a": pack(a)}]), written.folding.table(len(group))
-    outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
-    if written.spin:
-        left = np.array([times(1.0 - spinning, along(written.S, sums["f"]))], dtype=object)
-        certain = certain + _unforced(plan, left, sums["f"], leg.tree_v)
-    outputs["guard"] = leg_guard(plan, written) + certain
-    return cut([inputs, later], [outputs, {"a": pack(a)}]), written.folding.table(len(group))

@@ -40,9 +40,10 @@ from .expressions import (
     upper,
     zeros,
 )  # fmt: skip
-from .guarded_elimination import Pivots, Scale, choose_pivots, solve, squares, weighed
+from .guarded_elimination import Pivots, choose_pivots, solve
 from .parts import Leg
 from .rigid import LinkNumbers, matrix_moved, to_parent
+from .scales import Scale, squares, weighed
 from .spins import Spin
 
 
@@ -53,7 +54,7 @@ class PlatformMotion:
     Attributes:
         R, p: Axes and origin in the base.
         V: Twist, in the base's frame.
-        rate_weight: Weight of squared closure residuals of rates (`guarded_elimination.Scale.weight`).
+        rate_weight: Weight of squared closure residuals of rates (`scales.Scale.weight`).
         A: Acceleration less gravity, in the base's frame, for the inverse model; else zeros.
         acceleration_weight: As `rate_weight`, of accelerations.
     """

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...joints.kinds import JointKind
 from ...linkage.closures import TreeClosure
 from ...linkage.couplings import TreeCoupling
 from ...spatial import Array, Index
@@ -22,96 +21,11 @@ from ...structure.wrists import axis_frame
 from .arguments import ModuleArguments
 from .expressions import plain, settled, snap, zeros
 from .rigid import LinkNumbers, aligned, links_of, moved, regrouped, ten_numbers
+from .rods import Rod, rods_of
 from .spins import UNFELT, Spin, first_moment, spins_of
 
 #: Digits in which the axes of equal legs agree; the rest is rounding.
 ROUNDED_AXIS = 14
-
-
-@dataclass(frozen=True, eq=False)
-class Rod:
-    """The side of a closure on a rod that turns about a point, in whose axes the closure's rows are sparse.
-
-    Rows in other axes have no pivot that is large at every posture: the rod's turns move its end sideways.
-
-    Attributes:
-        on_a: Whether the rod is the closure's predecessor.
-        axes: Axes of the rows in the rod's body, the third along the rod, shape (3, 3).
-        turns: Freedoms of the joints about the point; they do not move the rod's end along the rod.
-    """
-
-    on_a: bool
-    axes: Array
-    turns: tuple[int, ...]
-
-
-def rods_of(links: Sequence[LinkNumbers], closures: Sequence[TreeClosure]) -> dict[int, Rod]:
-    """Return the rods of closures by the closure's number; of one tree, in plain numbers."""
-    out: dict[int, Rod] = {}
-    for k, c in enumerate(closures):
-        if not is_ball(c):
-            continue
-        sides = [
-            Rod(on_a, *found)
-            for on_a, body, point in ((True, c.body_a, c.p_a), (False, c.body_b, c.p_b))
-            if (found := _free_rod(links, closures, k, body, point) or _rod(links, body, point))
-        ]
-        if sides:  # a ball before a universal joint: a platform on a wrist is no rod that spins
-            out[k] = max(sides, key=lambda rod: len(rod.turns))
-    return out
-
-
-def is_ball(closure: TreeClosure) -> bool:
-    """Return whether a closure holds a point, and no axes."""
-    return closure.translations == (0, 1, 2) and closure.rotation == "free"
-
-
-def _free_rod(
-    links: Sequence[LinkNumbers], closures: Sequence[TreeClosure], number: int, body: int, point: Array
-) -> tuple[Array, tuple[int, ...]] | None:
-    """Return `_rod` of a body on a floating joint that a ball and another one hold, and nothing else."""
-    if (
-        not body
-        or links[body - 1].kind is not JointKind.FLOATING
-        or any(link.parent == body for link in links)
-    ):
-        return None
-    others = [c for k, c in enumerate(closures) if k != number and body in (c.body_a, c.body_b)]
-    if len(others) != 1 or not is_ball(others[0]):
-        return None
-    line = point - (others[0].p_a if others[0].body_a == body else others[0].p_b)
-    length, first = float(np.linalg.norm(line)), sum(link.nv for link in links[: body - 1])
-    if not length:
-        return None
-    beside = np.abs(np.cross(point, line)).max() > UNFELT * length
-    turns = () if beside else tuple(range(first + 3, first + 6))
-    return snap(axis_frame(snap(line / length))), turns
-
-
-def _rod(links: Sequence[LinkNumbers], body: int, point: Array) -> tuple[Array, tuple[int, ...]] | None:
-    """Return the axes and the turning freedoms of the rod that ends at a point of a body, or None.
-
-    A rod is a body on a ball or a universal joint, or slides along its line on one.
-    """
-    line, turn = [point], np.eye(3)
-    while body and links[body - 1].kind.slides:
-        link = links[body - 1]
-        turn = turn @ link.R.T
-        line += [turn @ link.R @ link.axis, turn @ link.p]
-        body = links[body - 1].parent
-    joints = [body - 1] if body else []
-    if joints and links[body - 1].kind.hinge and np.abs(links[body - 1].p).max() <= UNFELT:
-        joints.append(links[body - 1].parent - 1)
-    kinds = [links[i].kind for i in joints if i >= 0]
-    if kinds != [JointKind.SPHERICAL] and not (len(kinds) == 2 and all(kind.hinge for kind in kinds)):
-        return None
-    lengths = np.linalg.norm(line, axis=1)
-    axis = line[int(np.argmax(lengths))] / (lengths.max() or 1.0)
-    if not lengths.max() or np.abs(np.cross(line, axis)).max() > UNFELT * max(lengths.max(), 1.0):
-        return None
-    ends = np.cumsum([0, *(link.nv for link in links)])
-    turns = [col for i in joints for col in range(ends[i], ends[i + 1])]
-    return snap(axis_frame(snap(axis))), tuple(turns)
 
 
 #: Least reciprocal condition number (median over generic postures) of a leg's closure Jacobian: above it the

@@ -27,8 +27,8 @@ from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
 from .chains import motion_subspace
 from .expressions import Expression, along, dot, is_zero, minus, numbers, scalar, snap, times
-from .guarded_elimination import Scale, squares
 from .rigid import LinkNumbers, momentum, to_child
+from .scales import Scale, squares
 
 #: A closure does not feel a motion that opens it by less than this, without units: rounding. The spin of a
 #: leg moves its mass by less, too.

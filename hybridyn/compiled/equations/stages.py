@@ -15,7 +15,7 @@ import numpy as np
 from ...spatial import Index
 from .core import Core, ModulePlan, write_core
 from .expressions import Expression, pack, plain, symbols, zeros
-from .request import Options
+from .options import Options
 
 
 @dataclass(frozen=True)

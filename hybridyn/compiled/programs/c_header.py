@@ -10,7 +10,7 @@ from ...structure.parameters.slots import Slot, values_of
 from ...structure.robot import HybridRobot
 from ..code.plain_c import WRITTEN, in_lanes, prototype, work_type
 from ..code.scalars import REAL
-from ..equations.guarded_elimination import GUARD_CLOSED
+from ..equations.scales import GUARD_CLOSED
 from ..program import Program
 from .closing.platform_program import posed_modules
 from .walking import OTHER_BRANCH

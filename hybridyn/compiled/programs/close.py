@@ -30,9 +30,10 @@ from ...spatial import Index
 from ...structure.robot import HybridRobot
 from ..equations.arguments import OTHER_STRUCTURE, ChosenNumbers
 from ..equations.expressions import Expression, dot, is_zero, pack, symbols, unpack
-from ..equations.guarded_elimination import GUARD_CLOSED, TRUSTED_PIVOT, largest, solve, squares
+from ..equations.guarded_elimination import TRUSTED_PIVOT, solve
 from ..equations.loops import LoopRows
 from ..equations.request import Request
+from ..equations.scales import GUARD_CLOSED, largest, squares
 from ..program import Program
 from .loop_kernels import Kernel, LoopKernel, loop_kernels
 from .writer import ModuleWriter

@@ -15,7 +15,7 @@ from ...structure.robot import HybridRobot
 from ..library.calls import Library, Numbers
 from ..library.direct_calls import DOUBLE, REFUSED, again, refuse
 from .quantities.calls import Quantities
-from .quantities.engine import artifact_of
+from .quantities.following import artifact_of
 from .sources import robot_key
 
 

@@ -6,14 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..equations.direct import LEG_SUMS, write_direct, write_direct_legs
+from ..equations.direct import write_direct
+from ..equations.direct_legs import LEG_SUMS, write_direct_legs
 from ..equations.expressions import plain, upper
+from ..equations.options import direct_options
 from ..equations.parts import Leg
-from ..equations.request import Request, direct_options
+from ..equations.request import Request
 from ..equations.rigid import inertia_matrix
 from ..program import Program, Source
 from .kinematics import unit_base
-from .module_calls import ModuleCalls, Ports, Stages, Sweeps, same_structure
+from .module_calls import ModuleCalls, Ports, Stages, same_structure
+from .module_sweeps import Sweeps
 from .writer import Writer
 
 PARTS = ["kinematics", "inertia", "accelerations", "wrists"]

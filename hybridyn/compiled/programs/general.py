@@ -15,7 +15,7 @@ from ...dynamics.inverse import idm
 from ...dynamics.link_motion import body_motions
 from ...effects.choice import Effects
 from ...errors import HybridynError
-from ...linkage.tree import Motion
+from ...linkage.motion import Motion
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_batch, as_numbers, as_positions, from_table, same_samples
@@ -48,7 +48,7 @@ QUANTITY_OF = {"q": "position", "v": "velocity", "a": "acceleration", "tau": "ef
 #: Reasons for which a guard hands a sample over.
 NOT_FINITE, OPEN = "not finite", "loops open by more than rounding"
 SMALL = "a pivot nearly vanishes, rates leave the loops, or no motor gives a force"
-#: Closure residual from which on open loops are the reason, as `equations.guarded_elimination.GUARD_CLOSED`.
+#: Closure residual from which on open loops are the reason, as `equations.scales.GUARD_CLOSED`.
 OPEN_LOOPS = 1e-11
 GENERAL: dict[str, Callable[..., Any]] = {"idm": idm, "ddm": ddm}
 

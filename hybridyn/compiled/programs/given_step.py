@@ -10,8 +10,8 @@ import numpy as np
 
 from ..code.plain_c import prototype, work_size
 from ..code.scalars import text_of
-from ..equations.guarded_elimination import GUARD_CLOSED
 from ..equations.request import Request
+from ..equations.scales import GUARD_CLOSED
 from ..program import Program, stored
 from .closing.chain_program import ChainWriter
 from .closing.closing_source import closing_programs, constants_of, far_source

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..equations.guarded_elimination import Pivots
-from ..equations.inverse import LEG_WRENCHES, motor_pivots, write_inverse, write_inverse_legs
-from ..equations.request import Options, Request, balance_options, inverse_options
+from ..equations.inverse import LEG_WRENCHES, write_inverse, write_inverse_legs
+from ..equations.motor_balance import motor_pivots
+from ..equations.options import Options, balance_options, inverse_options
+from ..equations.request import Request
 from ..program import Program, Shared
 from .kinematics import unit_base
-from .module_calls import ModuleCalls, Ports, Stages, Sweeps, same_structure
+from .module_calls import ModuleCalls, Ports, Stages, same_structure
+from .module_sweeps import Sweeps
 from .writer import Writer
 
 PARTS = ["kinematics", "efforts"]

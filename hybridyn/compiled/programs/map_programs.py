@@ -24,9 +24,9 @@ from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..equations.expressions import Expression, pack, symbols, zeros
-from ..equations.guarded_elimination import GUARD_CLOSED, largest, squares
 from ..equations.loops import LoopRows
 from ..equations.request import Request
+from ..equations.scales import GUARD_CLOSED, largest, squares
 from ..equations.states import moving_states
 from ..program import Program
 from .close import loop_writer

@@ -15,8 +15,8 @@ from ...linkage.newton import LONGEST_STEP
 from ...structure.robot import HybridRobot
 from ..code.plain_c import prototype
 from ..code.scalars import GUARD_LIMIT, text_of
-from ..equations.guarded_elimination import GUARD_CLOSED
 from ..equations.request import Request
+from ..equations.scales import GUARD_CLOSED
 from ..program import Program, stored
 from .close import turning_program
 from .closing.closing_source import SHORTEST

@@ -39,8 +39,9 @@ from ...equations.expressions import (
     zeros,
 )
 from ...equations.factors import Definite, Handed, Triangular
-from ...equations.guarded_elimination import TRUSTED_PIVOT, Pivots, largest, squares
+from ...equations.guarded_elimination import TRUSTED_PIVOT, Pivots
 from ...equations.idle import least_norm
+from ...equations.scales import largest, squares
 from ..close import drift
 from ..loop_kernels import Kernel
 from .kernels import ModuleKernels

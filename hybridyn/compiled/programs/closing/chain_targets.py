@@ -29,8 +29,8 @@ from ...equations.expressions import (
     zeros,
 )
 from ...equations.factors import Definite, Handed
-from ...equations.guarded_elimination import largest
 from ...equations.rigid import quaternion_matrix
+from ...equations.scales import largest
 from .chain_kernels import SAME_MOTION
 from .coupled import Coupled
 from .given import ANGLE

@@ -17,9 +17,9 @@ from ....assembly.chain.problem import ChainProblem, Relative
 from ....assembly.chain.solve import LeftToRule, chain_task, cut_positions
 from ....assembly.module_request import ModuleRequest
 from ....assembly.requests import Requests
+from ....linkage.motion import Motion
 from ....linkage.pointing import DirectionTarget, DistanceTarget
 from ....linkage.targets import CoordinateTarget, PoseTarget
-from ....linkage.tree import Motion
 from ....spatial import Array, quaternion_from_rotation
 from ....structure.robot import HybridRobot
 from .given import ANGLE, NUMBER, POSE, RATES, WIDTH, Given, GivenCoordinates, modules_of

@@ -17,7 +17,7 @@ from ....structure.mechanism import Mechanism
 from ....structure.module_spec import ModuleSpec
 
 if TYPE_CHECKING:
-    from ...equations.parts import Rod
+    from ...equations.rods import Rod
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,10 +19,11 @@ from ....assembly.requests import Requests, gather_requests
 from ....assembly.task import module_task
 from ....joints.kinds import JointKind
 from ....linkage.angles import angles_of
+from ....linkage.motion import Motion
 from ....linkage.newton import LoopProblem
 from ....linkage.reduction import LegBlock
 from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, TurnTarget
-from ....linkage.tree import Motion, Tree
+from ....linkage.tree import Tree
 from ....spatial import Array, Index, cross, quaternion_from_rotation
 from ....structure.module import Module
 from ....structure.robot import HybridRobot

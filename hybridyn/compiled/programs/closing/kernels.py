@@ -26,18 +26,9 @@ from ....spatial import Array, Index
 from ....structure.module import Module
 from ...equations.arguments import ModuleArguments
 from ...equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, zeros
-from ...equations.guarded_elimination import (
-    GUARD_CLOSED,
-    Pivots,
-    Scale,
-    choose_pivots,
-    largest,
-    largest_solutions,
-    solve,
-    squares,
-    weighed,
-)
+from ...equations.guarded_elimination import Pivots, choose_pivots, largest_solutions, solve
 from ...equations.idle import least_norm
+from ...equations.scales import GUARD_CLOSED, Scale, largest, squares, weighed
 from ...equations.spins import Spin
 from ...equations.states import generic_positions, seen_postures
 from ..close import drift

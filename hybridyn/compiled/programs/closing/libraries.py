@@ -17,9 +17,9 @@ from ....assembly.requests import Requests
 from ....assembly.spanning import spanning_positions
 from ....errors import HybridynError
 from ....linkage.angles import angles_of
+from ....linkage.motion import Motion
 from ....linkage.newton import LoopProblem, close
 from ....linkage.targets import COORDINATES
-from ....linkage.tree import Motion
 from ....manifold.manifold import Manifold
 from ....spatial import Array, Mask, cross, rotation_from_vector
 from ....structure.parameters.entries import Parameters

@@ -5,16 +5,16 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from ....linkage.motion import Motion
 from ....linkage.newton import LoopProblem
 from ....linkage.reduction import decide_rank
-from ....linkage.tree import Motion
 from ....spatial import Array, quaternion_from_rotation
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from ...equations.expressions import Expression, cross, dot, pack, symbols
-from ...equations.guarded_elimination import GUARD_CLOSED
 from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
+from ...equations.scales import GUARD_CLOSED
 from ...program import Program
 from ..close import CLOSED, by_motors, freedoms_of, keep_base, loop_writer
 from ..loop_kernels import Kernel, loop_kernels

@@ -14,10 +14,11 @@ from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...equations.chains import Chain, sweep
 from ...equations.expressions import Expression, Folding, dot, pack, plain, symbols, zeros
-from ...equations.guarded_elimination import largest
 from ...equations.legs import fold_links
-from ...equations.loops import Frames, LoopRows, folded
+from ...equations.loops import LoopRows, folded
 from ...equations.rigid import links_of, quaternion_matrix
+from ...equations.scales import largest
+from ...equations.spanning_rows import Frames
 from ...program import Program
 from ..writer import ModuleWriter, alike
 from .extended import Extended, extended

@@ -21,7 +21,8 @@ from ....structure.robot import HybridRobot
 from ...equations.expressions import Expression, dot, eye, pack, symbols, zeros
 from ...program import Each, Own, Shared, Source, Target
 from ..writer import Writer
-from .sweeps import DENSE, PART, Block, Number, Sweep
+from .nodes import Number
+from .sweeps import DENSE, PART, Block, Sweep
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,9 +43,11 @@ from .columns import (
     coordinates_of,
     coordinates_of_freedoms,
 )
+from .connected import JOINED, ConnectedModules, Place, groups_of
 from .motor_motion import MotorMotion, motion_nodes, spins_in_v
-from .relations import JOINED, ConnectedModules, Place, Relations, groups_of
-from .sweeps import DENSE, ProgramGraph, Reading, Sweep, nodes_of
+from .nodes import nodes_of
+from .relations import Relations
+from .sweeps import DENSE, ProgramGraph, Reading, Sweep
 
 
 @dataclass

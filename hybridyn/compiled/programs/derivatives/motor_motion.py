@@ -24,15 +24,18 @@ import numpy as np
 
 from ....errors import SingularityError
 from ....joints.kinds import JointKind
-from ...equations.direct import write_direct, write_direct_legs
+from ...equations.direct import write_direct
+from ...equations.direct_legs import write_direct_legs
 from ...equations.expressions import Expression, cross, dot, eye, pack, symbols, zeros
-from ...equations.guarded_elimination import Pivots, solve, squares
-from ...equations.inverse import motor_pivots
+from ...equations.guarded_elimination import Pivots, solve
+from ...equations.motor_balance import motor_pivots
+from ...equations.scales import squares
 from ...program import Constants, Each, Own, Shared, Source, Worst
 from ..module_calls import ModuleCalls, Ports, Stages
 from ..writer import Writer
 from .columns import by_columns, changes_of_coordinates, collect, coordinates_of_freedoms, matrix
-from .sweeps import PART, Block, ProgramGraph, StageNode, Sweep, nodes_of
+from .nodes import StageNode, nodes_of
+from .sweeps import PART, Block, ProgramGraph, Sweep
 
 #: For each idle spin of a module its freedoms in v, and its share (`parts.Spin`).
 Spins = tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]

@@ -25,7 +25,8 @@ from ...library.calls import Calls, Library, Numbers
 from ..general import body_motion, named, samples_of
 from ..postures import Postures
 from ..sources import kept
-from .engine import BY_GENERAL, CompiledEngine, Following, artifact_of, pushed_models
+from .engine import CompiledEngine
+from .following import BY_GENERAL, Following, artifact_of, pushed_models
 
 #: Rows of models for each sample, for matrices also for each coordinate.
 ROWS = {"mass_matrix": 1, "bias": 1, "coriolis": 3, "coriolis_matrix": 6, "gravity": 1}

@@ -1,0 +1,205 @@
+"""Closures in expressions (see `linkage.closures`): rows of a module's core and their drift.
+
+They are rows over s = [V_dot_base; y], as the models need them, and hold for closed loops.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...linkage.closures import TreeClosure
+from ...linkage.couplings import TreeCoupling
+from ...spatial import Array
+from .chains import Chain, motion_map, point_acceleration, point_map, point_velocity
+from .expressions import Expression, along, cross, dot, hat, minus, numbers, plus, zeros
+from .legs import turned_apart
+from .parts import Parts
+from .rigid import to_parent
+from .rods import Rod
+from .scales import Scale, weighed
+from .spanning_rows import coupling_row
+from .spins import UNFELT
+
+
+def coupling_drift(
+    chain: Chain, coupling: TreeCoupling, positions: list[Expression], rates: Expression
+) -> Any:
+    """Compute the derivative of a coupling's row times the chain's rates: that of its curve."""
+    if not (curve := coupling.curve):
+        return 0.0
+    bend = curve.at(curve.argument({joint: positions[joint][0] for joint, _ in curve.terms}))[2]
+    rate = sum(factor * rates[chain.v_slices[joint].start] for joint, factor in curve.terms)
+    return bend * rate * rate
+
+
+@dataclass
+class CoreRows:
+    """Rows of all closures of a core.
+
+    Attributes:
+        K: Shape (rows, 6 + nv): K s + gamma = 0.
+        gamma: Shape (rows,).
+        guard: Guard of the positions and rates of closures and couplings, and of accelerations if given.
+    """
+
+    K: Expression
+    gamma: Expression
+    guard: ca.SX
+
+
+@dataclass
+class _Side:
+    """Motion of a closure's frame on one body, in the base's axes."""
+
+    A: Expression
+    p: Expression
+    v: Expression
+    w: Expression
+    a: Expression
+    alpha: Expression
+    J: Expression
+
+
+def _side(chain: Chain, body: int, R: Expression, p: Expression) -> _Side:
+    """Compute a frame's axes, origin, velocities, accelerations at s = 0, and its body's motion map."""
+    R0, V, c = chain.R0[body], chain.V[body], chain.c[body]
+    return _Side(
+        dot(R0, R),
+        chain.p0[body] + dot(R0, p),
+        dot(R0, point_velocity(V, p)),
+        dot(R0, V[3:]),
+        dot(R0, point_acceleration(V, c, p)),
+        dot(R0, c[3:]),
+        motion_map(chain, body),
+    )
+
+
+def write_rows(
+    chain: Chain,
+    parts: Parts,
+    q: list[Expression],
+    rates: Expression,
+    accelerations: Expression | None,
+    scale: Scale,
+    weights: list[Any],
+) -> CoreRows:
+    """Write the rows of a core's closures and couplings.
+
+    Args:
+        chain: Motion of the core.
+        q: Positions of each joint.
+        rates: Twist of the base and rates of the joints; those of platforms are their twists, base's frame.
+        accelerations: Accelerations of the joints, for the inverse model.
+        scale: Scales of closure residuals.
+        weights: Weights of squared residuals of rates and, if given, of accelerations (`Scale.weight`).
+    """
+    K, gamma = [zeros(0, 6 + chain.nv)], [zeros(0)]
+    guard = ca.SX(0.0)
+    for k, c in enumerate(parts.closures):
+        a = _side(chain, c.body_a, numbers(c.R_a), numbers(c.p_a))
+        b = _side(chain, c.body_b, numbers(c.R_b), numbers(c.p_b))
+        turned = None
+        if rod := parts.rods.get(k):
+            near, far = ((c.body_a, c.p_a, -1.0), b) if rod.on_a else ((c.body_b, c.p_b, 1.0), a)
+            turned = _rod_rows(chain, rod, near, far)
+        rows, drift, open_by, slip = _closure(
+            c, a, b, accelerations is not None, turned, exact=parts.mechanism.reduction.rounded
+        )
+        K, gamma = [*K, rows], [*gamma, drift]
+        if k >= parts.checked:
+            continue
+        along, units = len(c.translations), (scale.length, 1.0)
+        guard = guard + weighed(list(zip(open_by, units, strict=True)), scale.weight_of_positions)
+        slip = dot(rows, rates) if accelerations is None else slip  # the same, from the bodies' twists
+        for weight, values in zip(weights, (slip, drift), strict=False):
+            guard = guard + weighed(list(zip((values[:along], values[along:]), units, strict=True)), weight)
+    for coupling in parts.couplings:
+        opened, row = coupling_row(chain, coupling, q, coupling.offset)
+        # The unit of its residual is the largest of a radian, or the length, in its terms.
+        lengths = (scale.length if chain.links[j].kind.slides else 1.0 for j, _ in coupling.sizes)
+        unit = max(size * length for (_, size), length in zip(coupling.sizes, lengths, strict=True))
+        drift = np.array([coupling_drift(chain, coupling, q, rates[6:])], dtype=object)
+        K, gamma = [*K, np.concatenate([zeros(6), row])[None]], [*gamma, drift]
+        guard = guard + weighed([(np.array([opened], dtype=object), unit)], scale.weight_of_positions)
+        moving = [dot(row[None], rates[6:])]
+        if accelerations is not None:
+            moving.append(plus(dot(row[None], accelerations), drift))
+        for weight, value in zip(weights, moving, strict=True):
+            guard = guard + weighed([(value, unit)], weight)
+    return CoreRows(np.concatenate(K), np.concatenate(gamma), guard if scale.compared else ca.SX(0.0))
+
+
+def _rod_rows(
+    chain: Chain, rod: Rod, near: tuple[int, Array, float], far: _Side
+) -> tuple[list[Expression], Expression]:
+    """Return the directions of a closure's rows along the axes of a rod, and the rows, shape (3, 6 + nv).
+
+    Args:
+        near: Body of the rod, the closure's point on it, and the sign of its motion in the rows.
+        far: The closure's other side.
+    """
+    body, point, sign = near
+    R = dot(chain.R0[body], numbers(rod.axes))
+    own = dot(numbers(rod.axes.T), point_map(chain, body, numbers(point)))
+    if point.dtype != object:  # rounding of axes; where arguments move the end, they may move it off the line
+        for row, col in np.ndindex(own.shape):
+            if not isinstance(own[row, col], ca.SX) and abs(own[row, col]) < UNFELT * np.abs(point).max():
+                own[row, col] = 0.0
+        own[2, [6 + col for col in rod.turns]] = 0.0
+    moved = minus(far.J[:3], dot(hat(chain.p0[body] + dot(chain.R0[body], numbers(point))), far.J[3:]))
+    return [R[:, i] for i in range(3)], minus(own, dot(R.T, moved)) * sign
+
+
+def _closure(
+    c: TreeClosure, a: _Side, b: _Side, given: bool, turned: tuple[list[Expression], Expression] | None,
+    *, exact: bool,
+) -> tuple[Expression, Expression, tuple[Expression, Expression], Expression]:  # fmt: skip
+    """Compute rows and drift of one closure, the residuals of its translations and rotations, and of rates.
+
+    `given` tells that accelerations are given: the drift is then a residual, too. `turned` are other axes of
+    three translations, and their rows. `exact` rows are derivatives of the residuals also where rounding of
+    the file leaves the loop open; others hold for closed loops only, and take fewer operations.
+    """
+    r, relative = b.p - a.p, b.J - a.J
+    w = b.w - a.w
+    axes = [a.A[:, i] for i in c.translations]
+    if len(axes) == 3:  # all three rows together may use any axes, and the loop is closed
+        still = [numbers(np.eye(3)[i]) for i in range(3)]  # a drift that is a residual has any axes, too
+        axes, opened = turned[0] if turned and not given else still, r
+        r = r if exact else zeros(3)
+    else:
+        opened = np.array([along(n, r) for n in axes], dtype=object)
+    apart = b.a - a.a
+    if exact or not given or len(axes) < 3:  # else `b.v - a.v` is a residual, and zero
+        apart = apart - cross(a.alpha, r) - 2 * cross(a.w, b.v - a.v) + cross(a.w, cross(a.w, r))
+    normals = [to_parent(numbers(np.eye(3)), b.p, np.concatenate([n, zeros(3)])) for n in axes]
+    gamma = [along(n, apart) for n in axes]
+    z = b.A[:, 2]
+    turning: list[tuple[Expression, Expression]] = []
+    if c.rotation == "fixed":
+        still = [numbers(np.eye(3)[i]) for i in range(3)]
+        turning = [(n, cross(a.w, n) if exact else zeros(3)) for n in still]
+    elif c.rotation == "parallel" and exact:
+        across = [(a.A[:, i], cross(a.w, a.A[:, i])) for i in (0, 1)]
+        turning = [(cross(z, n), cross(cross(b.w, z), n) + cross(z, n_dot)) for n, n_dot in across]
+    elif c.rotation == "parallel":
+        turning = [(a.A[:, i], cross(a.w, a.A[:, i])) for i in (0, 1)]
+    elif c.rotation == "perpendicular":
+        n = cross(z, a.A[:, 2])
+        turning = [(n, cross(cross(b.w, z), a.A[:, 2]) + cross(z, cross(a.w, a.A[:, 2])))]
+    slip = [along(n, b.v - a.v - cross(a.w, r)) for n in axes] + [along(n, w) for n, _ in turning]
+    for n, n_dot in turning:
+        normals.append(np.concatenate([zeros(3), n]))
+        gamma.append(along(n, b.alpha - a.alpha) + along(n_dot, w))
+    every = [dot(n[None], relative)[0] for n in normals]
+    rows = every if turned is None or exact else list(turned[1])
+    return (
+        np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
+        np.array(gamma, dtype=object),
+        (opened, turned_apart(c.rotation, a.A, b.A)),
+        np.array(slip, dtype=object),
+    )

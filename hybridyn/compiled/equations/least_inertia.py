@@ -1,0 +1,50 @@
+"""What certainly is an inertia along each motion, and that nothing acts on motions without."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...spatial import Index
+from .core import ModulePlan
+from .expressions import Expression, along, is_zero, plus, times, zeros
+from .scales import size_of, squares
+from .spins import AMPLIFIED, CERTAIN, without_forces
+
+#: Ratio of an inertia to what it is the difference of, below which accelerations lose more than five digits:
+#: of a pivot to its diagonal entry, and of this to the inertia with all other joints locked (of the first
+#: axis of a gimbal-locked wrist of light links).
+NEARLY_NO_INERTIA = 1e-5
+
+
+def unforced_spins(plan: ModulePlan, left: Expression, f: Expression, freedoms: Index) -> Any:
+    """Return the guard of forces on thin spins, from those along some freedoms of the tree after the cuts."""
+    if all(is_zero(x) for x in left):
+        return 0.0
+    size = size_of(f, 1.0 / plan.mechanism.reduction.col_scale[freedoms], [], 1.0)
+    return without_forces(left, size, plan.scale)
+
+
+def least_inertia(
+    plan: ModulePlan, Psi: Expression, M_yy: Expression, A_t: Expression
+) -> tuple[Expression, Any]:
+    """Compute what certainly is an inertia along each motion, where arguments change inertias.
+
+    It is a part of the inertias of the joints that take part; that about one axis is a difference of those
+    about all. Spins that idle are decided by their own numbers.
+
+    Returns:
+        These inertias, shape (motions,), and the guard that their rounding does not grow in other motions.
+    """
+    turned = plan.mechanism.turned_inertia[plan.parts.tree_v]
+    joints = np.array([plus(x, float(y)) for x, y in zip(np.diag(M_yy), turned, strict=True)], dtype=object)
+    least, growth = zeros(len(A_t)), zeros(len(A_t))
+    for k in range(len(plan.parts.spins), len(A_t)):
+        terms = along(np.array([times(x, x) for x in Psi[:, k]], dtype=object), joints)
+        least[k] = times(CERTAIN * plan.scale.eps, terms)
+        others = [j for j in range(len(A_t)) if j != k and not is_zero(A_t[k, j])]
+        coupled = sum((A_t[k, j] * A_t[k, j] / A_t[j, j] for j in others), ca.SX(0.0))
+        growth[k] = terms * coupled / (AMPLIFIED * A_t[k, k] * A_t[k, k])
+    return least, squares(growth)
