@@ -23,6 +23,7 @@ from hybridyn.studies.sweep.sweep import Swept
 from hybridyn.studies.sweep.variants import Variants
 from tests import ROOT
 from tests.comparing import refused
+from tests.excavator import HOME, excavator, teeth
 from tests.extras import needs
 from tests.files import save
 from tests.studies.test_sweep import SCALES, folder, here, rows_of, written
@@ -69,6 +70,25 @@ apart = { range = [0.1, 0.3] }
 [tasks.swing]
 trajectory = "tool.csv"
 measure = { peak = "peak_effort", mean = "mean_power", w = "rms m1_left_elbow/velocity" }
+"""
+
+#: A tool through three modules: with two numbers, one freedom is left.
+EXCAVATOR = """[robot]
+file = "excavator.urdf"
+[designs]
+method = "random"
+count = 8
+check = 8
+[parameters]
+pin = { range = [2.1, 2.3] }
+reach = { range = [2.45, 2.55] }
+stick = { scale_inertia = "stick", range = [0.5, 2.0] }
+[numbers]
+"position:boom_pin/successor.x" = "pin"
+"position:bucket_joint.x" = "reach"
+[tasks.dig]
+trajectory = "teeth.csv"
+measure = { peak = "peak_effort", mean = "mean_power", w = "rms stick_joint/velocity" }
 """
 
 
@@ -269,6 +289,19 @@ def test_some_coordinates_of_a_pose_and_stated_numbers_give_the_rows_of_the_gene
     state = both_ways(save(folder, NUMBERS, "five_bar.toml"))
     assert state.checked + state.statuses["unreachable"] == 12
     assert 6 <= state.compiled == state.statuses["ok"] < 12
+
+
+@pytest.mark.slow
+def test_the_pose_of_a_tool_through_modules_gives_the_rows_of_the_general_path(
+    folder: Path, here: Any
+) -> None:
+    excavator(folder)
+    t = np.linspace(0, 2.0, 41)
+    x, z, _ = teeth(HOME)
+    rows = np.column_stack([t, x - 0.3 * np.sin(t), z + 0.2 * np.sin(2 * t)])
+    np.savetxt("teeth.csv", rows, "%.17g", ",", header="time,teeth/pose/x,teeth/pose/z", comments="")
+    state = both_ways(save(folder, EXCAVATOR, "excavator.toml"))
+    assert (state.compiled, state.checked, state.statuses) == (8, 8, {"ok": 8})
 
 
 def scaled(description: Description, link: str, factor: float) -> Description:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +25,8 @@ from .designs import DesignsInSlots
 
 #: Numbers of the states that are computed at once: they stay in the processor's cache.
 AT_ONCE = 3_000_000
+#: Largest difference of first postures that are one [rad or m].
+SAME_FIRST = 1e-9
 #: Least number of designs at once: a call of a program costs as much as some hundred of them.
 LEAST_DESIGNS = 256
 
@@ -112,7 +116,7 @@ class DesignEvaluator:
         out = DesignTable(q, v, a, tau, {}, 0)
         asked = self.libraries.asked(requests)
         chunks = [slice(start, start + chunk) for start in range(0, D, chunk)]
-        others = [self._chunk(out, at, numbers, asked) for at in chunks]
+        others = [self._chunk(out, at, numbers, requests, asked) for at in chunks]
         left = np.concatenate([np.zeros(0, dtype=int), *others]).tolist()
         for room in (q, v, a, tau):
             room[left] = np.nan
@@ -126,15 +130,28 @@ class DesignEvaluator:
         return replace(out, recomputed=len(left) - len(refused) if doubtful else 0)
 
     def _chunk(
-        self, out: DesignTable, at: slice, numbers: Array, asked: tuple[Closing, Rows] | None
+        self,
+        out: DesignTable,
+        at: slice,
+        numbers: Array,
+        requests: Requests,
+        asked: tuple[Closing, Rows] | None,
     ) -> Index:
         """Evaluate some designs; return those that are left to the general path."""
         own, room = numbers[at], (out.q[at], out.v[at], out.a[at])
         if asked is None:
             return np.arange(len(numbers))[at]
         (closing, given), T = asked, out.q.shape[1]
-        start = posture_of(closing.parts, self.designs.robot.home)
-        closed = closing.rows.close(own, start, given, room, self._threads) == T
+        start = closing.at_home(self.designs.robot, given)
+        if start is None:
+            return np.arange(len(numbers))[at]
+        close = partial(closing.rows.close, own, given=given, out=room, threads=self._threads)
+        if any(one.left for one in closing.chains):
+            first = self._first_postures(closing, requests.part(0, 1), own, given[0][0])
+            closed = close(start=first, guess=False, strict=True) == T
+            closed &= (np.abs(room[0][:, 0] - first[0]) <= SAME_FIRST).all(axis=1)
+        else:  # chains have no walk that finds the branch of the guess
+            closed = close(start=start, strict=bool(closing.chains)) == T
         states = [x.reshape(T * len(own), -1) for x in room]
         inverse, model_inputs = self._inverse(), [*states, np.repeat(own, T, axis=0)]
         (tau,), guard = inverse.batch(
@@ -144,6 +161,33 @@ class DesignEvaluator:
         trusted = (guard <= inverse.trusted).reshape(len(own), T).all(axis=1)
         left: Index = np.flatnonzero(~(closed & trusted)) + at.start
         return left
+
+    def _first_postures(self, closing: Closing, requests: Requests, numbers: Array, given: Array) -> Rows:
+        """Return the first posture of each design, by the general path, as `ClosedRows.close` takes it.
+
+        Which one it is depends on the whole way from home, where freedoms are left. It is NaN for designs
+        that have none, or whose lengths are the units of other measures: they are powers of two.
+
+        Args:
+            closing: The library.
+            requests: Those of the first row.
+            numbers: Numbers in the slots, shape (designs, slots).
+            given: What is prescribed in the first row, shape (numbers,).
+        """
+        robot, chosen = self.designs.robot, [k for one in closing.chains for k in one.numbers]
+        at = [robot.modules.index(part.module) for part in closing.parts]
+        platforms = sum(part.platforms for part in closing.parts)
+        q, p = (np.full((len(numbers), n), np.nan) for n in (robot.nq, platforms))
+        for i, design in enumerate(numbers):
+            with contextlib.suppress(HybridynError):
+                own = self.designs.robot_of(design)
+                if all(own.modules[k].mechanism.length == robot.modules[k].mechanism.length for k in chosen):
+                    parts = [
+                        replace(x, module=own.modules[k]) for x, k in zip(closing.parts, at, strict=True)
+                    ]
+                    found = assemble_requests(own, requests, own.home)[0][0]
+                    q[i], p[i], _ = posture_of(parts, found)
+        return q, p, np.tile(given, (len(numbers), 1))
 
     def _by_the_general_path(self, out: DesignTable, k: int, numbers: Array, requests: Requests) -> None:
         """Evaluate one design by the general path."""

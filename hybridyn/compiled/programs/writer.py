@@ -156,7 +156,11 @@ def alike(numbers: Iterable[int], key: Callable[[int], Hashable]) -> dict[Any, l
 
 
 class ModuleWriter(Writer):
-    """Writes a program that closes loops: each of its kernels has modules of one shape as copies."""
+    """Writes a program that closes loops: each of its kernels has modules of one shape as copies.
+
+    Attributes:
+        parameters: Symbols of numbers that are arguments, or None.
+    """
 
     def __init__(
         self,
@@ -174,7 +178,7 @@ class ModuleWriter(Writer):
             kinds: Number of entries of each kind, and those of each module.
             parameters: Symbols of numbers that are arguments, the last input of the program, or None.
         """
-        self._parameters, self._read, self._written = parameters, list(inputs), list(outputs)
+        self.parameters, self._read, self._written = parameters, list(inputs), list(outputs)
         self._places = {name: kinds[kind][1] for name, kind in {**inputs, **outputs}.items()}
         given, results = ([(name, kinds[kind][0]) for name, kind in of.items()] for of in (inputs, outputs))
         last = [] if parameters is None else [("parameters", parameters.numel())]
@@ -202,7 +206,7 @@ class ModuleWriter(Writer):
         """
         (function, table), copies = kernel, len(numbers)
         sources: list[Source] = [self.from_given(x, self.places(x, numbers)) for x in read or self._read]
-        sources.append(self.numbers(table, self._parameters))
+        sources.append(self.numbers(table, self.parameters))
         targets: list[Target] = [self.result(x, self.places(x, numbers)) for x in written or self._written]
         targets += [Worst()] * (function.n_out() - len(targets))
         self.call(self.kernel(key, function, "closures"), copies, sources, targets)

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ....structure.robot import HybridRobot
+from ...equations.arguments import ModuleArguments
 from ...equations.expressions import pack
 from ...equations.factors import Handed
 from ...program import Add, Constants, Each, Shared, Source, Target, Worst
@@ -57,11 +58,14 @@ class ChainWriter:
         coupled: Coupled,
         number: int,
         places: tuple[Places, Places],
+        arguments: Sequence[ModuleArguments | None] = (),
     ) -> None:
         """Write the kernels.
 
         Args:
             number: Number of the chain; what it prescribes stands behind the parts' numbers.
+            places: Frames of the robot's links, and the same as functions of the arguments.
+            arguments: Arguments of each part, or None; nothing where no number is an argument.
         """
         self._coupled, self._number, self._targets = coupled, len(parts) + number, ChainTargets(coupled)
         self._couple, maps = self._targets.couple()
@@ -85,12 +89,14 @@ class ChainWriter:
         self.groups = []
         for shape, members in alike(range(len(own)), key).items():
             first = own[members[0]]
-            kernels = ChainKernels([own[k].module for k in members], first.given, (), (), places, first.spins)
+            alike_modules = [own[k].module for k in members]
+            numbers = [arguments[coupled.parts[k]] for k in members] if arguments else []
+            kernels = ChainKernels(alike_modules, first.given, (), numbers, places, first.spins)
             ports = Ports(self._targets.bodies[members[0]], maps[members[0]])
             ease = [coupled.problem.ease[k] for k in members]
             kernels.join(ease, ports, coupled.problem.parts[members[0]].rank or 0)
-            numbers = [coupled.parts[k] for k in members]
-            self.groups.append(Group(("chain", number, shape), members, numbers, kernels))
+            at = [coupled.parts[k] for k in members]
+            self.groups.append(Group(("chain", number, shape), members, at, kernels))
 
     @property
     def kept(self) -> dict[int, int]:
@@ -320,7 +326,7 @@ class _Calls:
         """Add the call of a kernel of modules."""
         function, table = kernel
         number = self._w.kernel((name, group.key), function, "closures")
-        numbers = self._w.numbers(table, None)
+        numbers = self._w.numbers(table, self._w.parameters)
         self._w.call(number, len(group.members), [*sources, numbers], list(targets))
 
     def one(

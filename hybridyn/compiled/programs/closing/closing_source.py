@@ -76,7 +76,7 @@ def closing_programs(
     places = fixed, fixed if chosen is None else chosen.places
     index = [robot.modules.index(part.module) for part in parts]
     own = [None if chosen is None else chosen.of_modules[i] for i in index]
-    coupled = [ChainWriter(robot, parts, one, k, places) for k, one in enumerate(chains)]
+    coupled = [ChainWriter(robot, parts, one, k, places, own) for k, one in enumerate(chains)]
     kept = {k: count for writer in coupled for k, count in writer.kept.items()}
     kinds = kinds_of(robot, parts, [one.given for one in chains], kept)
     column = None if chosen is None else chosen.column

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....assembly.assemble import assemble_requests
+from ....assembly.chain.coupling import ways_between
 from ....assembly.chain.solve import motion_of
 from ....assembly.poses import PoseRequest
 from ....assembly.requests import Requests
@@ -40,6 +41,7 @@ from .given import (
     modules_of,
     numbers,
     places_at,
+    posture_of,
     structure_of,
     upright_is_meant,
 )
@@ -68,6 +70,14 @@ class Closing:
         every = [numbers(self.parts, wanted.own), *(one.wanted(wanted.requests) for one in self.chains)]
         g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*every, strict=True))
         return g, g_dot, g_ddot
+
+    def at_home(self, robot: HybridRobot, given: Rows) -> Rows | None:
+        """Return the home posture of designs, whose loops may be open, see `place`."""
+        q, p, g = posture_of(self.parts, robot.home)
+        for one in self.chains:
+            known = given[0][0, len(g) : len(g) + one.given.size]
+            g = np.concatenate([g, one.numbers_at(robot, q[None], known, met=False)[0]])
+        return self.headed((q, p, g), given)
 
     def place(self, robot: HybridRobot, q: Array, given: Rows, *, met: bool = False) -> Rows | None:
         """Return the closed posture at a guess, see `place_of` and `headed`.
@@ -143,7 +153,7 @@ class ClosingLibraries:
         if self._designs is not None and (self.robot.base != "fixed" or self.moves_posed_links(requests)):
             return None
         split = kept(self._splits, structure_of(requests), partial(split_poses, self.robot, requests))
-        if split[1] and self._designs is not None:  # kernels of chains know no arguments
+        if self._designs is not None and any(self._moves_chain(requests, *chain) for chain in split[1]):
             return None
         return wanted_of(self.robot, requests, split)
 
@@ -152,17 +162,32 @@ class ClosingLibraries:
 
         Prescribed poses are those of bodies, computed once; those of coordinates are computed in C.
         """
+        whole = [pose for pose in requests.poses if pose.motion is not None]
+        return self._placed(link for pose in whole for link in (pose.link, pose.other))
+
+    def _placed(self, links: Iterable[str]) -> bool:
+        """Return whether a number of the designs places one of some links in its body."""
         joints = self.robot.description.joints
         above = {joint.child: joint for joint in joints if joint.kind == "fixed"}
         slots = self._designs.slots if self._designs else ()
         placing = {slot.name for slot in slots if slot.table == "joints"}
-        for pose in requests.poses:
-            for link in (pose.link, pose.other) if pose.motion is not None else ():
-                while link in above:
-                    if above[link].name in placing:
-                        return True
-                    link = above[link].parent
+        for link in links:
+            while link in above:
+                if above[link].name in placing:
+                    return True
+                link = above[link].parent
         return False
+
+    def _moves_chain(self, requests: Requests, modules: Sequence[int], poses: Sequence[int]) -> bool:
+        """Return whether a number of the designs moves what the kernels of a chain have as constants.
+
+        These are frames in bodies, and those of modules that do not move.
+        """
+        robot, some = self.robot, [requests.poses[i] for i in poses]
+        links = {link for pose in some for link in (pose.link, pose.other)}
+        links |= {robot.modules[k].base for k in modules}
+        on_the_way = {k for pose in some for way in ways_between(robot, pose) for k, _ in way}
+        return self._placed(links) or not on_the_way <= {*modules}
 
     def _loaded(self, wanted: Wanted) -> Closing | None:
         """Load the library for a choice of given joints and targets; None if there is none."""
@@ -195,33 +220,32 @@ class ClosingLibraries:
 
         def check(built: Built) -> None:
             """Compare a new library with the general path."""
-            rows = self._rows(built)
-            if chains:
-                check_chains(Closing(parts, rows, chains), robot, requests)
-                return
-            if designs is None:
-                check_rows(rows, robot, parts, np.zeros(0))
-                return
-            for design, like, _ in designs_to_verify(robot, designs):
-                if own := _like(parts, like, requests):
-                    check_rows(rows, like, own, design)
+            rows, nominal = self._rows(built), [(np.zeros(0), robot, True)]
+            for design, like, _ in nominal if designs is None else designs_to_verify(robot, designs):
+                own = (parts, chains) if like is robot else _like(parts, like, requests)
+                if own and chains:
+                    check_chains(Closing(own[0], rows, own[1]), like, requests, design)
+                elif own:
+                    check_rows(rows, like, own[0], design)
 
         name = f"closing {structure_of(requests)!r} {robot_key(robot, None)} {scalar!r} {slots!r}"
         return Artifact(robot, name, write, check)
 
 
-def _like(parts: list[Part], robot: HybridRobot, requests: Requests) -> list[Part]:
-    """Return the parts of another design for the same requests; none if its structure is another."""
+def _like(
+    parts: list[Part], robot: HybridRobot, requests: Requests
+) -> tuple[list[Part], list[Coupled]] | None:
+    """Return parts and chains of another design for the same requests; None if its structure is another."""
     try:
         wanted = wanted_of(robot, requests, split_poses(robot, requests))
         members = None if wanted is None else members_of(robot, wanted)
-        own = None if members is None else members[0]
     except HybridynError:
-        return []
+        return None
     structures = [
-        [(part.given, part.module.mechanism.spec.topology) for part in group] for group in (own or [], parts)
+        [(part.given, part.module.mechanism.spec.topology) for part in group]
+        for group in (members[0] if members else [], parts)
     ]
-    return own if own and structures[0] == structures[1] else []
+    return members if structures[0] == structures[1] else None
 
 
 #: Nothing is prescribed.
@@ -363,8 +387,14 @@ def _move(part: Part, number: int, start: Array, wanted: Rows) -> Rows:
     )
 
 
-def check_chains(closing: Closing, robot: HybridRobot, requests: Requests) -> None:
+def check_chains(closing: Closing, robot: HybridRobot, requests: Requests, design: Array) -> None:
     """Compare rows of modules that poses couple with the general path, near generic postures.
+
+    Args:
+        closing: The library, and what it closes of the robot.
+        robot: The robot, or another design of it.
+        requests: Requests that it answers.
+        design: Numbers in the slots, shape (slots,).
 
     Raises:
         CompileError: A row of which the library is certain differs.
@@ -382,7 +412,7 @@ def check_chains(closing: Closing, robot: HybridRobot, requests: Requests) -> No
         if place is None or row is None:
             continue
         room = [np.empty((1, 1, n)) for n in (robot.nq, robot.nv, robot.nv)]
-        if not closing.rows.close(np.zeros((1, 0)), place, row, room, guess=False, strict=True)[0]:
+        if not closing.rows.close(design[None], place, row, room, guess=False, strict=True)[0]:
             continue
         try:
             right = assemble_requests(robot, asked, start)
