@@ -1,7 +1,8 @@
 """Forms of URDF and SDF whose meaning is PyBullet's, where it is installed (`pip install pybullet`).
 
-Its own dynamics is no judge: `loadSDF` takes inertia from shapes, and its models of forces know neither the
-turn of a base nor balls. Places of links and masses are compared.
+Its own dynamics is no judge of SDF: `loadSDF` takes inertia from shapes, and its models of forces know
+neither the turn of a base nor balls. Places of links and masses are compared; for its own URDF files also
+inverse dynamics.
 """
 
 from pathlib import Path
@@ -12,11 +13,13 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
+from tests.description.reading import refused
 from tests.files import save
 from tests.robot_texts import INERTIAL
 from tests.sdf_texts import joint, link, sdf
 
 bullet = pytest.importorskip("pybullet", reason="pip install pybullet")
+bullet_data = pytest.importorskip("pybullet_data", reason="pip install pybullet")
 
 #: PyBullet tells places of links in single precision.
 AGAINST_BULLET = 5e-7
@@ -88,3 +91,72 @@ def test_a_spherical_joint_turns_by_the_quaternion_of_the_child(server: Any, tmp
     # PyBullet places the base by its centre of mass.
     server.resetBasePositionAndOrientation(body, base.com.tolist(), [0, 0, 0, 1])
     compare(server, body, robot, np.array([*quat, 0.4]))
+
+
+#: Robots that PyBullet ships, as they are read: all that have joints, but those below.
+SHIPPED = sorted(
+    path for path in Path(bullet_data.getDataPath()).rglob("*.urdf") if "random_urdfs" not in path.parts
+)
+#: Files that are refused, and what is told.
+REFUSED = {
+    "bike.urdf": "xyz '0.07,' is not a finite number",
+    "biped2d_pybullet.urdf": "lower '-1.57.' is not a finite number",
+    "humanoid.urdf": "Extra content at the end of the document",
+    "husky.urdf": "attribute 'xyz' has 5 numbers instead of 3",
+    "microtaur.urdf": "attribute 'rpy' has 4 numbers instead of 3",
+    "spirit40newer.urdf": "<axis>: stated twice",
+    "torus_deform.urdf": "the robot has no link",
+}
+#: Files that PyBullet itself does not load, or moves otherwise than Pinocchio, which reads them as we do: it
+#: sets inertia to zero that violates the triangle inequality, and it misplaces a wheel.
+OTHERWISE = {
+    "model_for_sdf.urdf", "concave_box.urdf", "mini_cheetah.urdf", "xarm6_robot.urdf",
+    "xarm6_robot_white.urdf", "racecar_differential.urdf", "TwoJointRobot_w_fixedJoints.urdf",
+    "TwoJointRobot_wo_fixedJoints.urdf",
+}  # fmt: skip
+KINDS = {bullet.JOINT_REVOLUTE: ("revolute", "continuous"), bullet.JOINT_PRISMATIC: ("prismatic",),
+         bullet.JOINT_SPHERICAL: ("spherical",), bullet.JOINT_FIXED: ("fixed",)}  # fmt: skip
+#: PyBullet finds principal axes of inertia to 1e-5, by its own iteration.
+AGAINST_EFFORTS = 1e-5
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.name)
+def test_the_robots_of_pybullet_have_its_joints_masses_and_efforts(server: Any, path: Path) -> None:
+    if path.name in REFUSED:
+        refused(path, REFUSED[path.name])
+        return
+    robot = hybridyn.load(path)
+    if path.name in OTHERWISE:
+        theirs = pin.buildModelFromUrdf(str(path))
+        assert theirs.njoints == robot.model.njoints
+        return
+    flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_MAINTAIN_LINK_ORDER
+    body = server.loadURDF(str(path), useFixedBase=True, flags=flags)
+    joints = {one.name: one for one in robot.description.joints}
+    links = {one.name: one for one in robot.description.links}
+    moving = list[str]()
+    for number in range(server.getNumJoints(body)):
+        info = server.getJointInfo(body, number)
+        name, link = info[1].decode(), info[12].decode()
+        assert joints[name].kind in KINDS[info[2]]
+        assert server.getDynamicsInfo(body, number)[0] == pytest.approx(links[link].mass, rel=1e-12)
+        moving += [name] * (joints[name].kind != "fixed")
+    if moving and all(joints[name].kind.single for name in moving) and not robot.description.couplings:
+        efforts(server, body, robot, moving)
+
+
+def efforts(server: Any, body: int, robot: hybridyn.HybridRobot, moving: list[str]) -> None:
+    """Compare inverse dynamics of a tree on a fixed base at a drawn state."""
+    server.setGravity(0, 0, -9.81)
+    state = np.random.default_rng(0).uniform(-0.5, 0.5, (3, len(moving)))
+    theirs = server.calculateInverseDynamics(body, *map(list, state))
+    q, v, a = pin.neutral(robot.model), np.zeros(robot.nv), np.zeros(robot.nv)
+    order = [robot.joints.index(name) for name in moving]
+    for number, x in zip(order, state.T, strict=True):
+        at = robot.q_slices[number]
+        q[at] = (np.cos(x[0]), np.sin(x[0])) if at.stop - at.start == 2 else x[0]
+        v[robot.v_slices[number]], a[robot.v_slices[number]] = x[1], x[2]
+    found = pin.rnea(robot.model, robot.model.createData(), q, v, a)
+    ours = [found[robot.v_slices[number]][0] for number in order]
+    np.testing.assert_allclose(ours, theirs, atol=AGAINST_EFFORTS * np.abs(theirs).max())

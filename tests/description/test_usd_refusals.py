@@ -60,6 +60,10 @@ CASES = {
         hinged(schemas=("PhysicsRigidBodyAPI",)),
         "</robot/j>: a joint is no body; remove PhysicsRigidBodyAPI",
     ),
+    "a body without a place": (
+        usda(A, HELD, prim("PhysicsScene", "s", schemas=("PhysicsRigidBodyAPI",))),
+        "</robot/s>: PhysicsRigidBodyAPI is of prims that have a place, not of a PhysicsScene",
+    ),
     "distance": (
         usda(A, joint("Distance", "j", "", "a", "float physics:maxDistance = 2")),
         "</robot/j>: a PhysicsDistanceJoint is not read; write two spherical joints with a rod",

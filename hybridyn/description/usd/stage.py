@@ -57,6 +57,9 @@ class Prim:
         }  # fmt: skip
         self.body: Prim | None = None if parent is None else parent.body
         if self.has(BODY):
+            if not usd.IsA(UsdGeom.Xformable):
+                kind = f"a {self.kind}" if self.kind else "a prim without a type"
+                raise self.error(f"{BODY} is of prims that have a place, not of {kind}; write an Xform")
             moves = self.flag("physics:rigidBodyEnabled", True) and not self.flag(
                 "physics:kinematicEnabled", False
             )
