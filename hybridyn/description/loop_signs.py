@@ -87,7 +87,7 @@ def refuse_unread_loops(root: XmlNode, notes: list[str]) -> None:
     if unknown:
         where = listed(f"<{tag}> ({node.where})" for tag, node in unknown.items())
         first = next(iter(unknown.values()))
-        notes.append(f"{first.at}: {DROPS} unknown elements {where}; {NOTHING}")
+        notes.append(f"{first.at}: {DROPS} unknown elements {where}; {NOTHING}, as in urdfdom")
 
 
 def refuse_unclosed_frames(robot: RobotFile) -> None:

@@ -52,7 +52,8 @@ def choose_motors(robot: RobotFile, motors: Sequence[str] | None) -> tuple[tuple
     lost = [name for name in statement.names if name not in joints and not closest(name, undriven)]
     if lost and statement.source in ("transmission", "interface"):  # of joints that were cut away
         where = statement.where.removeprefix("URDF ")
-        robot.notes.append(f"{where} names joints that the robot does not have: {listed(lost)}")
+        at = f"{statement.file}:{statement.line}: " if statement.line else ""
+        robot.notes.append(f"{at}{where} names joints that the robot does not have: {listed(lost)}")
         statement = statement._replace(names=tuple(name for name in statement.names if name not in lost))
     return _checked(robot, statement), statement.where
 

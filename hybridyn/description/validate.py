@@ -126,9 +126,8 @@ def _drop_crossed(robot: RobotFile) -> None:
     """Drop and note position limits of which the lower is above the upper."""
     for number, joint in enumerate(robot.joints):
         if joint.lower > joint.upper:
-            robot.notes.append(
-                f"joint '{joint.name}': lower limit {joint.lower:g} above upper {joint.upper:g}, both ignored"
-            )
+            told = f"lower limit {joint.lower:g} above upper {joint.upper:g}, both ignored, as in PyBullet"
+            robot.notes.append(f"joint '{joint.name}': {told}")
             robot.crossed[joint.name] = joint.lower, joint.upper
             robot.joints[number] = replace(joint, lower=-np.inf, upper=np.inf)
 

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from hybridyn.description import read
+from hybridyn.description.notes import place_of
 from tests.description.reading import holds, refused, rows_of_page, save_all
 from tests.description.sdf_rows import SDF_ROWS, Files
 from tests.description.urdf_rows import OF_DRAKE_ROWS, URDF_ROWS
@@ -44,6 +45,8 @@ def test_a_form_is_as_its_row_says(files: Files, expected: dict[str, Any] | str,
         refused(file, expected)
         return
     found = read(file)
+    lines = [place_of(note)[1] for note in found.notes if " drops " in note]
+    assert None not in lines, found.notes
     effects = [name for name, _ in found.effects]
     holds(found, {name: value for name, value in expected.items() if name != "effects"})
     assert "effects" not in expected or effects == [

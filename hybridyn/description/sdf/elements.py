@@ -158,9 +158,9 @@ def check(root: XmlNode, notes: Notes) -> None:
             if child.tag in NOTED:
                 name = child.xml.get("name") or child.xml.get("filename") or around(child).xml.get("name")
                 harmless = child.tag != "plugin" or is_harmless(child)
-                told = NOTED[child.tag] if harmless else f"{DROPS} the plugins {{}}; {NOTHING}"
+                told = NOTED[child.tag] if harmless else f"{DROPS} the plugins {{}}; {NOTHING}, as in Drake"
                 if child.tag != "plugin" or weld_of(child, str(node.xml.get("name", ""))) is None:
-                    notes.setdefault(told, []).append(str(name)[:80])
+                    _note(child, told, str(name), notes)
             _note_forces(child, kind, notes)
             if child.tag in left_out:
                 refuse_lost(child)
@@ -176,8 +176,14 @@ def _note_forces(child: XmlNode, kind: str, notes: Notes) -> None:
     inner = child.descendants() if child.tag == "physics" and kind == "joint" else ()
     unread = [one for one in inner if one.tag not in SOLVER and (len(one.xml) or one.content().strip("0."))]
     for node in (*([child] if on else ()), *unread):
-        text = f"{DROPS} <{node.tag}> of {{}}; {NOTHING}"
-        notes.setdefault(text, []).append(str(around(node).xml.get("name"))[:80])
+        text = f"{DROPS} <{node.tag}> of {{}}; {NOTHING}, as in Drake"
+        _note(node, text, str(around(node).xml.get("name")), notes)
+
+
+def _note(node: XmlNode, text: str, name: str, notes: Notes) -> None:
+    """Note a name, at the place of the first element of which the text tells."""
+    known = (key for key in notes if key.endswith(f": {text}"))
+    notes.setdefault(next(known, f"{node.at}: {text}"), []).append(name[:80])
 
 
 def _check_attributes(node: XmlNode, known: tuple[str, ...]) -> None:
@@ -203,7 +209,7 @@ def _refuse_unknown(child: XmlNode, node: XmlNode, known: tuple[str, ...], notes
     others = ":" in child.tag and child.tag not in NAMESPACED and not child.tag.startswith("hybridyn:")
     if others and not closest(child.tag, [tag for tag in known if ":" in tag]):
         refuse_lost(child)
-        notes.setdefault(CUSTOM, []).append(child.tag)
+        _note(child, CUSTOM, child.tag, notes)
         return
     elsewhere = child.tag in READ and child.tag != "static"
     if elsewhere or child.tag.startswith("hybridyn:") or closest(child.tag, known):

@@ -156,7 +156,9 @@ def _plugin(node: XmlNode, found: Dropped) -> None:
 
 def _add(what: str, node: XmlNode, found: Dropped) -> None:
     file, line = node.place
-    found.setdefault(f"{DROPS} {what} of {{}}; {NOTHING}", (f"{file}:{line}", []))[1].append(_owner(node))
+    found.setdefault(f"{DROPS} {what} of {{}}; {NOTHING}, as in urdfdom", (f"{file}:{line}", []))[1].append(
+        _owner(node)
+    )
 
 
 def _owner(node: XmlNode) -> str:

@@ -191,7 +191,10 @@ def _number(child: XmlNode, notes: list[str]) -> float | None:
         inertias = [tag for tag, word in ROTOR_TAGS.items() if word == "rotor_inertia"]
         if ROTOR_TAGS[child.tag] == "rotor_inertia" or [*root.descendants(*inertias)]:
             raise
-    notes.append(f"{child.at}: <{child.tag}> '{child.content()[:40]}' is no number; no rotor needs it")
+    notes.append(
+        f"{child.at}: <{child.tag}> '{child.content()[:40]}' is no number; no rotor needs it, and PyBullet "
+        "reads none"
+    )
     return None
 
 

@@ -69,9 +69,11 @@ def read_urdf(root: XmlNode, _: object = None) -> RobotFile:
     for node in root.children("joint", "drake:joint"):
         _add_joint(node, robot)
     independent = {node.text("name") for node in nodes if node.flag("independent", True)}
-    if any(joint.parent == "world" for joint in robot.joints) and all(x.name != "world" for x in robot.links):
+    on_world = [joint.name for joint in robot.joints if joint.parent == "world"]
+    if on_world and all(link.name != "world" for link in robot.links):
         robot.links.insert(0, massless("world"))
-        robot.notes.append("joints stand on a link 'world' that the file does not state: it is added")
+        told = "on a link 'world' that the file does not state: it is added, as in Drake"
+        robot.notes.append(f"joints {listed(on_world)} stand {told}")
     add_closures(root, robot)
     parents: dict[str, Joint | None] = {link.name: None for link in robot.links}
     parents |= {joint.child: joint for joint in robot.joints}
@@ -154,7 +156,9 @@ def _add_joint(node: XmlNode, robot: RobotFile) -> None:
     if mimic := node.child("mimic", "drake:mimic"):
         coupling = read_mimic(mimic, name)
         if node.text("type") == "fixed":
-            robot.notes.append(f"{mimic.at}: joint '{name}' is fixed; its <mimic> has no effect")
+            robot.notes.append(
+                f"{mimic.at}: joint '{name}' is fixed; its <mimic> has no effect, as in Pinocchio"
+            )
         else:
             robot.couplings.append(coupling)
 
