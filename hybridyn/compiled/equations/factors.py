@@ -123,7 +123,9 @@ class Definite:
     def weighed(self, right: Expression) -> Expression:
         """Compute right^T A^-1 right, of which only the lower triangle is meant, shape (k, k)."""
         half = self.halfway(right)
-        scaled = np.array([[times(d, y) for y in row] for d, row in zip(self.inverses, half, strict=True)])
+        scaled = half.copy()
+        for i, d in enumerate(self.inverses):
+            scaled[i] = [times(d, y) for y in half[i]]
         out = zeros(half.shape[1], half.shape[1])
         for i in range(len(out)):
             for j in range(i + 1):

@@ -114,7 +114,7 @@ def given_motion(robot: HybridRobot, given: Sequence[str]) -> GivenMotion:
         raise ModelError(
             f"{', '.join(given)}: exported C does not close these loops. It takes whole poses (LINK/pose), "
             "some of x, y, z, roll, pitch and yaw, directions and distances, at most as many as the modules "
-            "between the two links can move, and none of these modules may be given by other numbers"
+            "between the two links can move; what else is given may determine none of these that has loops"
         )
     return GivenMotion(robot, requests, *members)
 

@@ -220,7 +220,8 @@ def coupled_of(
     """Return modules that poses couple; None if the general path must assemble them.
 
     Kernels know whole poses, single coordinates, directions and distances, all rows of which the modules can
-    move, between links that no other module moves.
+    move, between links that no other module moves but those without loops whose joints are all given: these
+    are among the coupled modules, too.
 
     Args:
         modules: Numbers of the modules.
@@ -231,31 +232,36 @@ def coupled_of(
         AssemblyError: The modules cannot move what is prescribed.
     """
     place = {k: i for i, (k, _) in enumerate(modules_of(robot))}
-    parts = tuple(place[k] for k in modules)
     states = robot.home[None], *np.zeros((2, 1, robot.nv))
     poses = sorted(poses, key=lambda i: requests.poses[i].motion is None)
-    first = CoupledModules(modules, tuple(requests.poses[i].part(0, 1) for i in poses))
-    if any(own[i].targets for i in parts) or not _closed_between(robot, first):
+    first = tuple(requests.poses[i].part(0, 1) for i in poses)
+    between = {k for pose in first for way in ways_between(robot, pose) for k, _ in way}
+    between = {k for k in between.difference(modules) if robot.modules[k].mobility}
+    open_modules, modules = modules, tuple(sorted(between.union(modules)))
+    parts = tuple(place[k] for k in modules)
+    if any(own[i].targets for i in parts) or not all(_given_alone(own[place[k]]) for k in between):
         return None
-    task = chain_task(robot, first, [one_sample(own[i]) for i in parts], states)
+    if any(pose.frame is not None or pose.turn is not None for pose in first):
+        return None
+    chain = CoupledModules(modules, first)
+    task = chain_task(robot, chain, [one_sample(own[i]) for i in parts], states)
     targets = [one.target for one in task.problem.relatives]
     whole = sum(isinstance(target, PoseTarget) for target in targets)
     some = tuple(GivenCoordinates.of(t) for t in targets if isinstance(t, CoordinateTarget))
     pointing = [Pointing(t.axis) for t in targets if isinstance(t, DirectionTarget)]
     pointing += [Pointing(None) for t in targets if isinstance(t, DistanceTarget)]
     given = Prescribed((), (), (1,) * whole, some, tuple(pointing))
-    names = tuple(part.module for part in task.parts)
+    names = tuple(robot.modules[k].name for k in open_modules)
     left = LeftToRule(task.left, names) if task.redundant else None
     out = Coupled(modules, parts, tuple(poses), given, task.problem, left)
     return out if task.problem.rank == out.rows else None
 
 
-def _closed_between(robot: HybridRobot, chain: CoupledModules) -> bool:
-    """Return whether the modules of a chain alone move its links in one another."""
-    moved = {k for pose in chain.poses for way in ways_between(robot, pose) for k, _ in way}
-    return all(k in chain.modules or not robot.modules[k].mobility for k in moved) and all(
-        pose.frame is None and pose.turn is None for pose in chain.poses
-    )
+def _given_alone(request: ModuleRequest) -> bool:
+    """Return whether what is given are all joints of a module without loops."""
+    m = request.mechanism
+    held = sum(at.stop - at.start for at in (m.tree.v_slices[joint] for joint in request.given))
+    return not m.closures.rows and held == m.tree.nv
 
 
 def one_sample(request: ModuleRequest) -> ModuleRequest:

@@ -43,10 +43,12 @@ def members_of(robot: HybridRobot, wanted: Wanted) -> tuple[list[Part], list[Cou
     Raises:
         AssemblyError: What is given does not determine the posture, or modules cannot move it.
     """
-    coupled = []
+    coupled = list[Coupled]()
     for modules, poses in wanted.chains:
         one = coupled_of(robot, wanted.requests, modules, poses, wanted.own)
         if one is None:
+            return None
+        if any(set(one.parts) & set(other.parts) for other in coupled):
             return None
         coupled.append(one)
     parts = parts_of(robot, wanted.own, coupled)
