@@ -39,23 +39,10 @@ MOVES = "INLINE V worst(V a, V b) { return SELECT(OR(LE(b, a), NE(a, a)), a, b);
 HEAD = "static void {name}_samples(const V *given, V *result, V *shared, V *own, V *guard)"
 COPIES_HEAD = "static void {name}_copies(const S *given, S *result, S *shared, V *own, S *guard) {{"
 
-#: Models whose single calls matter: what has no copies is compiled for plain numbers, too, and all code of a
-#: call lies in one section, which a call with cold caches fetches.
-CALLED_ALONE = ("idm", "ddm")
 
 #: Least share of sums in the instructions of legs whose kernels are compiled a second time to add them in
 #: place: 7 % in direct models, whose batches then take a tenth less; 2 % in inverse models.
 SUMMED = 0.05
-
-
-def section(program: Program, prefix: str = "") -> str:
-    """Return the name of the section with the code of a program's single calls."""
-    return f"{prefix}code_of_{program.name}"
-
-
-def placed(program: Program, prefix: str = "") -> str:
-    """Return what puts a function into that section; nothing for models that are not `CALLED_ALONE`."""
-    return f"IN_SECTION({section(program, prefix)}) " if program.name in CALLED_ALONE else ""
 
 
 class _CallBlock:

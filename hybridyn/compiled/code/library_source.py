@@ -9,20 +9,12 @@ from typing import Any
 
 from ..program import Call, Program, stored
 from .c_tables import Tables
-from .drivers import (
-    CALLED_ALONE,
-    COPIES_HEAD,
-    HEAD,
-    MOVES,
-    across_copies,
-    across_samples,
-    placed,
-    section,
-    summed,
-)
+from .drivers import COPIES_HEAD, HEAD, MOVES, across_copies, across_samples, summed
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import GUARD_LIMIT, Scalar, text_of
+from .sections import CALLED_ALONE, placed, section
+from .steps_source import steps_in_c, steps_source
 
 #: Largest number of statements of one C file of kernels; each file is compiled by its own process.
 STATEMENTS_PER_UNIT = 4000
@@ -166,39 +158,20 @@ def _driver_unit(every: Iterable[_Printed], bodies: Mapping[str, str], scalar: S
             drivers.append(full if quick == full else f"#ifdef QUICK\n{quick}\n#else\n{full}\n#endif")
             drivers.append(_single(program))
         numbers += [
-            f"void {plain}{_arguments(bodies[name]).replace('V *', 'S *')};"
+            f"void {plain}{argument_names(bodies[name]).replace('V *', 'S *')};"
             for name, plain in printed.plain.items()
         ]
     programs = [printed.program for printed in every]
     if steps_in_c(programs, scalar):
-        drivers.append(_steps(programs))
+        drivers.append(steps_source(programs))
     arrays = text_of("numpy_array.h") if scalar.lanes > 1 else ""
     before = [driver_prelude(bodies, scalar), arrays, *numbers]
     return "\n\n".join([*before, tables.text, *drivers, more]) + "\n"
 
 
-def _arguments(text: str) -> str:
+def argument_names(text: str) -> str:
     """Return the arguments of a kernel."""
     return text[: text.index("{")]
-
-
-def steps_in_c(programs: list[Program], scalar: Scalar) -> bool:
-    """Return whether a library takes time steps in C: in double precision, with programs "lift" and "ddm"."""
-    return scalar.name == "float64" and scalar.lanes > 1 and {"lift", "ddm"} <= {p.name for p in programs}
-
-
-#: What `laws.h`, `lift.h` and `steps.h` need of every library, and the size of their memory.
-STEPS = "#define STAGES 8\n#define LAST_STEP 1e-12\n#define LAW(name) law->name\n#define DDM ddm_single_at"
-STEPS_WORK = "EXPORT Long steps_work = sizeof(Work);"
-
-
-def _steps(programs: list[Program]) -> str:
-    """Return the C of the time steps."""
-    lift, ddm = (next(p for p in programs if p.name == name) for name in ("lift", "ddm"))
-    sizes, names = dict(lift.outputs), {"NQ": "q", "NV": "xi_dot", "MODULES": "step"}
-    defines = [f"#define {name} {sizes[key]}" for name, key in names.items()]
-    defines.append(f"#define EFFORTS {dict(ddm.inputs)['tau']}")
-    return "\n".join([*defines, STEPS, *map(text_of, ("laws.h", "lift.h", "steps.h")), STEPS_WORK])
 
 
 def driver_prelude(bodies: Mapping[str, str], scalar: Scalar) -> str:
@@ -214,7 +187,7 @@ def driver_prelude(bodies: Mapping[str, str], scalar: Scalar) -> str:
         text_of("fetching.h"),
         scalar.moves(),
     ]
-    return "\n".join([*lines, *(f"void {name}{_arguments(text)};" for name, text in bodies.items())])
+    return "\n".join([*lines, *(f"void {name}{argument_names(text)};" for name, text in bodies.items())])
 
 
 def _ahead(program: Program) -> str:

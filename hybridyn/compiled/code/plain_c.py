@@ -10,10 +10,11 @@ from collections.abc import Sequence
 
 from ..program import Call, Program, stored
 from .c_tables import Tables
-from .drivers import CALLED_ALONE, HEAD, MOVES, across_copies, across_samples, placed, section
+from .drivers import HEAD, MOVES, across_copies, across_samples
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
 from .scalars import FUNCTIONS, REAL, SINES, arithmetic, moves_of_copies, single, text_of
+from .sections import CALLED_ALONE, placed, section
 
 #: Names of the arithmetic of plain numbers that become those of vectors; and new names beside the old ones.
 PLAIN = (

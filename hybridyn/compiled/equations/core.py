@@ -11,119 +11,16 @@ import numpy as np
 
 from ...assembly.free_motions import IDLE
 from ...linkage.reduction import RANK_TOLERANCE
-from ...spatial import Array, Index
-from ...structure.mechanism import Mechanism
+from ...spatial import Index
 from .chains import Chain, Placed, split_positions, sweep
 from .core_rows import CoreRows, write_rows
-from .expressions import Expression, dot, is_zero, plain, sampled, scalar, symbols, zeros
-from .guarded_elimination import Pivots, balanced, choose_pivots, solve
-from .legs import PlatformMotion, WrittenLeg, leg_pivots
-from .parts import Leg, Parts
+from .expressions import Expression, dot, is_zero, plain, scalar, zeros
+from .leg_groups import Leg
+from .legs import PlatformMotion, WrittenLeg
+from .module_plan import ModulePlan
 from .rigid import motion_to_parent, to_child
-from .scales import GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale, largest, size_of, weighed
-from .spins import UNFELT, Decided, decided, first_moment
-from .states import seen_postures
-from .wrist_paths import Path, path_of, wrist_pivots
-
-
-@dataclass(frozen=True)
-class ModulePlan:
-    """Everything that is chosen about a module before its code is written.
-
-    Attributes:
-        parts: Its core and its legs.
-        paths: One path for each wrist of the module.
-        loop_pivots: Pivots of the core's closures.
-        leg_pivots: Pivots of each group's closures.
-        wrist_pivots: Pivots of each wrist's Jacobian.
-        scale: Scales of its closure residuals.
-        inertias: Ten numbers of each output, including what regrouping moves to it, if they are arguments.
-        column: Symbols of the module's arguments, or None.
-    """
-
-    parts: Parts
-    paths: tuple[Path, ...]
-    loop_pivots: Pivots
-    leg_pivots: tuple[Pivots, ...]
-    wrist_pivots: tuple[Pivots, ...]
-    scale: Scale
-    inertias: tuple[Expression, ...] | None = None
-    column: ca.SX | None = None
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """The module."""
-        return self.parts.mechanism
-
-    @property
-    def free(self) -> list[int]:
-        """Freedoms of the core without a pivot."""
-        return [k for k in range(len(self.parts.tree_v)) if k not in self.loop_pivots.cols]
-
-    @property
-    def motions(self) -> list[int]:
-        """The same in the order of the core's motions: those that stand for spins come first."""
-        spins = [spin.col for spin in self.parts.spins]
-        return spins + [k for k in self.free if k not in spins]
-
-    def solved(self, K: Expression, right: Expression) -> tuple[Expression, Expression]:
-        """Solve the core's closures K y = right; redundant rows of a rounded file count like the others."""
-        r = self.mechanism.reduction
-        if not r.rounded:
-            return solve(K, right, self.loop_pivots)
-        return balanced(K, right, self.loop_pivots, r.row_scale[list(self.parts.closure_rows)])
-
-    def spinning(self, rotor: Sequence[float], leg: Leg | None = None) -> list[Decided]:
-        """Decide which spins of the core, or of a leg, have inertia.
-
-        Args:
-            rotor: Rotor inertias over the freedoms of the tree after the cuts.
-        """
-        links, own, spins = self.parts.links, self.parts.tree_v, self.parts.spins
-        if leg is not None:
-            links, own, spins = leg.links, leg.tree_v, (leg.spin,) if leg.spin else ()
-        turned, out = self.mechanism.turned_inertia, []
-        for spin in spins:
-            at = own[list(spin.cols)]
-            reference = float(turned[at].max(initial=0.0) or turned.max(initial=0.0))
-            out.append(decided(spin, links, np.array(rotor)[at], reference, self.scale))
-        return out
-
-
-def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = True) -> ModulePlan:
-    """Choose all pivots of a module.
-
-    Args:
-        parts: Its core and its legs.
-        positions: Positions of its spanning tree at generic assembled postures, shape (samples, nq).
-        dtype: Type of the arithmetic, "float64" or "float32".
-        compared: As in `Scale`.
-    """
-    m = parts.mechanism
-    paths = tuple(path_of(m, m.spec, wrist) for wrist in m.spec.wrists)
-    postures = seen_postures(m)
-    groups = []
-    for group in parts.groups:
-        leg = group[0]
-        rows = np.array([1 / m.length] * 3 + [1.0] * (leg.closure.rows - 3))
-        units = np.abs(leg.unspun.T) @ m.reduction.col_scale[leg.tree_v]
-        groups.append(leg_pivots(group, postures, (rows, units)))
-    closed = max(GUARD_CLOSED[dtype], OF_ROUNDED * m.rounding if m.reduction.rounded else 0.0)
-    wrists = [wrist_pivots(m, path, positions) for path in paths]
-    scale = Scale(m.length, closed, TINY_RATE[dtype], compared, float(np.finfo(dtype).eps))
-    plan = ModulePlan(parts, paths, Pivots((), (), ()), tuple(groups), tuple(wrists), scale)
-    return replace(plan, loop_pivots=_loop_pivots(plan, positions[-len(m.postures) :]))
-
-
-def _loop_pivots(plan: ModulePlan, positions: Array) -> Pivots:
-    """Choose the pivots of the core's closures at positions of the spanning tree, shape (samples, nq)."""
-    parts, m = plan.parts, plan.mechanism
-    if not len(parts.closure_rows):
-        return Pivots((), (), ())
-    column, q = symbols("q", m.spanning.nq)
-    K = write_core(plan, q, zeros(m.spanning.nv), zeros(6)).rows.K[:, 6:]
-    scales = m.reduction.row_scale[list(parts.closure_rows)], m.reduction.col_scale[parts.tree_v]
-    return choose_pivots(sampled(K, [column], [[x] for x in positions]), parts.rank, *scales)
+from .scales import Scale, largest, size_of, weighed
+from .spins import UNFELT, first_moment
 
 
 def spin_guard(plan: ModulePlan, felt: Expression, moved: Expression, idle: float) -> Any:

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from .chains import forces, mass_matrix, motion_map
-from .core import Core, ModulePlan, motions_of, own_inertia, rank_guard
+from .core import Core, motions_of, own_inertia, rank_guard
 from .direct_legs import LEG_SUMS
 from .direct_outwards import accelerations_outwards, add_wrists, legs_on_paths
 from .expressions import (
@@ -32,6 +32,7 @@ from .expressions import (
 )
 from .guarded_elimination import solve_definite
 from .least_inertia import NEARLY_NO_INERTIA, least_inertia, unforced_spins
+from .module_plan import ModulePlan
 from .options import Options
 from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_parent
 from .scales import squares

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...spatial import Array
-from .core import ModulePlan, leg_guard, spins_of_legs
+from .core import leg_guard, spins_of_legs
 from .expressions import along, dot, pack, plus, times, zeros
 from .least_inertia import unforced_spins
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
+from .module_plan import ModulePlan
 from .options import Options
 from .stages import GivenColumns, Stage, cut
 

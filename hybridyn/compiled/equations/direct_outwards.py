@@ -9,9 +9,10 @@ import numpy as np
 
 from ...spatial import Index
 from .chains import motion_map, sweep
-from .core import Core, ModulePlan, core_body, whole
+from .core import Core, core_body, whole
 from .expressions import Expression, numbers, pack
 from .guarded_elimination import solve
+from .module_plan import ModulePlan
 from .options import Options
 from .rigid import classical, to_child
 from .scales import squares

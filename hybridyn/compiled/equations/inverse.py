@@ -13,10 +13,11 @@ import numpy as np
 
 from ...spatial import Array
 from .chains import Chain, Placed, forces, motion_map, sweep
-from .core import Core, ModulePlan, leg_guard, motions_of, own_inertia, pick, rank_guard, spins_of_legs
+from .core import Core, leg_guard, motions_of, own_inertia, pick, rank_guard, spins_of_legs
 from .expressions import Expression, along, dot, pack, plus, times, zeros
 from .guarded_elimination import Pivots
 from .legs import PlatformMotion, write_leg
+from .module_plan import ModulePlan
 from .motor_balance import motor_efforts
 from .options import Options
 from .rigid import classical, crf, crm, momentum, resting, to_child, to_parent

@@ -41,7 +41,7 @@ from .expressions import (
     zeros,
 )  # fmt: skip
 from .guarded_elimination import Pivots, choose_pivots, solve
-from .parts import Leg
+from .leg_groups import Leg
 from .rigid import LinkNumbers, matrix_moved, to_parent
 from .scales import Scale, squares, weighed
 from .spins import Spin

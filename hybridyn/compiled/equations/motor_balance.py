@@ -13,10 +13,11 @@ from ...dynamics.guards import SINGULAR_MOTOR_MAP, UNDRIVEN
 from ...spatial import Array
 from ...structure.module import Module
 from ..code.scalars import GUARD_LIMIT
-from .core import ModulePlan, motions_of, write_core
+from .core import motions_of, write_core
 from .expressions import Expression, along, dot, is_zero, pack, symbols, times, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, choose_pivots, solve
 from .legs import write_leg
+from .module_plan import ModulePlan
 from .scales import Scale, squares, weighed
 from .states import generic_positions
 

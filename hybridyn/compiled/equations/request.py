@@ -19,9 +19,10 @@ from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from .acting import Acting, acting_on
 from .arguments import ChosenNumbers, Inertias, ModuleArguments
-from .core import ModulePlan, plan_module
 from .expressions import Expression, settled
+from .module_plan import ModulePlan
 from .parts import Parts, parts_of
+from .planning import plan_module
 from .rigid import ten_expressions, ten_numbers
 from .states import generic_positions
 from .wrist_paths import path_of

@@ -9,8 +9,8 @@ import numpy as np
 from ..equations.direct import write_direct
 from ..equations.direct_legs import LEG_SUMS, write_direct_legs
 from ..equations.expressions import plain, upper
+from ..equations.leg_groups import Leg
 from ..equations.options import direct_options
-from ..equations.parts import Leg
 from ..equations.request import Request
 from ..equations.rigid import inertia_matrix
 from ..program import Program, Source

@@ -14,7 +14,7 @@ from ...spatial import Index
 from ...structure.module import Module
 from ..equations.arguments import ChosenNumbers, decided_alike
 from ..equations.expressions import dot, pack, plain, symbols
-from ..equations.parts import Leg
+from ..equations.leg_groups import Leg
 from ..equations.request import Request
 from ..equations.rigid import classical, quaternion_matrix
 from ..equations.stages import Stage, WrittenModule
