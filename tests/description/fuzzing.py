@@ -29,6 +29,7 @@ from hybridyn.description.bounds import BOUNDS
 from tests.description.reading import finite, outcome, save_all
 from tests.description.test_fuzz_readers import CASES, Judge, of_mjcf, of_sdf, of_urdf, of_usd
 from tests.description.test_valid_files import check, saved
+from tests.description.test_xacro_judged import agrees
 from tests.description.valid_files import FORMATS
 from tests.mutations import TREE, USDA
 
@@ -101,7 +102,14 @@ def drawn_and_broken(name: str, seed: int, folder: Path) -> tuple[int, int]:
     return int(found is not None), int(found is None)
 
 
+def drawn_xacro(seed: int, folder: Path) -> tuple[int, int]:
+    """Draw a xacro file, and compare its expansion with xacro's."""
+    is_read = agrees(str(seed), folder)
+    return int(is_read), int(not is_read)
+
+
 KINDS: dict[str, Case] = {
+    "drawn xacro": drawn_xacro,
     **{f"drawn {name}": partial(drawn, name) for name in FORMATS},
     **{f"broken {name}": partial(broken, name) for name in CASES},
     **{f"drawn and broken {name}": partial(drawn_and_broken, name) for name in FORMATS},
