@@ -22,6 +22,7 @@ from .chain.coupling import chains_of
 from .chain.solve import assemble_chain
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies
+from .redundancy import LEAST
 from .requests import (
     Requests,
     asked_requests,
@@ -46,6 +47,7 @@ def assemble(
     nearest: bool = False,
     hold: Iterable[str] = (),
     weights: Mapping[str, float] | None = None,
+    redundancy: str = LEAST,
 ) -> tuple[Array, Array, Array]:
     """Compute a posture that closes all loops from motor positions, poses of links, or a mixture.
 
@@ -68,8 +70,7 @@ def assemble(
             for its z axis, zx, zy, zz, a vector of any length. `distance` is that of the link's origin from
             the other's, or from the point cx, cy, cz of the other link. For a moving or floating base, the
             root link's name stands for the pose of the base in the world (at rest by default). A pose may go
-            through several modules; where it leaves freedoms of motors, the motors move least from row to
-            row, each measured by its range.
+            through several modules; where it leaves freedoms of motors, `redundancy` takes them.
         guess: Initial posture, shape (nq,). If it closes the loops to 1e-3 module lengths, all that is given
             moves straight from there to the first sample, on the guess's assembly branch. From another one,
             and from the home posture, which is the default, the first sample is on that branch if the branch
@@ -78,7 +79,12 @@ def assemble(
             a spline through positions.
         hold: Joints that stay where the guess has them: as if `motors` gave these positions.
         weights: Motor to a factor that multiplies its motion over its range, where motors move least: one
-            above 1 spares the motor.
+            above 1 spares the motor. With "middle of ranges", it multiplies its way from there.
+        redundancy: The rule that takes freedoms of motors which poses leave: "least motion" from row to row;
+            or "middle of ranges": of the postures that meet the poses, the one in which the motors are
+            nearest to the middle of their ranges, each way divided by half the range, by the sum of squares.
+            This posture depends on the poses alone, and on the least one that the guess leads to; its rates
+            and accelerations are its derivatives. All motors that may move need a range then.
 
     Returns:
         q, v, a on the spanning tree, shapes (nq,), (nv,), (nv,), or (T, ...) if any input has T samples.
@@ -86,13 +92,14 @@ def assemble(
         freedoms, rates and accelerations are the nearest ones that keep the loops closed.
 
     Raises:
-        AssemblyError: A target is out of reach, a step would leave the branch, or the posture is
-            underdetermined; or rates contradict one another by more than 0.01 of the sample's
-            largest (at least 1 rad/s or module length per second), or accelerations, unless all are zero.
+        AssemblyError: A target is out of reach, a step would leave the branch, the posture is
+            underdetermined, or the least posture of a rule ends; or rates contradict one another by more than
+            0.01 of the sample's largest (at least 1 rad/s or module length per second), or accelerations,
+            unless all are zero.
         SingularityError: The joints cannot follow the motion, for example of a platform with a stretched leg.
         TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or there is no sample.
     """
-    requests = asked_requests(robot, motors, platforms, guess, nearest, hold, weights)
+    requests = asked_requests(robot, motors, platforms, guess, nearest, hold, weights, redundancy)
     if not requests.samples:
         raise TrajectoryError("motors and platforms have no samples; give at least one")
     q, v, a = assemble_requests(robot, requests, first_guess(robot, guess))

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import AssemblyError
 from ..linkage.newton import SETTLED, STALLED, Closed, newton_step
 from ..spatial import Array, Index, Mask, in_turn
+from .chain.lowest import LowestTask
 from .chain.task import ChainTask
 from .refusals import Ended, lost, unreachable
 from .task import Task
@@ -68,7 +69,7 @@ def follow(
     q = np.empty((len(task.known), task.problem.tree.nq))
     starts = T * np.arange(len(guess))
     task = task.headed(guess[:1], starts[:1])
-    q[starts] = _first_postures(task, guess, starts, strict)
+    q[starts] = first_postures(task, guess, starts, strict)
     last, chunk = 0, 1 if task.redundant else T
     task = task.headed(q[:1], starts[:1])
     while last < T - 1:
@@ -97,7 +98,7 @@ def follow(
     return q, task
 
 
-def _first_postures(task: AnyTask, guess: Array, starts: Index, strict: bool) -> Array:
+def first_postures(task: AnyTask, guess: Array, starts: Index, strict: bool) -> Array:
     """Compute the postures reached from guesses at the samples where trajectories start, (K, nq), (K,).
 
     Each is the end of a continuous path from the guess on its own assembly branch. If there is no such path,
@@ -239,6 +240,9 @@ def _steps_as_predicted(task: AnyTask, q: Array, samples: Index) -> Mask:
     K = problem.matrix(motion, samples + 1, every=False)
     dx = newton_step(problem, K, problem.residual(start, samples + 1, motion))
     predicted = tree.integrate(start, dx * problem.col_scale)
+    if isinstance(task, LowestTask):
+        predicted = task.predicted(predicted, samples + 1)
+        dx = tree.difference(start, predicted) / problem.col_scale
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)
     out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL_STEP

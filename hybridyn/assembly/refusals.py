@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.newton import Closed
 from ..spatial import Array
+from .chain.lowest import LowestTask
 from .chain.task import ChainTask
 from .task import Task, WeakRows
 
@@ -148,7 +149,10 @@ def lost(
     Args:
         ended: As for `unreachable`.
     """
-    if not task.closed(result)[0]:
+    closed = task.closed(result)[0]
+    if isinstance(task, LowestTask) and (closed or np.isinf(result.residual[0])):
+        return task.lost(sample, start)
+    if not closed:
         return unreachable(task, result, sample, ended=ended)
     told, distance = _told(ended)
     return AssemblyError(

@@ -17,6 +17,7 @@ from ..structure.robot import HybridRobot, joint_position
 from ..structure.samples import as_numbers
 from ..tables.signals import WORLD
 from .poses import PoseRequest, check_known, for_all, level_triple, pose_levels, pose_request
+from .redundancy import LEAST, RULES
 
 #: Motions that may contradict one another, see `Requests.nearest`: measured ones, or those judged elsewhere.
 MOTIONS = ("rates", "accelerations")
@@ -37,6 +38,7 @@ class Requests(NamedTuple):
             nearest motion. Others are an error then.
         stay: Whether joints that nothing determines stay at home; else they are an error.
         weights: Motor to the factor of its motion, where motors move least; 1 for others.
+        redundancy: The rule for freedoms that are left, one of `RULES`.
     """
 
     samples: int
@@ -49,6 +51,7 @@ class Requests(NamedTuple):
     nearest: tuple[str, ...] = ()
     stay: bool = False
     weights: Mapping[str, float] = MappingProxyType({})
+    redundancy: str = LEAST
 
     def part(self, start: int, stop: int) -> Requests:
         """Return the requests for some consecutive samples."""
@@ -63,6 +66,7 @@ class Requests(NamedTuple):
             self.nearest,
             self.stay,
             self.weights,
+            self.redundancy,
         )
 
 
@@ -119,12 +123,15 @@ def asked_requests(
     nearest: bool,
     hold: Iterable[str],
     weights: Mapping[str, float] | None,
+    redundancy: str,
 ) -> Requests:
     """Check the caller's input, and build the requests; arguments and errors are those of `assemble`."""
     given = motors_by_name(robot, motors)
     given = {**given, **held(robot, hold, given, first_guess(robot, guess))}
     requests = gather_requests(robot, given, platforms, nearest)
-    return requests._replace(strict=guess is not None, weights=checked_weights(robot, weights or {}))
+    check_known(redundancy, RULES, "redundancy")
+    weights = checked_weights(robot, weights or {})
+    return requests._replace(strict=guess is not None, weights=weights, redundancy=redundancy)
 
 
 def held(robot: HybridRobot, hold: Iterable[str], given: Collection[str], guess: Array) -> dict[str, float]:

@@ -83,6 +83,16 @@ def pull(kind: JointKind, xi: Array, v: Array) -> Array:
     return np.concatenate([_carried(kind, turn, v[..., :n]), turning], axis=-1) if n else turning
 
 
+def bending(kind: JointKind, v: Array) -> Array:
+    """Compute xi_ddot of constant rates at xi = 0, shape (T, nv): shifts turn with the child's axes."""
+    out, n = np.zeros_like(v), kind.shift
+    if n == 3:
+        out[:, :n] = cross(v[:, n:], v[:, :n])
+    elif n == 2:
+        out[:, :n] = v[:, n:] * np.stack([-v[:, 1], v[:, 0]], axis=1)
+    return out
+
+
 def push(kind: JointKind, xi: Array, xi_dot: Array) -> Array:
     """Compute v = T(xi) xi_dot from numbers, shapes (nv,) and (nv,) or (nv, k).
 

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..joints.displacement import difference, moved
+from ..joints.displacement import bending, difference, moved
 from ..joints.kinds import JointKind
 from ..spatial import Array, hat, rotation_from_axis_angle, rotation_from_quaternion
 
@@ -77,6 +77,10 @@ class TreeJoint:
     def integrate(self, q: Array, dq: Array) -> Array:
         """Integrate the constant twist dq from q over unit time, shape (T, nq)."""
         return moved(self.kind, q, dq)
+
+    def bending(self, v: Array) -> Array:
+        """Compute the second time derivative of the displacement of constant rates, shape (T, nv)."""
+        return bending(self.kind, v)
 
     def difference(self, q0: Array, q1: Array) -> Array:
         """Compute the twist dq with `integrate(q0, dq) = q1`, shape (T, nv)."""

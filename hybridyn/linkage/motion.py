@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..spatial import Array, Index, Mask, cross, rotate, rotate_back
+from ..spatial import Array, Index, Mask, cross, rotate, rotate_back, rotation_from_vector
 
 
 class Motion(NamedTuple):
@@ -51,6 +51,13 @@ class Motion(NamedTuple):
         axes = np.broadcast_to(np.eye(3) if R is None else R, (samples, 3, 3))
         origin = np.broadcast_to(np.zeros(3) if p is None else p, (samples, 3))
         return cls(axes, origin, zero, zero, zero, zero)
+
+    def ahead(self, step: Array) -> Motion:
+        """Return frames after small times, shape (T,), to second order, at rest."""
+        s = step[:, None]
+        turn = rotation_from_vector(s * self.w + 0.5 * s * s * self.w_dot)
+        p = self.p + s * self.p_dot + 0.5 * s * s * self.p_ddot
+        return Motion.at_rest(len(p), np.matmul(turn, self.R), p)
 
     def of_body(self, body: int) -> Motion:
         """Return the motion of one body of a tree."""

@@ -103,8 +103,9 @@ class DirectionTarget(NamedTuple):
         return rate, acceleration
 
     def ahead(self, step: Array) -> DirectionTarget:
-        """Return the target after small times, shape (T,), at its present rates."""
-        turn = rotation_from_vector(step[:, None] * cross(self.value, self.rate))
+        """Return the target after small times, shape (T,), to second order."""
+        s = step[:, None]
+        turn = rotation_from_vector(cross(self.value, s * self.rate + 0.5 * s * s * self.acceleration))
         return self._replace(value=rotate(turn, self.value))
 
     def between(self, sample: int, fractions: Array) -> DirectionTarget:
@@ -211,10 +212,10 @@ class DistanceTarget(NamedTuple):
         return rate[:, None], acceleration[:, None]
 
     def ahead(self, step: Array) -> DistanceTarget:
-        """Return the target after small times, shape (T,), at its present rates."""
-        levels, centre = self.levels.copy(), self.centre.copy()
-        levels[0] += step * levels[1]
-        centre[0] += step[:, None] * centre[1]
+        """Return the target after small times, shape (T,), to second order."""
+        levels, centre, s = self.levels.copy(), self.centre.copy(), step[:, None]
+        levels[0] += step * levels[1] + 0.5 * step * step * levels[2]
+        centre[0] += s * centre[1] + 0.5 * s * s * centre[2]
         return self._replace(levels=levels, centre=centre)
 
     def between(self, sample: int, fractions: Array) -> DistanceTarget:

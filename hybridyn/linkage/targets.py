@@ -66,8 +66,8 @@ class PoseTarget(NamedTuple):
         return velocity[samples], acceleration[samples] - bias
 
     def ahead(self, step: Array) -> PoseTarget:
-        """Return the target itself: its rows do not depend on what is prescribed."""
-        return self
+        """Return the target after small times, shape (T,), to second order."""
+        return self._replace(goal=self.goal.ahead(step))
 
     def between(self, sample: int, fractions: Array) -> PoseTarget:
         """Interpolate from a sample to the next: linear position, rotation about a fixed axis."""
@@ -133,8 +133,8 @@ class TurnTarget(NamedTuple):
         return velocity[:, 3:], acceleration[:, 3:]
 
     def ahead(self, step: Array) -> TurnTarget:
-        """Return the target itself: its rows do not depend on what is prescribed."""
-        return self
+        """Return the target after small times, shape (T,), to second order."""
+        return self._replace(goal=self.goal.ahead(step))
 
     def between(self, sample: int, fractions: Array) -> TurnTarget:
         """Interpolate from a sample to the next: rotation about a fixed axis."""
@@ -273,8 +273,9 @@ class CoordinateTarget(NamedTuple):
         return self.rate[samples], self.acceleration[samples] - caused[:, self._rows]
 
     def ahead(self, step: Array) -> CoordinateTarget:
-        """Return the target itself: its rows do not depend on what is prescribed."""
-        return self
+        """Return the target after small times, shape (T,), to second order."""
+        s = step[:, None]
+        return self._replace(value=self.value + s * self.rate + 0.5 * s * s * self.acceleration)
 
     def between(self, sample: int, fractions: Array) -> CoordinateTarget:
         """Interpolate the coordinates linearly from a sample to the next, angles by the shorter way."""

@@ -110,6 +110,13 @@ class Tree:
             out[:, at] = self.joints[i].integrate(q[:, at], dq[:, self.v_slices[i]])
         return out
 
+    def bending(self, v: Array) -> Array:
+        """Compute the second time derivative of the displacement of constant rates, shape (T, nv)."""
+        out = np.zeros_like(v)
+        for i in self._others:
+            out[:, self.v_slices[i]] = self.joints[i].bending(v[:, self.v_slices[i]])
+        return out
+
     def difference(self, q0: Array, q1: Array) -> Array:
         """Compute the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
         out = np.empty((len(q0), self.nv))

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..assembly.chain.solve import LeftToRule, left_to_rule
+from ..assembly.chain.solve import left_to_rule
 from ..assembly.posture import check_joints, holding
+from ..assembly.redundancy import LeftToRule
 from ..assembly.requests import gather_requests
 from ..assembly.task import closure_residual
 from ..dynamics.inverse import idm

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 
 from ...linkage.motion import Motion
 from ...linkage.tree import Tree
-from ...spatial import Array, Index, Mask, rotate, rotation_from_vector
+from ...spatial import Array, Index, Mask, rotate
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +30,8 @@ class CarriedFrame:
     inner: Motion
 
     def ahead(self, step: Array) -> CarriedFrame:
-        """Return the place after small times, shape (T,), at its present rates."""
-        m = self.inner
-        R = np.matmul(rotation_from_vector(step[:, None] * m.w), m.R)
-        return CarriedFrame(self.part, self.body, Motion.at_rest(len(m.p), R, m.p + step[:, None] * m.p_dot))
+        """Return the place after small times, shape (T,), to second order."""
+        return replace(self, inner=self.inner.ahead(step))
 
 
 class ChainMotion(NamedTuple):
@@ -73,6 +71,11 @@ class ChainTree:
         """Integrate constant joint twists dq from q over unit time, shapes (T, nq), (T, nv)."""
         parts = zip(self.trees, self.q_of, self.v_of, strict=True)
         return np.concatenate([tree.integrate(q[:, at], dq[:, to]) for tree, at, to in parts], axis=1)
+
+    def bending(self, v: Array) -> Array:
+        """Compute the second time derivative of the displacement of constant rates, shape (T, nv)."""
+        parts = zip(self.trees, self.v_of, strict=True)
+        return np.concatenate([tree.bending(v[:, to]) for tree, to in parts], axis=1)
 
     def difference(self, q0: Array, q1: Array) -> Array:
         """Compute the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""

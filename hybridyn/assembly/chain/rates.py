@@ -8,7 +8,7 @@ mu' = 0, determines the accelerations x': along the motions that K leaves free, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,14 +19,16 @@ from ...spatial import Array
 from ...structure.module import Module
 from ..module_request import ModuleRequest
 from ..task import BOUNDED, CONTRADICTION, SINGULAR_ROWS, check_agreement, check_bounded
-from .bodies import Carried, ChainMotion
+from .ahead import ahead, open_rates
+from .bodies import ChainMotion
+from .chart import SLOPE
+from .lowest import LowestTask
 from .problem import ChainProblem, ChainRows, Split, rates_of_twist
 from .task import ChainTask
 
-#: Central difference of order six: steps and weights. Its error is h^6/140 of the seventh derivative.
-STENCIL = ((1, 45 / 60), (2, -9 / 60), (3, 1 / 60))
-#: Its step h in scaled coordinates [rad, module lengths].
-STEP = 1e-2
+#: Way of one step of the differences along a motion [rad, module lengths]. Their error is the step to the
+#: power of six, over 140, times the seventh derivative.
+AHEAD = 1e-2
 #: Rows of closures that rates miss by more than this part of the largest are met by all freedoms.
 BENT = 1e-12
 
@@ -58,15 +60,31 @@ class ChainRates:
             SingularityError: They have no bound.
             AssemblyError: What is given contradicts itself.
         """
-        problem, scale = self.task.problem, self.task.problem.col_scale
-        asked = self._asked("known_v")
-        rates = self._solve(asked, self._wanted(self.placed, None), "rates")
-        motion = problem.tree.sweep(self.x, rates * scale, at=self.placed)
-        wanted = self._wanted(motion, rates * scale)
-        accelerations = self._solve(self._asked("known_a"), wanted, "accelerations")
-        if self.task.redundant:
-            accelerations -= self._turning_of_the_rule(rates, np.where(problem.free, rates, 0.0))
+        task, scale = self.task, self.task.problem.col_scale
+        rates = self._solve(self._asked("known_v"), self._wanted(self.placed, None), "rates")
+        accelerations = self._accelerations(rates)
+        if isinstance(task, LowestTask):
+            chart = task.chart(self.x, np.arange(len(self.x)))
+            rates = rates + open_rates(chart, self._hurry(rates, accelerations), rates)
+            accelerations = self._accelerations(rates)
+            hurry = self._hurry(rates, accelerations)
+            accelerations += open_rates(chart, hurry, rates, accelerations)
+        elif task.redundant:
+            accelerations -= self._turning_of_the_rule(rates, self._hurry(rates, accelerations))
         return rates * scale, accelerations * scale
+
+    def _accelerations(self, rates: Array) -> Array:
+        """Compute the least accelerations, scaled, at scaled rates, shapes (T, nv)."""
+        problem = self.task.problem
+        motion = problem.tree.sweep(self.x, rates * problem.col_scale, at=self.placed)
+        wanted = self._wanted(motion, rates * problem.col_scale)
+        return self._solve(self._asked("known_a"), wanted, "accelerations")
+
+    def _hurry(self, rates: Array, accelerations: Array) -> Array:
+        """Return one over the time in which anything moves by one [rad, module lengths], shape (T,)."""
+        fast = np.maximum(np.abs(rates), np.sqrt(np.abs(accelerations))).max(axis=1, initial=0.0)
+        out: Array = np.maximum(fast, self._known_rates())
+        return out
 
     def _asked(self, level: str) -> Array:
         """Return given rates or accelerations of joints, scaled, shape (T, nv)."""
@@ -151,22 +169,21 @@ class ChainRates:
         """Return the names of what the targets prescribe."""
         return ", ".join(dict.fromkeys(name for one in self.task.problem.relatives for name in one.names))
 
-    def _turning_of_the_rule(self, rates: Array, least: Array) -> Array:
+    def _turning_of_the_rule(self, rates: Array, hurry: Array) -> Array:
         """Compute the part of K'^T mu along the motions that all rows leave free, scaled, shape (T, nv).
 
         Args:
             rates: Scaled rates, shape (T, nv).
-            least: Those of the free freedoms, the others zero.
+            hurry: One over the time in which anything moves by one, shape (T,).
         """
         problem, reach = self.task.problem, self.split.reach
-        own, between = self._multipliers(least)
-        size = np.maximum(np.abs(rates).max(axis=1, initial=0.0), self._known_rates())
-        h = STEP / np.where(size > 0.0, size, 1.0)
+        own, between = self._multipliers(np.where(problem.free, rates, 0.0))
+        h = AHEAD / np.where(hurry > 0.0, hurry, 1.0)
         change = np.zeros_like(rates)
-        for steps, weight in STENCIL:
+        for steps, weight in SLOPE:
             for sign in (1.0, -1.0):
-                ahead = sign * steps * h
-                change += (sign * weight / h)[:, None] * self._forces(rates, ahead, own, between)
+                times = sign * steps * h
+                change += (sign * weight / h)[:, None] * self._forces(rates, times, own, between)
         y = problem.gathered(self.split, np.where(problem.free, change, 0.0))
         y -= least_squares(reach, np.einsum("tij,tj->ti", reach, y), rank=problem.rank)
         return problem.spread(self.split, y)
@@ -184,22 +201,11 @@ class ChainRates:
             own.append(least_squares(np.swapaxes((K * ease)[:, :, part.free], 1, 2), rest, rank=part.rank))
         return own, between
 
-    def _forces(self, rates: Array, ahead: Array, own: Sequence[Array], between: Array) -> Array:
+    def _forces(self, rates: Array, times: Array, own: Sequence[Array], between: Array) -> Array:
         """Compute K^T mu ahead by small times, shape (T,), at the present rates, shape (T, nv)."""
         problem, samples = self.task.problem, np.arange(len(self.x))
-        relatives = tuple(
-            replace(
-                one,
-                link=one.link.ahead(ahead),
-                other=one.other.ahead(ahead),
-                target=one.target.ahead(ahead),
-            )
-            for one in problem.relatives
-        )
-        carried = Carried(tuple(base.ahead(ahead) for base in problem.carried.bases))
-        there = replace(problem, carried=carried, relatives=relatives)
-        x = problem.tree.integrate(self.x, ahead[:, None] * rates * problem.col_scale)
-        rows = there.matrix(problem.tree.sweep(x), samples)
+        x = problem.tree.integrate(self.x, times[:, None] * rates * problem.col_scale)
+        rows = ahead(problem, times).matrix(problem.tree.sweep(x), samples)
         return np.concatenate([
             np.einsum("tij,ti->tj", K, mu) + np.einsum("tij,ti->tj", J, between)
             for K, J, mu in zip(rows.own, rows.targets, own, strict=True)

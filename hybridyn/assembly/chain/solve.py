@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from ...description.names import listed
 from ...errors import AssemblyError, inform
 from ...linkage.motion import Motion
 from ...linkage.reduction import decide_rank
@@ -15,19 +14,22 @@ from ...linkage.targets import named_rows
 from ...spatial import Array, rotation_from_quaternion
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
-from ..follow import follow
+from ..follow import first_postures, follow
 from ..free_motions import IDLE, effects
 from ..module_request import ModuleRequest, body_in_tree
 from ..pose_targets import partial_targets, whole_target
 from ..poses import PoseRequest
+from ..redundancy import LEAST, LeftToRule
 from ..requests import Requests, in_root
 from ..spanning import settled, spanning_states
 from ..task import Task, module_task
 from .bodies import Carried, CarriedFrame, ChainMotion
 from .coupling import CoupledModules, chains_of, own_requests, way_to_root
 from .least import ease_of
+from .lowest import LowestTask
 from .problem import ChainProblem, Relative, Split
 from .rates import ChainRates
+from .second import second_task
 from .task import ChainTask
 
 #: Generic postures at which the rank of targets between links is decided, and the gap that decides it.
@@ -56,9 +58,13 @@ def assemble_chain(
     own = own_requests(robot, requests, chain)
     task = chain_task(robot, chain, own, (q, v, a))
     task = replace(task, start=_at_guess(robot, chain, task.problem, guess))
+    start = cut_positions(robot, chain.modules, guess[None])
     if task.redundant:
-        inform(str(LeftToRule(task.left, tuple(part.module for part in task.parts))), log="hybridyn.assembly")
-    x, task = follow(task, cut_positions(robot, chain.modules, guess[None]), strict=requests.strict)
+        names = tuple(part.module for part in task.parts)
+        inform(str(LeftToRule(task.left, names, requests.redundancy)), log="hybridyn.assembly")
+        if requests.redundancy != LEAST:
+            task, start = _lowest(robot, chain, requests, task, guess)
+    x, task = follow(task, start, strict=requests.strict)
     at, to = task.problem.tree.q_of, task.problem.tree.v_of
     x = np.concatenate([settled(m.mechanism, x[:, i]) for m, i in zip(modules, at, strict=True)], axis=1)
     placed = task.problem.tree.sweep(x)
@@ -71,25 +77,24 @@ def assemble_chain(
         q[:, module.q_index], v[:, module.v_index], a[:, module.v_index] = found
 
 
-@dataclass(frozen=True)
-class LeftToRule:
-    """Freedoms that what is given leaves to the least motion.
-
-    Attributes:
-        count: Their number.
-        modules: Names of the modules that share them.
-    """
-
-    count: int
-    modules: tuple[str, ...]
-
-    def __str__(self) -> str:
-        """Return the sentence for a log or a summary."""
-        freedoms = "1 freedom" if self.count == 1 else f"{self.count} freedoms"
-        return (
-            f"what is given leaves {freedoms} of {listed(self.modules)} open: the motors move least from row "
-            "to row, each measured by its range"
-        )
+def _lowest(
+    robot: HybridRobot, chain: CoupledModules, requests: Requests, task: ChainTask, guess: Array
+) -> tuple[LowestTask, Array]:
+    """Return the task of a second rule, and its first posture, shape (1, nq), from a guess (nq,)."""
+    modules, problem, first = [robot.modules[k] for k in chain.modules], task.problem, np.zeros(1, dtype=int)
+    value = second_task(requests.redundancy, robot, modules, problem, requests.weights)
+    freedoms = np.split(np.arange(problem.tree.nv), [at.start for at in problem.tree.v_of[1:]])
+    motors = np.concatenate([at[module.motor_columns] for module, at in zip(modules, freedoms, strict=True)])
+    motors = motors[problem.free[motors]]
+    start = cut_positions(robot, chain.modules, guess[None])
+    plain = task.headed(start, first)
+    q = first_postures(plain, start, first, requests.strict)
+    plain = plain.headed(q, first)
+    lowest = LowestTask(plain.problem, plain.parts, plain.left, None, value, motors, requests.redundancy)
+    q, found = lowest.lowered(q, first)
+    if not found[0]:
+        raise lowest.lost(0, "from the guess")
+    return lowest, q
 
 
 def left_to_rule(robot: HybridRobot, requests: Requests, q: Array) -> list[LeftToRule]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.posture import holding, posture_at
+from ...assembly.redundancy import LEAST
 from ...assembly.requests import Requests, asked_requests, first_guess, gather_requests
 from ...effects.choice import Effects
 from ...spatial import Array
@@ -56,6 +57,7 @@ class Postures:
         nearest: bool = False,
         hold: Iterable[str] = (),
         weights: Mapping[str, float] | None = None,
+        redundancy: str = LEAST,
     ) -> tuple[Array, Array, Array]:
         """Compute postures that close all loops, like `hybridyn.assemble`, row after row in C.
 
@@ -70,6 +72,7 @@ class Postures:
             nearest: As in `hybridyn.assemble`.
             hold: As in `hybridyn.assemble`.
             weights: As in `hybridyn.assemble`.
+            redundancy: As in `hybridyn.assemble`. Only the least motion is written in C.
 
         Returns:
             q, v, a as `hybridyn.assemble` returns them, equal up to rounding, in double precision. Rods that
@@ -79,7 +82,7 @@ class Postures:
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
-        requests = asked_requests(self.robot, motors, platforms, guess, nearest, hold, weights)
+        requests = asked_requests(self.robot, motors, platforms, guess, nearest, hold, weights, redundancy)
         return self.assemble_requests(requests, guess)
 
     def designs(

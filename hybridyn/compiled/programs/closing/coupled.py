@@ -14,8 +14,9 @@ import numpy as np
 
 from ....assembly.chain.coupling import CoupledModules, chains_of, ways_between
 from ....assembly.chain.problem import ChainProblem, Relative
-from ....assembly.chain.solve import LeftToRule, chain_task, cut_positions
+from ....assembly.chain.solve import chain_task, cut_positions
 from ....assembly.module_request import ModuleRequest
+from ....assembly.redundancy import LEAST, LeftToRule
 from ....assembly.requests import Requests
 from ....linkage.motion import Motion
 from ....linkage.pointing import DirectionTarget, DistanceTarget
@@ -221,7 +222,7 @@ def coupled_of(
 
     Kernels know whole poses, single coordinates, directions and distances, all rows of which the modules can
     move, between links that no other module moves but those without loops whose joints are all given: these
-    are among the coupled modules, too.
+    are among the coupled modules, too. Of the rules they know the least motion.
 
     Args:
         modules: Numbers of the modules.
@@ -254,7 +255,8 @@ def coupled_of(
     names = tuple(robot.modules[k].name for k in open_modules)
     left = LeftToRule(task.left, names) if task.redundant else None
     out = Coupled(modules, parts, tuple(poses), given, task.problem, left)
-    return out if task.problem.rank == out.rows else None
+    ruled = task.redundant and requests.redundancy != LEAST
+    return out if task.problem.rank == out.rows and not ruled else None
 
 
 def _given_alone(request: ModuleRequest) -> bool:

@@ -466,7 +466,8 @@ def structure_of(requests: Requests) -> tuple[object, ...]:
         )
         for p in requests.poses
     )  # fmt: skip
-    return tuple(requests.joints), poses, requests.base is None, tuple(requests.weights.items())
+    rule = requests.redundancy, *requests.weights.items()
+    return tuple(requests.joints), poses, requests.base is None, rule
 
 
 def numbers(parts: list[Part], wanted: list[ModuleRequest]) -> tuple[Array, Array, Array]:

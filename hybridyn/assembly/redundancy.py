@@ -1,0 +1,34 @@
+"""The rules for freedoms that what is given leaves open, by name; `assemble` describes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..description.names import listed
+
+LEAST, MIDDLE = "least motion", "middle of ranges"
+#: All rules, and what is told of each.
+RULES = {
+    LEAST: "the motors move least from row to row, each measured by its range",
+    MIDDLE: "the motors are as near to the middle of their ranges as the targets allow",
+}
+
+
+@dataclass(frozen=True)
+class LeftToRule:
+    """Freedoms that what is given leaves to a rule.
+
+    Attributes:
+        count: Their number.
+        modules: Names of the modules that share them.
+        rule: The rule that takes them.
+    """
+
+    count: int
+    modules: tuple[str, ...]
+    rule: str = LEAST
+
+    def __str__(self) -> str:
+        """Return the sentence for a log or a summary."""
+        freedoms = "1 freedom" if self.count == 1 else f"{self.count} freedoms"
+        return f"what is given leaves {freedoms} of {listed(self.modules)} open: {RULES[self.rule]}"

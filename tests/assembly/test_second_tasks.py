@@ -1,0 +1,285 @@
+"""Postures that make a value least, of all that meet the targets: judged by other means, and their rates."""
+
+import itertools
+import re
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize, minimize_scalar
+
+import hybridyn
+from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
+from hybridyn.spatial import Array
+from hybridyn.structure.building import build_robot
+from tests.assembly.test_angles import arm
+from tests.comparing import close_to, refused
+from tests.oracle import Oracle
+from tests.posing import far_apart, of_link
+from tests.samples import slow
+from tests.shipped import shipped
+
+REACHED = 1e-10  # of positions, relative to the largest
+SAME = 1e-10  # from other starts: slopes are known to 1e-13 of the value, and curvatures are not far from 1
+LEVEL = 1e-9  # of slopes along open motions [1/rad, 1/module length]: order six at steps of 1e-2
+SEARCHED = 1e-5  # SciPy's accuracy: the root of what it resolves of the value
+STEP = 2e-3  # of time in central differences of order six [s]
+DIFFERENCED = 1e-8  # relative, of rates: truncation (STEP / 0.1 s)^6 / 140, rounding 1e-13 / STEP
+TWICE = 1e-7  # the same of accelerations, which are third derivatives of the value at steps of 1e-2
+MIDDLE = "middle of ranges"
+LIMITS = ((-1.0, 2.0), (-2.4, 2.0), (-1.5, 2.5), (-3.0, 1.0))
+
+
+def limited(folder: Path, axes: str = "yyyy") -> HybridRobot:
+    """Return the arm of `arm` with ranges whose middles differ."""
+    arm(folder, axes)
+    path, ranges = folder / "arm.urdf", itertools.cycle(LIMITS)
+    text = re.sub(
+        'lower="[^"]*" upper="[^"]*"',
+        lambda _: 'lower="{}" upper="{}"'.format(*next(ranges)),
+        path.read_text(),
+    )
+    path.write_text(text)
+    return hybridyn.load(path)
+
+
+def ways(robot: HybridRobot, x: Array) -> Array:
+    """Return how far motors are from the middle of their ranges, over half of these, shape (..., motors)."""
+    lower, upper = (
+        np.array([getattr(robot.records[m], k) for m in robot.motors]) for k in ("lower", "upper")
+    )
+    return (x - (lower + upper) / 2) / ((upper - lower) / 2)
+
+
+def bent(robot: HybridRobot) -> Array:
+    """Return a posture of an arm in which it is bent."""
+    return hybridyn.assemble(robot, motors=0.4 + 0.1 * np.arange(len(robot.motors)))[0]
+
+
+def tool(robot: HybridRobot) -> tuple[str, Array]:
+    """Return the last output of a robot and its pose at home."""
+    still, link = np.zeros((1, robot.nv)), robot.modules[-1].outputs[0]
+    return link, of_link(robot, robot.home[None], still, still, link, robot.description.root)[0][0]
+
+
+def differences(x: Array) -> Array:
+    """Return the derivatives at the middle row of seven."""
+    return (45 * (x[4] - x[2]) - 9 * (x[5] - x[1]) + x[6] - x[0]) / (60 * STEP)
+
+
+def check_derivatives(robot: HybridRobot, q: Array, v: Array, a: Array) -> None:
+    """Compare rates with differences of positions, and accelerations with those of rates, of seven rows."""
+    close_to(differences(q)[robot.motor_q], v[3][robot.motor_v], DIFFERENCED)
+    close_to(differences(v), a[3], TWICE)
+
+
+# ---------------------------------------------------------------- the value
+
+
+@pytest.mark.parametrize("weights", [{}, {"j1": 3.0}])
+def test_a_planar_arm_is_as_near_to_the_middle_as_its_free_angle_allows(
+    tmp_path: Path, weights: dict[str, float]
+) -> None:
+    """Of three joints in a plane, the first is free; the elbow follows from the law of cosines."""
+    robot = limited(tmp_path)
+    x, z = 0.9, 0.35
+    factors = np.array([weights.get(m, 1.0) for m in robot.motors])
+
+    def joints(first: float, sign: float) -> Array:
+        x1, z1 = x - 0.5 * np.cos(first), z + 0.5 * np.sin(first)
+        elbow = sign * np.arccos(min((x1 * x1 + z1 * z1 - 0.5) / 0.5, 1.0))  # where it cannot reach, straight
+        forearm = np.arctan2(-z1, x1) - np.arctan2(np.sin(elbow), 1.0 + np.cos(elbow))
+        return np.array([first, forearm - first, elbow, -1.0])  # the last joint is in the middle
+
+    def value(first: float, sign: float) -> float:
+        off = np.hypot(x - 0.5 * np.cos(first), z + 0.5 * np.sin(first)) > 1.0
+        return 1e9 if off else float(np.sum((factors * ways(robot, joints(first, sign))) ** 2))
+
+    grid = [(first, sign) for first in np.linspace(-2.0, 2.0, 401) for sign in (1.0, -1.0)]
+    best, sign = min(grid, key=lambda one: value(*one))
+    near = (best - 0.01, best + 0.01)
+    found = minimize_scalar(value, bounds=near, args=(sign,), method="bounded", options={"xatol": 1e-12})
+    start = joints(best - 0.2, sign) + np.array([0.0, 0.0, 0.0, 0.3])
+    given = partial(hybridyn.assemble, robot, platforms={"l3": ({"x": x, "z": z},)}, weights=weights)
+    close_to(given(guess=start, redundancy=MIDDLE)[0], joints(found.x, sign), SEARCHED)
+
+
+@pytest.mark.parametrize("name", ["stewart_ur5", slow("lx4")])
+def test_no_open_motion_lowers_the_value(name: str) -> None:
+    """Motions are those of the oracle."""
+    robot = build_robot(shipped(name))
+    link, pose = tool(robot)
+    pose[:3] += [0.05, -0.03, -0.04]
+    q, _, _ = hybridyn.assemble(robot, platforms={link: pose}, redundancy=MIDDLE)
+    assert closure_residual(robot, q) < REACHED
+    still = np.zeros((1, robot.nv))
+    close_to(of_link(robot, q[None], still, still, link, robot.description.root)[0][0], pose, REACHED)
+    Z = Oracle(robot.description).motions(q)
+    many, zero = np.tile(q, (Z.shape[1], 1)), np.zeros_like(Z.T)
+    J = of_link(robot, many, Z.T, zero, link, robot.description.root)[1].T
+    kept = Z @ np.linalg.svd(J)[2][6:].T
+    half = np.array([(robot.records[m].upper - robot.records[m].lower) / 2 for m in robot.motors])
+    x = q[robot.motor_q]
+    slope = 2 * (ways(robot, x) / half) @ kept[robot.motor_v]
+    assert np.abs(slope / np.abs(kept).max(axis=0)).max() < LEVEL
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["stewart_ur5", "lx4"])
+def test_no_search_lowers_the_value(name: str) -> None:
+    """SciPy searches among positions of all motors, from which each module is assembled by itself."""
+    robot = build_robot(shipped(name))
+    link, pose = tool(robot)
+    pose[:3] += [0.05, -0.03, -0.04]
+    q, _, _ = hybridyn.assemble(robot, platforms={link: pose}, redundancy=MIDDLE)
+    x = q[robot.motor_q]
+    half = np.array([(robot.records[m].upper - robot.records[m].lower) / 2 for m in robot.motors])
+    middle = x - half * ways(robot, x)
+
+    def reached(u: Array) -> Array:
+        rows = hybridyn.assemble(robot, motors=np.atleast_2d(middle + half * u), guess=q)[0]
+        zero = np.zeros((len(rows), robot.nv))
+        found = of_link(robot, rows, zero, zero, link, robot.description.root)[0]
+        return np.squeeze(np.where(found[:, 3:] @ pose[3:, None] < 0, -1, 1) * found - pose)[..., :6]
+
+    def slopes(u: Array) -> Array:
+        eye = 1e-6 * np.eye(len(u))
+        return (reached(u + eye) - reached(u - eye)).T / 2e-6
+
+    start = ways(robot, x) + 1e-2 * np.sin(np.arange(len(x)))
+    # Where the rotation is near its own, three parts of a quaternion determine it.
+    targets = {"type": "eq", "fun": reached, "jac": slopes}
+    found = minimize(
+        lambda u: u @ u, start, jac=lambda u: 2 * u, method="SLSQP", constraints=targets, tol=1e-14
+    )
+    close_to(found.x, ways(robot, x), SEARCHED)
+
+
+# -------------------------------------------------------------- derivatives
+
+
+@pytest.mark.parametrize("name", ["stewart_ur5", *map(slow, ("lx4", "scara_delta"))])
+def test_rates_and_accelerations_are_derivatives_of_the_least_postures(name: str) -> None:
+    robot = build_robot(shipped(name))
+    link, home = tool(robot)
+    t = 0.7 + STEP * np.arange(-3, 4)
+    pose, zero = np.repeat(home[None], len(t), axis=0), np.zeros_like(t)
+    pose[:, 0] += 0.04 * np.sin(3 * t)
+    pose[:, 2] -= 0.02 * t * t
+    twist = np.stack([0.12 * np.cos(3 * t), zero, -0.04 * t, zero, zero, zero], axis=1)
+    change = np.stack([-0.36 * np.sin(3 * t), zero, zero - 0.04, zero, zero, zero], axis=1)
+    q, v, a = hybridyn.assemble(robot, platforms={link: (pose, twist, change)}, redundancy=MIDDLE)
+    check_derivatives(robot, q, v, a)
+    last = hybridyn.assemble(robot, platforms={link: pose[-1]}, redundancy=MIDDLE)[0]
+    assert far_apart(robot, last[None], q[-1:]) < SAME  # a function of the target
+
+
+def waves(base: float, size: float, speed: float) -> Callable[[Array], tuple[Array, Array, Array]]:
+    """Return a function of time with its derivatives."""
+    return lambda t: (
+        base + size * np.sin(speed * t),
+        size * speed * np.cos(speed * t),
+        -size * speed**2 * np.sin(speed * t),
+    )
+
+
+@pytest.mark.parametrize(
+    ("axes", "link", "names", "held"),
+    [
+        ("yyyy", "l3", {"distance": 1.1, "cx": 0.1, "cy": 0.02, "cz": -0.2}, ()),
+        ("yyyy", "l3", {"x": 1.1, "pitch": 1.9}, ()),
+        ("zyxzy", "l4", {"xx": 0.9, "xy": 0.3, "xz": -0.4}, ()),
+        ("zyxzyx", "l5", {"x": 1.6, "y": 0.5, "z": -0.7}, ("j1",)),
+        ("zyxzyx", "l5@l1", {"x": 1.3, "z": -0.4}, ("j0", "j1")),
+    ],
+)
+def test_all_kinds_of_targets_have_derivatives(
+    axes: str, link: str, names: dict[str, float], held: tuple[str, ...], tmp_path: Path
+) -> None:
+    """Distances from a point that moves, angles, directions; a joint between that moves as given."""
+    robot = limited(tmp_path, axes)
+    t = 0.3 + STEP * np.arange(-3, 4)
+    moved = {name: waves(at, 0.05, 1.0 + i)(t) for i, (name, at) in enumerate(names.items())}
+    levels = tuple({name: one[k] for name, one in moved.items()} for k in range(3))
+    given = {name: waves(0.3, 0.1, 2.0)(t) for name in held}
+    q, v, a = hybridyn.assemble(robot, motors=given, platforms={link: levels}, redundancy=MIDDLE)
+    check_derivatives(robot, q, v, a)
+
+
+def test_long_steps_and_other_starts_end_in_the_same_postures(tmp_path: Path) -> None:
+    robot = limited(tmp_path)
+    s = np.linspace(0.0, 1.0, 41)
+    path = {"x": 1.2 - 0.2 * s, "z": 0.2 * s}
+    fine = hybridyn.assemble(robot, platforms={"l3": (path,)}, guess=bent(robot), redundancy=MIDDLE)[0]
+    coarse = {"l3": ({name: x[::20] for name, x in path.items()},)}
+    q = hybridyn.assemble(robot, platforms=coarse, guess=bent(robot), redundancy=MIDDLE)[0]
+    assert far_apart(robot, q, fine[::20]) < SAME
+    q = hybridyn.assemble(robot, platforms={"l3": (path,)}, guess=fine[7], redundancy=MIDDLE)[0]
+    assert far_apart(robot, q, fine) < SAME
+
+
+def test_held_joints_stay_where_the_guess_has_them(tmp_path: Path) -> None:
+    robot = limited(tmp_path)
+    start, way = bent(robot), {"l3": ({"x": 1.1, "z": np.linspace(-0.9, -0.7, 5)},)}
+    held = partial(hybridyn.assemble, robot, platforms=way, guess=start, redundancy=MIDDLE)
+    close_to(held(hold=["j1"]), held(motors={"j1": float(start[1])}), REACHED)
+
+
+# -------------------------------------------------------------------- wrong
+
+
+@pytest.mark.parametrize(
+    ("redundancy", "error", "words"),
+    [
+        ("middle of range", TrajectoryError, "unknown redundancy .* .did you mean 'middle of ranges'"),
+        ("best", TrajectoryError, "unknown redundancy 'best'"),
+    ],
+)  # fmt: skip
+def test_names_of_rules_are_checked(
+    redundancy: str, error: type[Exception], words: str, tmp_path: Path
+) -> None:
+    given = partial(hybridyn.assemble, arm(tmp_path, "yyyy"), platforms={"l3": ({"x": 1.0},)})
+    refused(partial(given, redundancy=redundancy), error, words)
+
+
+def test_motors_without_a_range_have_no_middle(tmp_path: Path) -> None:
+    robot = limited(tmp_path)
+    path = tmp_path / "arm.urdf"
+    endless = re.sub('"revolute"(>.{,150})lower="-2.4" upper="2.0" ', r'"continuous"\1', path.read_text())
+    path.write_text(endless)
+    robot = hybridyn.load(path)
+    given = partial(hybridyn.assemble, robot, platforms={"l3": ({"x": 1.0, "z": 0.2},)}, redundancy=MIDDLE)
+    refused(given, AssemblyError, "motors without a range: 'j1'; give them limits in the file, or hold them")
+    assert len(given(hold=["j1"], guess=bent(robot))) == 3
+
+
+@pytest.mark.slow  # steps become as short as they may
+def test_a_least_posture_that_ends_is_told(tmp_path: Path) -> None:
+    """The value of the planar arm has two least ones at x = 0.96; one of them is gone at 0.95."""
+    robot, s = limited(tmp_path), np.linspace(0.0, 1.0, 41)
+    far = {"l3": ({"x": 1.2 - 0.5 * s, "z": 0.6 * s},)}
+    given = partial(hybridyn.assemble, robot, platforms=far, guess=bent(robot), redundancy=MIDDLE)
+    refused(
+        given, AssemblyError, "no continuous motion leads to a least posture at sample 20 from", sample=20
+    )
+
+
+def test_joints_without_a_motor_have_no_rule(tmp_path: Path) -> None:
+    limited(tmp_path)
+    robot = hybridyn.load(tmp_path / "arm.urdf", motors=["j0", "j2", "j3"])
+    given = partial(hybridyn.assemble, robot, platforms={"l3": ({"x": 1.0, "z": 0.2},)}, redundancy=MIDDLE)
+    refused(
+        given, AssemblyError, "no motor drives some motions of module 'l1'; give them, or take 'least motion'"
+    )
+
+
+@pytest.mark.slow
+def test_compiled_models_leave_the_rule_to_the_general_path(tmp_path: Path) -> None:
+    robot = limited(tmp_path)
+    compiled, s = hybridyn.compile(robot), np.linspace(0.0, 0.1, 20)
+    given = {"platforms": {"l3": ({"x": 1.1 - s, "z": s},)}, "guess": bent(robot), "redundancy": MIDDLE}
+    for one, other in zip(compiled.assemble(**given), hybridyn.assemble(robot, **given), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert compiled.recomputed == len(s)
