@@ -84,7 +84,11 @@ def assemble(
             or "middle of ranges": of the postures that meet the poses, the one in which the motors are
             nearest to the middle of their ranges, each way divided by half the range, by the sum of squares.
             This posture depends on the poses alone, and on the least one that the guess leads to; its rates
-            and accelerations are its derivatives. All motors that may move need a range then.
+            and accelerations are its derivatives. All motors that may move need a range then. Or "away from
+            singular", in the same way: the one with the largest product of all singular values of the maps
+            from the joints to the poses and to the motors (of free motions that are orthonormal in rad and
+            module lengths), over the exponential of the sum of squares of the same ways: a motor at a limit
+            divides it by e, one without a range never.
 
     Returns:
         q, v, a on the spanning tree, shapes (nq,), (nv,), (nv,), or (T, ...) if any input has T samples.

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 from ..description.names import listed
 
-LEAST, MIDDLE = "least motion", "middle of ranges"
+LEAST, MIDDLE, AWAY = "least motion", "middle of ranges", "away from singular"
 #: All rules, and what is told of each.
 RULES = {
     LEAST: "the motors move least from row to row, each measured by its range",
     MIDDLE: "the motors are as near to the middle of their ranges as the targets allow",
+    AWAY: "the posture is as far from singular ones, and from limits, as the targets allow",
 }
 
 

@@ -18,7 +18,7 @@ LONGEST, SHORTEST = 0.1, 1e-7
 #: A posture is lowest after a step below this: the next one is a millionth of it, or less.
 LOWEST = 1e-9
 #: Steps below this are not asked to lower the value, whose change is rounding.
-ROUNDING = 1e-5
+LOWERED_ROUNDING = 1e-5
 #: Largest deviation of a step from its prediction, relative to it.
 AS_PREDICTED = 0.25
 #: Slopes below this part of the curvature are level: there a step leaves a saddle.
@@ -93,7 +93,7 @@ class LowestTask(ChainTask):
         good = ChainTask.closed(self, result) & (off <= AS_PREDICTED * size + LOWEST)
         assert self.value is not None
         before, after = (self.value(self.problem, q, chart.samples) for q in (chart.q, result.q))
-        return result.q, good & ((after < before) | (size < ROUNDING))
+        return result.q, good & ((after < before) | (size < LOWERED_ROUNDING))
 
     def predicted(self, q: Array, samples: Index) -> Array:
         """Return where one step of lowering leads from postures that nearly meet the rows, shape (T, nq)."""

@@ -7,7 +7,7 @@ depend on the targets alone, on the branch of the row before.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +17,9 @@ from ...errors import AssemblyError
 from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
-from ..redundancy import LEAST
+from ..free_motions import IDLE
+from ..redundancy import LEAST, MIDDLE
+from .bodies import ChainMotion
 from .least import driven_alone
 from .problem import ChainProblem
 
@@ -49,11 +51,40 @@ class FromMiddle:
         return out
 
 
+@dataclass(frozen=True, eq=False)
+class NearSingular:
+    """Minus the logarithm of the product of all singular values of two maps, scaled; ranges count, too.
+
+    The maps are those from the free motions of all joints, orthonormal, to the targets and to the motors. The
+    first loses rank at serial singularities, the second one, of each module, at parallel ones.
+
+    Attributes:
+        motors: Columns of the motors in each part.
+        driven: Number of motions of each part that its motors drive.
+        ranges: What ways from the middle of ranges add: a motor at a limit as much as a factor e.
+    """
+
+    motors: tuple[Index, ...]
+    driven: tuple[int, ...]
+    ranges: FromMiddle
+
+    def __call__(self, problem: ChainProblem, q: Array, samples: Index) -> Array:
+        """Compute the value at postures."""
+        alike = replace(problem, ease=tuple(np.ones_like(x) for x in problem.ease))
+        split = alike.split(problem.matrix(problem.tree.sweep(q), samples))
+        maps = [(split.reach, problem.rank)]
+        maps += [(N[:, at], r) for N, at, r in zip(split.bases, self.motors, self.driven, strict=True)]
+        logarithms = [np.log(np.linalg.svd(x, compute_uv=False)[:, :rank]) for x, rank in maps]
+        out: Array = self.ranges(problem, q, samples) - np.concatenate(logarithms, axis=1).sum(axis=1)
+        return out
+
+
 def second_task(
     rule: str,
     robot: HybridRobot,
     modules: Sequence[Module],
     problem: ChainProblem,
+    generic: ChainMotion,
     weights: Mapping[str, float],
 ) -> Value:
     """Return the value that a rule makes least.
@@ -63,6 +94,7 @@ def second_task(
         robot: The robot.
         modules: The modules of the chain.
         problem: Rows and free freedoms.
+        generic: Motion at generic postures.
         weights: Motor to the factor of its motion; 1 for others.
 
     Raises:
@@ -76,13 +108,21 @@ def second_task(
                 module=module.name,
             )
     middle, endless = _from_middle(robot, modules, problem, weights)
-    if endless:
-        raise AssemblyError(
-            f"redundancy '{rule}': motors without a range: {listed(endless)}; give them limits in the file, "
-            "or hold them",
-            module=modules[-1].name,
-        )
-    return middle
+    if rule == MIDDLE:
+        if endless:
+            raise AssemblyError(
+                f"redundancy '{MIDDLE}': motors without a range: {listed(endless)}; give them limits in the "
+                "file, or hold them",
+                module=modules[-1].name,
+            )
+        return middle
+    split = replace(problem, ease=tuple(np.ones_like(x) for x in problem.ease)).split(problem.matrix(generic))
+    motors = tuple(np.array(module.motor_columns, dtype=int) for module in modules)
+    driven = tuple(
+        int(np.sum(np.linalg.svd(N[0, at], compute_uv=False) > IDLE))
+        for N, at in zip(split.bases, motors, strict=True)
+    )
+    return NearSingular(motors, driven, middle)
 
 
 def _from_middle(

@@ -82,7 +82,8 @@ def _lowest(
 ) -> tuple[LowestTask, Array]:
     """Return the task of a second rule, and its first posture, shape (1, nq), from a guess (nq,)."""
     modules, problem, first = [robot.modules[k] for k in chain.modules], task.problem, np.zeros(1, dtype=int)
-    value = second_task(requests.redundancy, robot, modules, problem, requests.weights)
+    generic = generic_motion(problem, robot, chain.modules, guess[None])
+    value = second_task(requests.redundancy, robot, modules, problem, generic, requests.weights)
     freedoms = np.split(np.arange(problem.tree.nv), [at.start for at in problem.tree.v_of[1:]])
     motors = np.concatenate([at[module.motor_columns] for module, at in zip(modules, freedoms, strict=True)])
     motors = motors[problem.free[motors]]
