@@ -19,12 +19,8 @@ from .definitions import Default, Macro, define_argument, define_macro, define_p
 from .elements import Tag, read_tags, written
 from .robot_folders import RobotFolders
 from .scopes import Scope, truth
-from .texts import Texts
+from .texts import Texts, described
 
-#: What errors without a message mean.
-IN_WORDS: dict[type[BaseException], str] = {
-    MemoryError: "needs too much memory", RecursionError: "macros or includes call themselves without end",
-}  # fmt: skip
 #: What an element or text, and an attribute take, and what a macro or block counts for its time [bytes].
 NODE, ATTRIBUTE, USED = 400, 500, 1000
 
@@ -97,8 +93,8 @@ class Expansion:
     def _content(self, nodes: Sequence[Tag | str], around: Around) -> list[Tag | str]:
         """Return what elements and texts become.
 
-        What a condition holds stands in the place of the condition, without a call of this function: macros
-        that call themselves end by one.
+        What a condition holds stands in its place without a call of this function, so that macros may call
+        themselves as often as in xacro.
         """
         out, texts = list[Tag | str](), self.texts
         waiting = [(iter(nodes), around, texts.at)]
@@ -278,7 +274,7 @@ class Expansion:
 
     def _failure(self, error: Exception, file: str) -> ModelError:
         """Return an error as one line of text with its macros, and the file and line where it occurred."""
-        message = "xacro: " + " ".join(_described(error).split())
+        message = "xacro: " + " ".join(described(error).split())
         if expression := getattr(error, "evaluated", ""):
             message += f" when evaluating expression '{expression}'"
         if self._calls:
@@ -290,14 +286,6 @@ class Expansion:
             where, line = self.texts.at.place[0] or file, self.texts.at.place[1]
         kind = RunawayError if isinstance(error, RunawayError) else ModelError
         return kind(message, file=where, line=line)
-
-
-def _described(error: BaseException) -> str:
-    """Return the message of a Python error in words for the author of a robot file."""
-    if isinstance(error, OSError) and error.filename:
-        return f"{error.strerror}: {error.filename}"
-    own = getattr(error, "message", None) or getattr(error, "msg", None)  # of ModelError and SyntaxError
-    return IN_WORDS.get(type(error)) or own or str(error) or type(error).__name__
 
 
 #: What each element of xacro's becomes.

@@ -24,6 +24,10 @@ TRUTHS = {"true": True, "false": False}
 #: What count a text that is evaluated, a character of YAML, and a note [bytes]: they take time.
 TEXT, YAML, NOTE = 75, 500, 10_000
 
+#: What errors without a message mean.
+IN_WORDS: dict[type[BaseException], str] = {
+    MemoryError: "needs too much memory", RecursionError: "macros or includes call themselves without end",
+}  # fmt: skip
 #: A part of a text: an escaped bracket, an expression, `$(...)`, or any other text.
 _PART = re.compile(
     r"(?P<escaped>\$\$+[{(])|(?P<expression>\$\{[^}]*\})|(?P<dollar>\$\([^)]*\))|[^$]+|\$[^{($]+|\$$"
@@ -194,3 +198,11 @@ class Texts:
         mend = f"the YAML file {shown(Path(path))} {counts}: take out what the robot does not need"
         self.budget.spend("made", YAML * len(content), mend=mend)
         return yaml_of(content, lambda text: self._expressions(text, self.symbols))
+
+
+def described(error: BaseException) -> str:
+    """Return the message of a Python error in words for the author of a robot file."""
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.strerror}: {error.filename}"
+    own = getattr(error, "message", None) or getattr(error, "msg", None)  # of ModelError and SyntaxError
+    return IN_WORDS.get(type(error)) or own or str(error) or type(error).__name__
