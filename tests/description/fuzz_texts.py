@@ -55,6 +55,22 @@ SUBMECHANISMS = """submechanisms:
     successor_body: rocker
     constraint_axes: [{axis: [0., 0., 0., 1., 0., 0.]}, {axis: [0, 0, 0, 0, 1, 0]}]
 """
+HINGES = """closures:
+- axis: [0.0, 0.0, 1.0]
+  link_a: coupler
+  link_b: rocker
+  point: [1.9, 0.4, 0.0]
+independent: [drive]
+"""
+BALLS = """ball_loops:
+- name: pin
+  parent: coupler
+  child: rocker
+  parent_xyz: [1.5, 0.0, 0.0]
+  child_xyz: [1.0, 0.0, 0.0]
+ball_upgrades: [elbow]
+actuated_joints: [drive]
+"""
 SIDE_CAR = """closed_loop: [[end_a, end_b]]
 type: ['6d']
 name_mot: [drive]
