@@ -144,7 +144,8 @@ REFUSED = [
             "<xacro:m><i/></xacro:m>", '<xacro:m x="1"><i/><j/></xacro:m>',
         )
     ),
-    MACRO.format("x:=^", "<m/>") + "<xacro:m/>",
+    MACRO.format("x:=^", "<m/>") + "<xacro:m/>", MACRO.format("", "<m/>") + "<xacro:nothing.m/>",
+    MACRO.format("", "<m/>") + "<xacro:m.m/>",
 ]  # fmt: skip
 
 

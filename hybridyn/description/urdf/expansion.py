@@ -245,16 +245,14 @@ class Expansion:
             name = str(self.texts.text(said, around.symbols))
             del attributes["macro"]
         macros, symbols = around.macros, around.symbols
-        if name not in macros:
-            *spaces, last = name.split(".")
-            for space in spaces:
-                if space not in macros:
-                    break
-                macros, symbols = macros[space], symbols[space]
-            if last not in macros:
+        *spaces, last = [name] if name in macros else name.split(".")
+        for space in spaces:
+            if space not in macros or not isinstance(macros[space], Scope):
                 raise ValueError(f"unknown macro name: xacro:{name}")
-            name = last
-        return macros[name], Around(self._scope(macros), self._scope(symbols), {}), attributes
+            macros, symbols = macros[space], symbols[space]
+        if last not in macros or not isinstance(macros[last], Macro):
+            raise ValueError(f"unknown macro name: xacro:{name}")
+        return macros[last], Around(self._scope(macros), self._scope(symbols), {}), attributes
 
     def _by_default(self, macro: Macro, names: Sequence[str], inside: Around, around: Around) -> None:
         """Set parameters that are not given."""
