@@ -139,15 +139,9 @@ def _residuals(problem: LoopProblem, q: Array) -> Array:
 
 
 def scattered_postures(
-    closures: Closures,
-    home: Array,
-    row_scale: Array,
-    col_scale: Array,
-    tolerance: float,
-    *,
-    count: int = 24,
-    rank_tolerance: float = RANK_TOLERANCE,
-) -> tuple[Array, float]:
+    closures: Closures, home: Array, row_scale: Array, col_scale: Array, tolerance: float, *,
+    count: int = 24, rank_tolerance: float = RANK_TOLERANCE,
+) -> tuple[Array, float]:  # fmt: skip
     """Draw assembled postures about a home posture.
 
     The scatter of the starts (seeded, so that results are reproducible) increases until some of them close.

@@ -9,7 +9,7 @@ from ..errors import ModelError
 from ..joints.kinds import JointKind
 from ..linkage.joints import TreeJoint
 from ..spatial import Array
-from .bodies import Bodies, Body
+from .bodies import Bodies, Body, BodyJoint
 
 #: Largest number of joints. The memory of Pinocchio's `Model` grows with its square, that of `Data` with its
 #: cube.
@@ -96,21 +96,23 @@ def build_model(bodies: Bodies, joints: Sequence[str], base: str, gravity: Array
         model.addJointFrame(number[0])
     model.appendBodyToJoint(number[0], pinocchio_inertia(bodies.bodies[0]), pin.SE3.Identity())
     for j in bodies.joints:
-        joint = j.in_tree(j.joint.name, j.parent)
-        number[j.child] = model.addJoint(
-            number[j.parent], pinocchio_joint(joint), pin.SE3(j.R, j.p), j.joint.name
-        )
-        model.addJointFrame(number[j.child])
-        body, added = bodies.bodies[j.child], model.joints[number[j.child]]
-        model.appendBodyToJoint(number[j.child], pinocchio_inertia(body), pin.SE3.Identity())
-        if added.nv == 1:
-            model.velocityLimit[added.idx_v], model.effortLimit[added.idx_v] = (
-                j.joint.velocity,
-                j.joint.effort,
-            )
-            if added.nq == 1:
-                model.lowerPositionLimit[added.idx_q] = j.joint.lower
-                model.upperPositionLimit[added.idx_q] = j.joint.upper
+        number[j.child] = _add_joint(model, number[j.parent], j, bodies.bodies[j.child])
     for link, (body_number, R, p) in bodies.place.items():
         model.addBodyFrame(link, number[body_number], pin.SE3(np.asarray(R), np.asarray(p)), 0)
     return model
+
+
+def _add_joint(model: pin.Model, parent: int, j: BodyJoint, body: Body) -> int:
+    """Add a joint with its limits and the inertia of its child; return its number."""
+    joint = j.in_tree(j.joint.name, j.parent)
+    number = model.addJoint(parent, pinocchio_joint(joint), pin.SE3(j.R, j.p), joint.name)
+    model.addJointFrame(number)
+    model.appendBodyToJoint(number, pinocchio_inertia(body), pin.SE3.Identity())
+    added = model.joints[number]
+    if added.nv == 1:
+        model.velocityLimit[added.idx_v] = j.joint.velocity
+        model.effortLimit[added.idx_v] = j.joint.effort
+    if added.nv == added.nq == 1:
+        model.lowerPositionLimit[added.idx_q] = j.joint.lower
+        model.upperPositionLimit[added.idx_q] = j.joint.upper
+    return int(number)

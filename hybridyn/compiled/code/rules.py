@@ -66,17 +66,23 @@ def check(program: Program) -> None:
                 raise ValueError(f"{where} reads {what} not written")
             if isinstance(source, Own) and own.get(source.start) != (source.size, step.copies):
                 raise ValueError(f"{where} reads own numbers otherwise than they were written")
+        _check_copies(step, reads, writes, where)
         for target, span in zip(step.targets, writes, strict=True):
-            if step.copies > 1 and isinstance(target, Shared):
-                raise ValueError(f"{where} writes shared numbers from {step.copies} copies")
-            if step.copies > 1 and target.adds and any(overlap(span, read) for read in reads):
-                raise ValueError(f"{where} reads what its copies add up")
             if isinstance(target, Own):
                 own[target.start] = (target.size, step.copies)
             if span[0] in known:
                 known[span[0]][target.at(step.copies)] = True
     if not result.all():
         raise ValueError(f"program '{program.name}': result {int(np.argmin(result))} is never written")
+
+
+def _check_copies(step: Call, reads: list[Span], writes: list[Span], where: str) -> None:
+    """Raise if a call of several copies writes shared numbers, or reads what it sums."""
+    for target, span in zip(step.targets, writes, strict=True):
+        if step.copies > 1 and isinstance(target, Shared):
+            raise ValueError(f"{where} writes shared numbers from {step.copies} copies")
+        if step.copies > 1 and target.adds and any(overlap(span, read) for read in reads):
+            raise ValueError(f"{where} reads what its copies add up")
 
 
 def _check_sizes(program: Program, call: Call, where: str) -> None:

@@ -73,9 +73,8 @@ def choose_pivots(
         good = score >= sparse * score.max()
         i, j = min(np.argwhere(good).tolist(), key=lambda ij: (fill[ij[0], ij[1]], -score[ij[0], ij[1]]))
         r, c = left_rows.pop(i), left_cols.pop(j)
-        A = A[
-            np.abs(A[:, r, c]) >= sparse * TRUSTED_PIVOT * largest
-        ]  # samples at which the pivot fails are dropped
+        # samples at which the pivot fails are dropped
+        A = A[np.abs(A[:, r, c]) >= sparse * TRUSTED_PIVOT * largest]
         pivot = A[:, r, c]
         A[:, left_rows] -= (A[:, left_rows, c] / pivot[:, None])[:, :, None] * A[:, None, r]
         structure[left_rows] |= np.outer(structure[left_rows, c], structure[r])

@@ -62,20 +62,31 @@ def cut(inputs: list[dict[str, ca.SX]], outputs: list[dict[str, ca.SX]]) -> list
         _symbols(*columns.values(), *(value for _, value in passed))
         for columns, passed in zip(wanted, handed, strict=True)
     ]
-    stages = []
-    for s, columns in enumerate(wanted):
-        given = [one for stage in inputs[: s + 1] for one in stage.items()]
-        ins: dict[Any, ca.SX] = {name: x for name, x in given if not used[s].isdisjoint(_symbols(x))}
-        outs: dict[Any, ca.SX] = dict(columns)
-        for t in range(len(inputs)):
-            passed = [pair for pair in handed[min(s, t)] if not used[max(s, t)].isdisjoint(_symbols(pair[0]))]
-            if passed and t < s:
-                ins["from", t] = pack([symbol for symbol, _ in passed])
-            elif passed and t > s:
-                outs["to", t] = pack([value for _, value in passed])
-        function = ca.Function(f"stage_{s}", [*ins.values()], [*outs.values()])
-        stages.append(Stage(tuple(ins), tuple(outs), function))
-    return stages
+    return [_stage(s, inputs, columns, handed, used) for s, columns in enumerate(wanted)]
+
+
+def _stage(
+    s: int, inputs: list[dict[str, ca.SX]], wanted: dict[str, ca.SX],
+    handed: list[list[tuple[ca.SX, ca.SX]]], used: list[set[int]],
+) -> Stage:  # fmt: skip
+    """Return stage s.
+
+    Args:
+        inputs: For each stage the columns of symbols that are first known at it, by name.
+        wanted: The columns that it must compute, over the symbols that are known at it.
+        handed: For each stage the numbers that it passes on: their symbols and values.
+        used: For each stage the symbols that it uses.
+    """
+    given = [one for stage in inputs[: s + 1] for one in stage.items()]
+    ins: dict[Any, ca.SX] = {name: x for name, x in given if not used[s].isdisjoint(_symbols(x))}
+    outs: dict[Any, ca.SX] = dict(wanted)
+    for t in range(len(inputs)):
+        passed = [pair for pair in handed[min(s, t)] if not used[max(s, t)].isdisjoint(_symbols(pair[0]))]
+        if passed and t < s:
+            ins["from", t] = pack([symbol for symbol, _ in passed])
+        elif passed and t > s:
+            outs["to", t] = pack([value for _, value in passed])
+    return Stage(tuple(ins), tuple(outs), ca.Function(f"stage_{s}", [*ins.values()], [*outs.values()]))
 
 
 def _symbols(*columns: ca.SX) -> set[int]:

@@ -52,16 +52,9 @@ class ClosedRows:
             self._keep.argtypes, self._keep.restype = [pointer] * 3, None
 
     def close(
-        self,
-        slots: Array,
-        start: Rows,
-        given: Sequence[Array],
-        out: Sequence[Array],
-        threads: int = 1,
-        *,
-        guess: bool = True,
-        strict: bool = False,
-    ) -> Index:
+        self, slots: Array, start: Rows, given: Sequence[Array], out: Sequence[Array], threads: int = 1, *,
+        guess: bool = True, strict: bool = False,
+    ) -> Index:  # fmt: skip
         """Close rows of each design, one after the other.
 
         Args:

@@ -121,14 +121,9 @@ class Steps:
         return [out[at] for at in self._parts], float(pivot[0])
 
     def take(
-        self,
-        tableau: Tableau,
-        law: Law,
-        state: tuple[Array, Array, Array],
-        t: Array,
-        h: float,
+        self, tableau: Tableau, law: Law, state: tuple[Array, Array, Array], t: Array, h: float,
         control: Control | None = None,
-    ) -> Taken:
+    ) -> Taken:  # fmt: skip
         """Take steps as long as they can be trusted.
 
         Args:

@@ -61,26 +61,22 @@ def write_motions(
     """
     robot = request.robot
 
-    def body_of(body: int) -> Any:
-        """Return the place of a body's numbers."""
-        return places[body]
-
     def accelerations(index: Index) -> Source:
         """Return the source of accelerations."""
         return w.from_given("a", index) if moved else Constants(np.zeros((1, len(index))))
 
-    _root(w, robot.base, body_of(0), accelerations)
+    _root(w, robot.base, places[0], accelerations)
     for k, module in list(enumerate(robot.modules))[robot.base == "floating" :]:
         if among is not None and k not in among:
             continue
         own = None if request.arguments is None else request.arguments.of_modules[k]
         key = "bodies", id(module.mechanism), -1 if own is None else k
-        targets: list[Target] = [body_of(robot.body_of_joint[joint]) for joint in module.joints]
+        targets: list[Target] = [places[robot.body_of_joint[joint]] for joint in module.joints]
         sources: list[Source] = [
             w.from_given("q", module.q_index),
             w.from_given("v", module.v_index),
             accelerations(module.v_index),
-            body_of(robot.bodies.place[module.base][0]),
+            places[robot.bodies.place[module.base][0]],
         ]
         if own is not None:
             sources.append(w.from_given("parameters", own.index))

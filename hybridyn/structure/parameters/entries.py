@@ -184,6 +184,26 @@ def of_xacro(arguments: XacroArguments) -> Entry:
     return Entry(name, arguments.names, arguments.slots, arguments.numbers, arguments.own)
 
 
+def _check_owners(entries: Sequence[Entry]) -> None:
+    """Raise if two parameters set the same number, or a link's numbers and those of its payload."""
+    owner: dict[Slot, str] = {}
+    for entry in entries:
+        for slot in entry.slots:
+            if slot in owner:
+                raise ModelError(
+                    f"parameters '{owner[slot]}' and '{entry.name}' both set {slot}", element=entry.name
+                )
+            owner[slot] = entry.name
+    both = {slot.name for slot in owner if slot.table == "loads"}
+    for slot, name in owner.items():
+        if slot.table == "links" and slot.name in both:
+            raise ModelError(
+                f"parameter '{name}': link '{slot.name}' has parameters of its payload, which are part "
+                "of its numbers: name one of both",
+                element=slot.name,
+            )
+
+
 class Parameters:
     """The parameters of a model, in order.
 
@@ -216,22 +236,7 @@ class Parameters:
         self.labels = tuple(label for entry in self.entries for label in entry.labels)
         self._at = slices(entry.size for entry in self.entries)
         self.slots = tuple(slot for entry in self.entries for slot in entry.slots)
-        owner: dict[Slot, str] = {}
-        for entry in self.entries:
-            for slot in entry.slots:
-                if slot in owner:
-                    raise ModelError(
-                        f"parameters '{owner[slot]}' and '{entry.name}' both set {slot}", element=entry.name
-                    )
-                owner[slot] = entry.name
-        both = {slot.name for slot in owner if slot.table == "loads"}
-        for slot, name in owner.items():
-            if slot.table == "links" and slot.name in both:
-                raise ModelError(
-                    f"parameter '{name}': link '{slot.name}' has parameters of its payload, which are part "
-                    "of its numbers: name one of both",
-                    element=slot.name,
-                )
+        _check_owners(self.entries)
         held = iter(values_of(description, self.slots))
         parts = [entry.own(np.array([next(held) for _ in entry.slots])) for entry in self.entries]
         self.nominal: Array = np.concatenate([np.zeros(0), *parts])
