@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
-from ..linkage.newton import Closed
+from ..linkage.newton import SMALLEST_SINGULAR_VALUE, Closed
 from ..spatial import Array
 from .chain.lowest import LowestTask
 from .chain.task import ChainTask
 from .task import Task, WeakRows
 
-#: Step of the central difference of a singular value [rad, module lengths]: far above rounding.
+#: Step of the difference of a singular value [rad, module lengths]: far above rounding.
 SLOPE_STEP = 1e-5
 
 
@@ -57,19 +57,24 @@ class ToSingular(NamedTuple):
 def to_singular(ended: Ended) -> ToSingular:
     """Compute how far the end of a motion is from the nearest singular posture.
 
-    The least singular value s of rows is zero there. Along the motion of its singular vector it changes by
-    s', and so vanishes after about s / |s'| of this motion.
+    The least singular value s of rows is zero there. Along motions that keep the loops closed it has the
+    slope g, and so vanishes after about s / |g| of the steepest of these motions.
     """
     found, task = [], ended.task
-    for i, one in enumerate(ended.weak_rows(np.zeros((1, task.problem.tree.nv)))):
+    here = ended.weak_rows(np.zeros((1, task.problem.tree.nv)))
+    loose = task.loose(ended.q[None])
+    for i, one in enumerate(here):
         if not one.rank:
             continue
         _, s, Vt = np.linalg.svd(one.rows[0])
-        y, least = one.motions @ Vt[one.rank - 1], s[one.rank - 1]
-        y /= np.abs(y).max()
-        beside = ended.weak_rows(SLOPE_STEP * np.stack([y, -y]))[i].rows
-        change = np.abs(np.linalg.svd(beside, compute_uv=False)[:, one.rank - 1] - least).max() / SLOPE_STEP
-        found.append((float(least / change) if change else np.inf, int(np.argmax(np.abs(y)))))
+        least, weakest = s[one.rank - 1], one.motions @ Vt[one.rank - 1]
+        ways = np.linalg.qr(np.column_stack([weakest, loose]))[0]
+        beside = np.linalg.svd(ended.weak_rows(SLOPE_STEP * ways.T)[i].rows, compute_uv=False)
+        slope = (beside[:, one.rank - 1] - least) / SLOPE_STEP
+        steepest = ways @ slope / max(float(np.linalg.norm(slope)), SMALLEST_SINGULAR_VALUE)
+        left = least / max(float(np.linalg.norm(slope)), SMALLEST_SINGULAR_VALUE)
+        most = int(np.argmax(np.abs(steepest)))
+        found.append((float(left * abs(steepest[most])), most))
     left, freedom = min(found, default=(np.inf, 0))
     moved = task.freedoms[freedom]
     return ToSingular(moved.name, left * float(task.problem.col_scale[freedom]), moved.unit)

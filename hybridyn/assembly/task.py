@@ -131,6 +131,14 @@ class Task(NamedTuple):
         rank = min(K.shape[1:]) if problem.rank is None else problem.rank
         return [WeakRows(K, rank, np.eye(problem.tree.nv)[:, problem.free])]
 
+    def loose(self, q: Array) -> Array:
+        """Return motions that keep loops closed at a posture (1, nq), whatever is given, shape (nv, k)."""
+        problem = self.problem
+        K = replace(problem, targets=()).matrix(problem.tree.sweep(q))
+        rank = decide_rank(K, problem.rank_tolerance).rank
+        out: Array = np.linalg.svd(K[0])[2][rank:].T
+        return out
+
     @property
     def label(self) -> str:
         """The module, for messages."""

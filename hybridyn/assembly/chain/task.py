@@ -103,6 +103,16 @@ class ChainTask:
                 out.append(WeakRows(K[:, :, part.free], part.rank, own))
         return out
 
+    def loose(self, q: Array) -> Array:
+        """Return motions that keep the loops closed at a posture, as `Task.loose`."""
+        own = [part.loose(x) for part, x in zip(self.parts, self.each(q), strict=True)]
+        out = np.zeros((self.problem.tree.nv, sum(x.shape[1] for x in own)))
+        at = 0
+        for x, rows in zip(own, self.problem.tree.v_of, strict=True):
+            out[rows, at : at + x.shape[1]] = x
+            at += x.shape[1]
+        return out
+
     def each(self, q: Array) -> list[Array]:
         """Return the positions of each part, shape (T, its nq)."""
         return [q[:, at] for at in self.problem.tree.q_of]
