@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..description.names import listed
+from ..description.names import did_you_mean, listed
+from ..errors import TrajectoryError
 
 LEAST, MIDDLE, AWAY = "least motion", "middle of ranges", "away from singular"
 #: All rules, and what is told of each.
@@ -13,6 +14,13 @@ RULES = {
     MIDDLE: "the motors are as near to the middle of their ranges as the targets allow",
     AWAY: "the posture is as far from singular ones, and from limits, as the targets allow",
 }
+
+
+def check_rule(name: str) -> None:
+    """Raise a TrajectoryError unless there is a rule of this name."""
+    if name not in RULES:
+        hint = did_you_mean(name, RULES)
+        raise TrajectoryError(f"unknown redundancy '{name}'{hint}; there are {listed(RULES)}")
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from ..structure.robot import HybridRobot, joint_position
 from ..structure.samples import as_numbers
 from ..tables.signals import WORLD
 from .poses import PoseRequest, check_known, for_all, level_triple, pose_levels, pose_request
-from .redundancy import LEAST, RULES
+from .redundancy import LEAST, check_rule
 
 #: Motions that may contradict one another, see `Requests.nearest`: measured ones, or those judged elsewhere.
 MOTIONS = ("rates", "accelerations")
@@ -129,7 +129,7 @@ def asked_requests(
     given = motors_by_name(robot, motors)
     given = {**given, **held(robot, hold, given, first_guess(robot, guess))}
     requests = gather_requests(robot, given, platforms, nearest)
-    check_known(redundancy, RULES, "redundancy")
+    check_rule(redundancy)
     weights = checked_weights(robot, weights or {})
     return requests._replace(strict=guess is not None, weights=weights, redundancy=redundancy)
 

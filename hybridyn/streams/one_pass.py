@@ -16,7 +16,7 @@ import numpy as np
 
 from ..assembly.chain.solve import left_to_rule
 from ..assembly.posture import check_joints, holding
-from ..assembly.redundancy import LeftToRule
+from ..assembly.redundancy import LEAST, LeftToRule, check_rule
 from ..assembly.requests import gather_requests
 from ..assembly.task import closure_residual
 from ..dynamics.inverse import idm
@@ -99,21 +99,29 @@ class Pass:
         robot: The robot. It is the one given, or one with the same q in which the outputs are not cut away.
         table: The table.
         layout: The meaning of its columns.
-        left: What the table leaves to the least motion of the motors, once rows have been read.
+        left: What the table leaves to the rule, once rows have been read.
     """
 
     def __init__(
-        self, robot: HybridRobot, table: Table, *, outputs: Sequence[str] = (), efforts: bool = False
+        self,
+        robot: HybridRobot,
+        table: Table,
+        *,
+        outputs: Sequence[str] = (),
+        efforts: bool = False,
+        redundancy: str = LEAST,
     ) -> None:
         """Read the header.
 
         Args:
             outputs: Output joints: a table that names one of them need not name the motors that move them.
             efforts: Whether the table has efforts.
+            redundancy: The rule for freedoms that poses leave, as in `hybridyn.assemble`.
 
         Raises:
             HybridynError: The table does not state a motion of the robot, or an output is no joint.
         """
+        check_rule(redundancy)
         motors: Sequence[str] = robot.motors
         if outputs:
             check_joints(robot, outputs)
@@ -121,6 +129,7 @@ class Pass:
             if any(column.startswith(f"{joint}/") for column in table.columns for joint in outputs):
                 motors = (*(motor for motor in motors if motor not in replaced), *outputs)
         self.robot, self.table, self.left = robot, table, list[LeftToRule]()
+        self._redundancy = redundancy
         self.layout: Layout = read_layout(
             table.columns, robot.description, motors=motors, base=robot.base, file=table.file,
             efforts=efforts, passive=robot.mobility - 6 * (robot.base == "floating") - len(robot.motors),
@@ -143,7 +152,7 @@ class Pass:
         """Yield the postures of the rows, block by block; arguments and errors are those of `blocks`."""
         from ..compiled.programs.closing.tables import TableAssembler
 
-        assemble = assemble or TableAssembler(self.robot)
+        assemble = partial(assemble or TableAssembler(self.robot), redundancy=self._redundancy)
         rows, guess = rows_at_once(self.robot), None
         connected = self.layout.time is not None and not self.layout.full_state
         for motion in read_motions(self.table, self.layout):
@@ -153,6 +162,7 @@ class Pass:
                     block = postures(self.robot, part, self.layout, guess, assemble)
                 if part.first_row == 1 and part.platforms and not self.layout.full_state:
                     requests = gather_requests(self.robot, part.joints, part.platforms)
+                    requests = requests._replace(redundancy=self._redundancy)
                     self.left = left_to_rule(self.robot, requests, block.q[0])
                 yield block
                 guess = block.q[-1] if connected else None

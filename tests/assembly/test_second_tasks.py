@@ -12,6 +12,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError, closure_residual
+from hybridyn.cli import main
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_angles import arm
@@ -263,6 +264,24 @@ def test_held_joints_stay_where_the_guess_has_them(tmp_path: Path) -> None:
     start, way = bent(robot), {"l3": ({"x": 1.1, "z": np.linspace(-0.9, -0.7, 5)},)}
     held = partial(hybridyn.assemble, robot, platforms=way, guess=start, redundancy=MIDDLE)
     close_to(held(hold=["j1"]), held(motors={"j1": float(start[1])}), REACHED)
+
+
+def test_tables_follow_the_rule(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Rates in the table are those of the poses, so that the efforts are those of `idm`."""
+    robot, t = limited(tmp_path), np.linspace(0.0, 1.0, 7)
+    x, z = waves(1.1, 0.05, 1.0)(t), waves(0.2, 0.05, 2.0)(t)
+    names = [f"l3/{level}/{axis}" for axis in "xz" for level in ("pose", "velocity", "acceleration")]
+    rows, (table, out) = np.column_stack([t, *x, *z]), (tmp_path / "t.csv", tmp_path / "tau.csv")
+    np.savetxt(table, rows, "%.17g", ",", header=",".join(["time", *names]), comments="")
+    given = ["idm", str(tmp_path / "arm.urdf"), str(table), "-o", str(out), "--redundancy"]
+    assert main([*given, MIDDLE]) == 0
+    assert "as near to the middle of their ranges as the targets allow" in capsys.readouterr().err
+    levels = tuple({"x": one, "z": other} for one, other in zip(x, z, strict=True))
+    states = hybridyn.assemble(robot, platforms={"l3": levels}, redundancy=MIDDLE)
+    found = np.loadtxt(out, delimiter=",", skiprows=1)
+    close_to(found[:, 1:], hybridyn.idm(robot, *states), REACHED)
+    assert main([*given, "middle of range"]) == 1
+    assert "unknown redundancy 'middle of range' (did you mean" in capsys.readouterr().err
 
 
 # -------------------------------------------------------------------- wrong

@@ -248,7 +248,7 @@ class Assembled:
         self.calls: list[dict[str, object]] = []
         self.fail_at = fail_at
 
-    def __call__(self, robot, *, motors=None, platforms=None, guess=None, nearest=False):
+    def __call__(self, robot, *, motors=None, platforms=None, guess=None, nearest=False, redundancy=""):
         """Lift the arm to the tool's height."""
         self.calls.append({"motors": motors, "platforms": platforms, "guess": guess})
         z = platforms["tool"][0]["z"]

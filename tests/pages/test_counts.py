@@ -52,7 +52,7 @@ COUNTED: dict[tuple[str, str], Callable[[], int]] = {
     ("CONTRIBUTING.md", "four kinds"): lambda: len(get_args(RotationKind)),
     ("docs/describing-loops.md", "three robots"): robots_of_the_section,
     ("docs/scenes.md", "two forms"): lambda: bullets_below("docs/scenes.md", "one of two forms:"),
-    ("docs/tables.md", "two options"): lambda: bullets_below("docs/tables.md", "Two options select"),
+    ("docs/tables.md", "three options"): lambda: bullets_below("docs/tables.md", "Three options select"),
 }
 
 

@@ -105,7 +105,8 @@ def left_to_rule(robot: HybridRobot, requests: Requests, q: Array) -> list[LeftT
     for chain in chains_of(robot, first)[1]:
         task = chain_task(robot, chain, own_requests(robot, first, chain), states)
         if task.redundant:
-            out.append(LeftToRule(task.left, tuple(part.module for part in task.parts)))
+            names = tuple(part.module for part in task.parts)
+            out.append(LeftToRule(task.left, names, requests.redundancy))
     return out
 
 

@@ -17,6 +17,7 @@ class CommandTables(NamedTuple):
         jobs: Number of processes, or None for the command's own choice.
         quiet: Whether the summary is left out.
         plot: File of a figure of the result, or None.
+        redundancy: The rule for freedoms that poses leave, as in `hybridyn.assemble`.
     """
 
     source: str
@@ -25,6 +26,7 @@ class CommandTables(NamedTuple):
     jobs: int | None
     quiet: bool
     plot: str | None
+    redundancy: str
 
 
 def one_table(compute: Callable[..., int], words: dict[str, Any]) -> int:

@@ -76,7 +76,7 @@ def run(
     started = time.perf_counter()
     with contextlib.ExitStack() as opened:
         table = opened.enter_context(open_table(tables.source))
-        given = Pass(load(), table, outputs=outputs, efforts=efforts)
+        given = Pass(load(), table, outputs=outputs, efforts=efforts, redundancy=tables.redundancy)
         planned = plan(given)
         compiled = planned.engine.model is not None
         workers = opened.enter_context(Workers(_processes(tables.jobs, table, compiled)))

@@ -31,6 +31,10 @@ def _table_options(plot: str) -> list[click.Parameter]:
             help="Write internal wrenches, too, .csv or .parquet.",
         ),
         plot_option(plot, page=True),
+        option(
+            "--redundancy", metavar="RULE", default="least motion", show_default=True,
+            help="Rule for freedoms that poses leave: also 'middle of ranges', 'away from singular'.",
+        ),
         QUIET,
         jobs_option("1; one per core for long tables"),
         option("--resume", is_flag=True, help="Several tables: Continue an earlier run."),

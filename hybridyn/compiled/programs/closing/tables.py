@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from ....assembly.assemble import assemble_requests
+from ....assembly.redundancy import LEAST
 from ....assembly.requests import first_guess, gather_requests
 from ....spatial import Array
 from ....structure.robot import HybridRobot
@@ -40,10 +41,11 @@ class TableAssembler:
         platforms: Mapping[str, object] | None = None,
         guess: Array | None = None,
         nearest: bool = False,
+        redundancy: str = LEAST,
     ) -> tuple[Array, Array, Array]:
         """Compute postures; arguments, results and errors are those of `hybridyn.assemble`."""
         requests = gather_requests(self._robot, motors, platforms, nearest)
-        requests = requests._replace(strict=guess is not None)
+        requests = requests._replace(strict=guess is not None, redundancy=redundancy)
         start = first_guess(self._robot, guess)
         self.rows += requests.samples
         if self.rows < LONG_TABLE:
