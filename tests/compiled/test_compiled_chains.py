@@ -108,7 +108,7 @@ def test_rows_are_those_of_the_general_path(
 
 
 def test_what_c_cannot_decide_is_left_to_the_general_path(tmp_path: Path) -> None:
-    """An orientation by itself, and a pose with more rows than an arm in a plane can move."""
+    """More rows than an arm in a plane can move: of an orientation by itself, and of a whole pose."""
     robot = arm(tmp_path, "yyy")
     libraries = ClosingLibraries(robot)
     point, turn = {"x": 1.2, "z": -0.1}, {"rx": 0.0, "ry": 0.3, "rz": 0.0}

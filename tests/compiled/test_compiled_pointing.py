@@ -1,4 +1,4 @@
-"""Directions of axes and distances from points in C: rows, rates and accelerations of the general path."""
+"""Directions, distances and orientations alone in C: rows, rates and accelerations of the general path."""
 
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from tests.compiled.test_compiled_chains import compare, load, some_of, swing
 from tests.posing import Triple, of_link
 from tests.samples import slow
 
+SPIN = ("wx", "wy", "wz")
 FAR, WIDE = np.array([0.8, -1.1, 0.4]), np.array([0.02, 0.03, -0.02])  # a point that moves [m]
 
 
@@ -33,6 +34,9 @@ def named(robot: HybridRobot, states: Triple, link: str, words: str) -> Triple:
         pointed = direction(*levels, "xyz".index(axis))
         for one, level in zip(out, pointed, strict=True):
             one.update({axis + name: x for name, x in zip("xyz", level.T, strict=True)})
+    if "turn" in words:
+        for one, level, names in zip(out, levels, (("qx", "qy", "qz", "qw"), SPIN, SPIN), strict=True):
+            one.update(dict(zip(names, level[:, 3:].T, strict=True)))
     if "distance" in words:
         centre = moving(len(states[0]))
         for one, d, c in zip(out, distance(*levels, centre), centre, strict=True):
@@ -46,6 +50,8 @@ def named(robot: HybridRobot, states: Triple, link: str, words: str) -> Triple:
         ("arm zyyzy", "l4", "x xx distance", 0.05),
         slow("arm zyxyzyx", "l6", "x zz distance", 0.05),
         slow("arm zyxyzyx", "l6", "zz", 0.05),
+        slow("arm zyxyzyx", "l6", "turn", 0.05),
+        slow("stewart_ur5", "wrist_3_link", "x turn", 0.02),
         slow("arm zyxyzyx", "l6", "distance", 0.05),
         slow("arm zyyzy", "l4", "x y z xx", 0.05),
         slow("gough 1", "", "x y z zz", 0.02),

@@ -113,8 +113,9 @@ def given_motion(robot: HybridRobot, given: Sequence[str]) -> GivenMotion:
     if members is None or sum(pose.motion is not None for pose in requests.poses) > whole:
         raise ModelError(
             f"{', '.join(given)}: exported C does not close these loops. It takes whole poses (LINK/pose), "
-            "some of x, y, z, roll, pitch and yaw, directions and distances, at most as many as the modules "
-            "between the two links can move; what else is given may determine none of these that has loops"
+            "orientations, some of x, y, z, roll, pitch and yaw, directions and distances, at most as many "
+            "as the modules between the two links can move; what else is given may determine none of these "
+            "that has loops"
         )
     return GivenMotion(robot, requests, *members)
 
@@ -131,7 +132,7 @@ def _columns(given: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
         key, alone, rest = column.rpartition("/pose")
         joint, position, end = column.rpartition("/position")
         if owner and what and name not in poses.setdefault(owner, ({},))[0]:
-            poses[owner][0][name] = 1.0
+            poses[owner][0][name] = 0.5 if name in WHOLE[3:] else 1.0
         elif alone and not rest and key not in poses:
             poses[key] = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
         elif position and not end and joint not in motors:
@@ -154,4 +155,5 @@ def _named(poses: Sequence[PoseRequest]) -> list[tuple[str, Sequence[str], Seque
             own = tuple(name.format("xyz"[pose.direction[0]]) for name in POINTED)
             found.append((pose, own, own))
     found += [(pose, FAR, FAR) for pose in poses if pose.distance is not None]
+    found += [(pose, WHOLE[3:], TWIST[3:]) for pose in poses if pose.turn is not None]
     return [(f"{pose.link}@{pose.other}", names, rates) for pose, names, rates in found]

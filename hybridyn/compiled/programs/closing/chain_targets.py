@@ -12,7 +12,7 @@ import numpy as np
 from ....assembly.chain.bodies import CarriedFrame
 from ....assembly.chain.problem import Relative
 from ....linkage.pointing import DirectionTarget, DistanceTarget
-from ....linkage.targets import CoordinateTarget, PoseTarget
+from ....linkage.targets import CoordinateTarget, PoseTarget, TurnTarget
 from ....spatial import Array
 from ...equations.expressions import (
     Expression,
@@ -144,9 +144,9 @@ class ChainTargets:
             if pointed:
                 miss = pointed.residual
                 guard = ca.fmax(guard, ca.if_else(pointed.cosine > SHORTER_WAY, 0.0, 2.0))
-            elif isinstance(one.target, PoseTarget):
-                turn, cosine = _rotation_vector(dot(R, quaternion_matrix(goal[3:]).T))
-                miss = np.concatenate([p - goal[:3], turn])
+            elif isinstance(one.target, PoseTarget | TurnTarget):
+                turn, cosine = _rotation_vector(dot(R, quaternion_matrix(goal[-4:]).T))
+                miss = np.concatenate([p[: len(goal) - 4] - goal[:-4], turn])
                 guard = ca.fmax(guard, ca.if_else(cosine > SHORTER_WAY, 0.0, 2.0))
             else:
                 some = self.coupled.given.coordinates[i - len(self.coupled.given.bodies)]
@@ -194,6 +194,8 @@ class ChainTargets:
         pointed = self._pointed(number)
         if isinstance(one.target, DirectionTarget) and pointed:
             T = dot(met_direction_rows(self.seen(one)[0], one.target.axis) if met else pointed.map, T[3:])
+        elif isinstance(one.target, TurnTarget):
+            T = T[3:]
         elif pointed:
             T = dot(pointed.map, T[:3])
         elif isinstance(one.target, CoordinateTarget):
@@ -267,7 +269,8 @@ class ChainTargets:
         given = self.coupled.given
         moved = zeros(given.size)  # only directions and points that move change the rows
         first = len(given.bodies) + len(given.coordinates)
-        for at, to in zip(given.places[first:], given.rate_places[first:], strict=True):
+        places = zip(given.pointing, given.places[first:], given.rate_places[first:], strict=True)
+        for at, to in ((at, to) for one, at, to in places if one.what != "turn"):
             moved[at] = self._g_dot[1][to]
         state = ca.vertcat(*(column for column, _ in self.places), self._g[0])
         rate = pack(*changes, moved)

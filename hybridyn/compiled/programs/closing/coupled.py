@@ -20,29 +20,36 @@ from ....assembly.redundancy import LEAST, LeftToRule
 from ....assembly.requests import Requests
 from ....linkage.motion import Motion
 from ....linkage.pointing import DirectionTarget, DistanceTarget
-from ....linkage.targets import CoordinateTarget, PoseTarget
+from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, TurnTarget
 from ....spatial import Array, quaternion_from_rotation
 from ....structure.robot import HybridRobot
 from .given import ANGLE, NUMBER, POSE, RATES, WIDTH, Given, GivenCoordinates, modules_of
 
+#: Axes that have directions.
+AXES = COORDINATES[:3]
 #: Targets in the order of what they prescribe.
-TARGETS = PoseTarget, CoordinateTarget, DirectionTarget, DistanceTarget
+TARGETS = PoseTarget, CoordinateTarget, DirectionTarget, DistanceTarget, TurnTarget
 
 
 @dataclass(frozen=True)
 class Pointing:
-    """A direction or a distance that is prescribed.
+    """A direction, a distance or an orientation that is prescribed.
 
     Attributes:
-        axis: Number of the link's axis that has the direction; None for a distance from a point.
+        what: The axis that has the direction ("x", "y", "z"), "distance" from a point, or "turn".
     """
 
-    axis: int | None
+    what: str
 
     @property
     def width(self) -> int:
-        """Number of prescribed numbers: the direction's, or the distance and the point."""
-        return 4 if self.axis is None else 3
+        """Number of prescribed numbers: the direction's, the distance and the point, or a quaternion."""
+        return 3 if self.what in AXES else 4
+
+    @property
+    def rates(self) -> int:
+        """Number of their rates."""
+        return 4 if self.what == "distance" else 3
 
     def at(self, motion: Motion, known: Array) -> Array:
         """Compute what a link has of it, shape (1, width), in the frame in which its motion is.
@@ -50,8 +57,10 @@ class Pointing:
         Args:
             known: What is prescribed, shape (width,): of a point, it is where this says.
         """
-        if self.axis is not None:
-            out: Array = motion.R[:, 1, :, self.axis]
+        if self.what == "turn":
+            return quaternion_from_rotation(motion.R[:, 1])
+        if self.what in AXES:
+            out: Array = motion.R[:, 1, :, AXES.index(self.what)]
             return out
         away = np.linalg.norm(motion.p[0, 1] - known[1:])
         return np.concatenate([[away], known[1:]])[None]
@@ -62,7 +71,7 @@ class Prescribed(Given):
     """What poses through several modules prescribe: at the end a heading for each link with angles.
 
     Attributes:
-        pointing: Directions and distances, after the coordinates.
+        pointing: Directions, distances and orientations, after the coordinates.
     """
 
     pointing: tuple[Pointing, ...] = ()
@@ -83,9 +92,9 @@ class Prescribed(Given):
     @property
     def rate_places(self) -> list[slice]:
         """The prescribed rates of each target."""
-        less = np.cumsum([0, *(WIDTH[POSE] - RATES[POSE] for _ in self.bodies)]).tolist()
-        shift = [*pairwise(less), *[(less[-1],) * 2] * (len(self.coordinates) + len(self.pointing))]
-        return [slice(at.start - a, at.stop - b) for at, (a, b) in zip(self.places, shift, strict=True)]
+        widths = [RATES[POSE]] * len(self.bodies) + [len(some.names) for some in self.coordinates]
+        ends = np.cumsum([0, *widths, *(one.rates for one in self.pointing)]).tolist()
+        return [slice(*pair) for pair in pairwise(ends)]
 
     @property
     def turning(self) -> list[int]:
@@ -95,7 +104,7 @@ class Prescribed(Given):
     @property
     def rates(self) -> int:
         """Number of prescribed rates."""
-        return super().rates - len(self.turning)
+        return max((at.stop for at in self.rate_places), default=0)
 
 
 @dataclass(frozen=True)
@@ -120,7 +129,7 @@ class Coupled:
 
     @property
     def relatives(self) -> list[Relative]:
-        """The targets: whole poses, coordinates, directions, distances."""
+        """The targets: whole poses, coordinates, directions, distances, orientations."""
         return sorted(self.problem.relatives, key=lambda one: TARGETS.index(type(one.target)))
 
     @property
@@ -181,6 +190,8 @@ class Coupled:
         levels += [tuple(pose.direction[1]) for pose in poses if pose.direction is not None]
         for far, centre in (pose.distance for pose in poses if pose.distance is not None):
             levels.append(tuple(np.concatenate([far[:, :, None], centre], axis=2)))
+        for m in (pose.turn for pose in poses if pose.turn is not None):
+            levels.append((quaternion_from_rotation(m.R), m.w, m.w_dot))
         g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*levels, strict=True))
         return np.concatenate([g, np.zeros((len(g), len(self.given.turning)))], axis=1), g_dot, g_ddot
 
@@ -220,9 +231,9 @@ def coupled_of(
 ) -> Coupled | None:
     """Return modules that poses couple; None if the general path must assemble them.
 
-    Kernels know whole poses, single coordinates, directions and distances, all rows of which the modules can
-    move, between links that no other module moves but those without loops whose joints are all given: these
-    are among the coupled modules, too. Of the rules they know the least motion.
+    Kernels know whole poses, orientations, coordinates, directions and distances, all rows of which the
+    modules can move, between links that no other module moves but those without loops whose joints are all
+    given: these are among the coupled modules, too. Of the rules they know the least motion.
 
     Args:
         modules: Numbers of the modules.
@@ -242,15 +253,16 @@ def coupled_of(
     parts = tuple(place[k] for k in modules)
     if any(own[i].targets for i in parts) or not all(_given_alone(own[place[k]]) for k in between):
         return None
-    if any(pose.frame is not None or pose.turn is not None for pose in first):
+    if any(pose.frame is not None for pose in first):
         return None
     chain = CoupledModules(modules, first)
     task = chain_task(robot, chain, [one_sample(own[i]) for i in parts], states)
     targets = [one.target for one in task.problem.relatives]
     whole = sum(isinstance(target, PoseTarget) for target in targets)
     some = tuple(GivenCoordinates.of(t) for t in targets if isinstance(t, CoordinateTarget))
-    pointing = [Pointing(t.axis) for t in targets if isinstance(t, DirectionTarget)]
-    pointing += [Pointing(None) for t in targets if isinstance(t, DistanceTarget)]
+    pointing = [Pointing(AXES[t.axis]) for t in targets if isinstance(t, DirectionTarget)]
+    pointing += [Pointing("distance") for t in targets if isinstance(t, DistanceTarget)]
+    pointing += [Pointing("turn") for t in targets if isinstance(t, TurnTarget)]
     given = Prescribed((), (), (1,) * whole, some, tuple(pointing))
     names = tuple(robot.modules[k].name for k in open_modules)
     left = LeftToRule(task.left, names) if task.redundant else None

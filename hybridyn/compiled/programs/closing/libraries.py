@@ -472,7 +472,9 @@ def nearby_requests(
 
 
 def _pointing_nearby(pose: PoseRequest, motion: Motion) -> PoseRequest:
-    """Return a pose whose direction and distance are those of a link's motion, shape (1, ...)."""
+    """Return a pose with the direction, distance and orientation of a link's motion, shape (1, ...)."""
+    if pose.turn is not None:
+        pose = pose._replace(turn=motion)
     if pose.direction is not None:
         axis, w = pose.direction[0], motion.w
         d = motion.R[:, :, axis]

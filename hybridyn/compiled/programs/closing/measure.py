@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ....linkage.pointing import DirectionTarget
-from ....linkage.targets import COORDINATES, SAME_ANGLE, CoordinateTarget, PoseTarget
+from ....linkage.targets import COORDINATES, SAME_ANGLE, CoordinateTarget, PoseTarget, TurnTarget
 from ...equations.expressions import Expression, filled, minus, pack, symbols, zeros
 from .chain_targets import ChainTargets, wrapped
 from .pointing_rows import length_of
@@ -31,9 +31,10 @@ def measure_kernel(targets: ChainTargets) -> ca.Function:
     now, then, headings, guard = [zeros(0)], [zeros(0)], [zeros(0)], ca.SX(0.0)
     for one, at in zip(targets.coupled.relatives, given.places, strict=True):
         (R, p), target, goal, off = targets.seen(one), one.target, g[at], ca.SX(0.0)
-        if isinstance(target, PoseTarget):
-            unit, off = _unit(goal[3:])
-            own, goal = np.concatenate([p, quaternion_of(R)]), np.concatenate([goal[:3], unit])
+        if isinstance(target, PoseTarget | TurnTarget):
+            unit, off = _unit(goal[-4:])
+            own = np.concatenate([p[: len(goal) - 4], quaternion_of(R)])
+            goal = np.concatenate([goal[:-4], unit])
         elif isinstance(target, CoordinateTarget):
             own, heading = _coordinates(R, p, target.names, goal)
             headings += [filled([heading], 1)] if target.turns else []
