@@ -38,7 +38,8 @@ from .joints import (
     roots_of,
     unread_numbers,
 )
-from .schema import AXES, BODY, screen
+from .schema import AXES, BODY
+from .screening import screen
 from .stage import Prim, UsdStage
 
 MASS, CENTRE = "physics:mass", "physics:centerOfMass"
