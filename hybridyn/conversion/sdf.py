@@ -18,6 +18,7 @@ import numpy as np
 from ..description.names import noted, unique
 from ..description.placement import free_pose, inverse, poses_at, turned
 from ..description.records import Array, Closure, Coupling, Description, Joint, Link
+from ..description.rows import to_state
 from ..description.sdf.elements import NUMBERS
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
@@ -64,7 +65,7 @@ def _joint(joint: Joint, spring: tuple[float, float], mimic: tuple[str, float, f
     leader, *numbers = mimic or ("", 1.0, 0.0)
     follows = {"@joint": leader, **dict(zip(NUMBERS["mimic"], (*numbers, 0.0), strict=True))}
     bounds = {word: getattr(joint, word) for word in ("lower", "upper", "effort", "velocity")}
-    limits = {word: bound for word, bound in bounds.items() if np.isfinite(bound)}
+    limits = to_state(NUMBERS["limit"], bounds)
     forces = joint.damping, joint.friction, spring[1], spring[0]
     dynamics = dict(zip(NUMBERS["dynamics"], forces, strict=True))
     content = {

@@ -15,9 +15,11 @@ from ..description.closure_forms import FORMS
 from ..description.followers import followers_at_home
 from ..description.placement import turned
 from ..description.records import Array, Closure, Coupling, Description, Joint, Link
+from ..description.rows import to_state
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
-from ..description.urdf.urdf import INERTIA_ATTRIBUTES, UNLIMITED
+from ..description.urdf.loops import DYNAMICS
+from ..description.urdf.urdf import INERTIA_ATTRIBUTES, LIMIT, UNLIMITED
 from .as_text import Content, angles_of, document, numerals
 from .parts import without_screws
 from .request import (
@@ -100,12 +102,12 @@ def _joint(joint: Joint, endless: bool, mimic: tuple[str, float, float] | None) 
         "revolute",
         "prismatic",
     )  # other readers require all of their limits, as finite numbers
-    bounds = {word: getattr(joint, word) for word in ("lower", "upper", "effort", "velocity")}
+    bounds = {word: getattr(joint, word) for word in LIMIT}
     limit = {
         f"@{word}": np.clip(bound, -UNLIMITED, UNLIMITED)
         for word, bound in bounds.items() if required or word in ("effort", "velocity")
     }  # fmt: skip
-    dynamics = {"@damping": joint.damping, "@friction": joint.friction}
+    forces = to_state(DYNAMICS, {"damping": joint.damping, "friction": joint.friction})
     return {
         "@name": joint.name,
         "@type": kind,
@@ -113,8 +115,8 @@ def _joint(joint: Joint, endless: bool, mimic: tuple[str, float, float] | None) 
         "parent": {"@link": joint.parent},
         "child": {"@link": joint.child},
         "axis": {"@xyz": joint.axis} if joint.kind.single or joint.kind == "planar" else None,
-        "limit": limit if required or np.isfinite([*bounds.values()]).any() else None,
-        "dynamics": dynamics if joint.damping or joint.friction else None,
+        "limit": limit if required or to_state(LIMIT, bounds) else None,
+        "dynamics": {f"@{word}": force for word, force in forces.items()} or None,
         "rotor_inertia": {"@value": joint.rotor_inertia} if joint.rotor_inertia else None,
         "gear_ratio": {"@value": joint.gear_ratio} if joint.gear_ratio != 1 else None,
         "mimic": mimic and {"@joint": mimic[0], "@multiplier": mimic[1], "@offset": mimic[2] or None},

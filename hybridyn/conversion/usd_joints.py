@@ -10,7 +10,8 @@ import numpy as np
 from ..description.closure_forms import ROWS
 from ..description.placement import angle_of, rotation_to_axis, turned
 from ..description.records import Array, Closure, Joint
-from ..description.usd.schema import AXES, DEGREES
+from ..description.rows import to_state
+from ..description.usd.schema import AXES, DEGREES, NUMBERS
 from ..joints.kinds import RotationKind
 from .as_text import quaternion_of
 from .request import FORCES, FREED, Losses, add_of_several, rows_of
@@ -35,6 +36,15 @@ KINDS: dict[tuple[str, ...], str] = {
     (): "Fixed", AXES[3:]: "Spherical",
     **{(axis,): "Revolute" if axis in AXES[3:] else "Prismatic" for axis in AXES},
 }  # fmt: skip
+
+
+#: Schemas that attributes need, by the beginning of their names; the axis is filled in.
+SCHEMAS = {
+    "drive": "PhysicsDriveAPI:{}", "physxJoint": "PhysxJointAPI", "physxJointAxis": "PhysxJointAxisAPI:{}",
+    "state": "PhysicsJointStateAPI:{}",
+}  # fmt: skip
+#: Of several attributes for one number, how that begins which is written.
+WRITTEN = ("drive:", "physxJoint:")
 
 
 class End(NamedTuple):
@@ -123,26 +133,25 @@ def _add_numbers(
             prim.line(f"float drive:{name}:physics:{word} = 0")
     elif np.isfinite(joint.effort_limit):
         losses.add("effort limits of joints without a motor", joint.name)
-    drive, engine, axis = f"PhysicsDriveAPI:{name}", "PhysxJointAPI", f"PhysxJointAxisAPI:{name}"
-    rows = (
-        (joint.lower, "", "physics:lowerLimit", unit),
-        (joint.upper, "", "physics:upperLimit", unit),
-        (joint.effort if driven else np.inf, drive, f"drive:{name}:physics:maxForce", 1.0),
-        (joint.velocity, engine, "physxJoint:maxJointVelocity", unit),
-        (joint.armature or np.inf, engine, "physxJoint:armature", 1.0),
-        (joint.friction or np.inf, axis, f"physxJointAxis:{name}:staticFrictionEffort", 1.0),
-        (joint.friction or np.inf, axis, f"physxJointAxis:{name}:dynamicFrictionEffort", 1.0),
-        (joint.damping or np.inf, axis, f"physxJointAxis:{name}:viscousFrictionCoefficient", 1 / unit),
-        (
-            np.inf if home is None else angle_of(home), f"PhysicsJointStateAPI:{name}",
-            f"state:{name}:physics:position", unit,
-        ),
-    )  # fmt: skip
-    for value, schema, attribute, of_file in rows:
-        if np.isfinite(value):
-            if schema:
-                prim.apply(schema)
-            prim.numbers("float", attribute, value / of_file)
+    numbers = {"physics:lowerLimit": joint.lower / unit, "physics:upperLimit": joint.upper / unit}
+    values = {
+        "velocity": joint.velocity, "effort": joint.effort if driven else np.inf,
+        "rotor_inertia": joint.armature, "friction": joint.friction, "damping": joint.damping,
+    }  # fmt: skip
+    units = {"speed": unit, "effort": 1.0, "inertia": 1.0, "effort at speed": 1.0 / unit}
+    for word, value in to_state(NUMBERS, values).items():
+        names = NUMBERS[word].about(name).names or {}
+        attribute = next((one for one in names if one.startswith(WRITTEN)), next(iter(names)))
+        numbers[attribute] = value / units[names[attribute]]
+    if joint.friction:
+        numbers[f"physxJointAxis:{name}:staticFrictionEffort"] = joint.friction
+    if home is not None:
+        numbers[f"state:{name}:physics:position"] = angle_of(home) / unit
+    for attribute, number in numbers.items():
+        if np.isfinite(number):
+            if schema := SCHEMAS.get(attribute.partition(":")[0]):
+                prim.apply(schema.format(name))
+            prim.numbers("float", attribute, number)
 
 
 def behind(closure: Closure) -> RotationKind | None:

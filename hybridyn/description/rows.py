@@ -118,3 +118,10 @@ def numbers_in(rows: Rows, element: Stating | None, of: str = "") -> dict[str, f
     """
     defaults = {word: row.default for word, row in rows.items()}
     return defaults | ({} if element is None else stated_in(rows, element, of))
+
+
+def to_state(rows: Rows, values: Mapping[str, float]) -> dict[str, float]:
+    """Return which numbers an element has to state, by their words: those that are not its defaults."""
+    return {
+        word: values[word] for word, row in rows.items() if word in values and values[word] != row.default
+    }
