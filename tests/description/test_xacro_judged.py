@@ -1,9 +1,9 @@
 """Expansions against xacro itself: the same elements, attributes and texts, comments left out."""
 
 import contextlib
+import importlib
 import io
 import random
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -222,6 +222,7 @@ def test_shipped_robots_expand_as_by_xacro(name: str, monkeypatch: pytest.Monkey
         skip("robots")
     examples = (Path(share, "example-robot-data") for share in xacro_files.share_dirs())
     found = next((str(folder) for folder in examples if folder.is_dir()), "")
-    monkeypatch.setattr(sys.modules["xacro.substitution_args"], "_eval_find", lambda _: found, raising=False)
+    substitutions = importlib.import_module("xacro.substitution_args")
+    monkeypatch.setattr(substitutions, "_eval_find", lambda _: found)
     file = ROOT / "urdf" / f"{name}.urdf.xacro"
     assert ours(file, {}) == of_xacro(file, {})
