@@ -53,7 +53,7 @@ def follow(
         guess: Initial posture, shape (nq,). With shape (K, nq), the task's samples are K trajectories of
             equal length, one after the other, which are followed together.
         keep_branch: Whether leaving the branch is an error. If False, whatever posture Newton finds is
-            accepted (a wrist in gimbal lock has no branch to stay on).
+            accepted where no branch leads on (a wrist in gimbal lock has none to stay on).
         strict: Whether the first sample, too, must be reached by a straight motion from the guess, if that
             is a posture (`NEARLY_CLOSED`).
 
@@ -79,8 +79,7 @@ def follow(
         task = task.headed(q[last:stop], samples[0])
         pairs, steady = samples[:, :-1].ravel(), good[:, 1:].ravel()
         steady &= ~task.mirrored(q[pairs + 1], pairs + 1)
-        if keep_branch:
-            steady &= _steps_as_predicted(task, q, pairs)
+        steady &= _steps_as_predicted(task, q, pairs)
         bad = pairs[~steady]
         if len(bad):
             _only_alone(guess)
@@ -260,7 +259,7 @@ def _steps_as_predicted(task: AnyTask, q: Array, samples: Index) -> Mask:
 def _next(task: AnyTask, q: Array, sample: int, keep_branch: bool) -> Array:
     """Compute the posture of the next sample, on the branch of a sample or, unless kept, on any."""
     there, ended = np.array([sample + 1]), None
-    if keep_branch and not task.lacking(q[None], there).any():
+    if not task.lacking(q[None], there).any():
         q, done = _walk(task, q, sample)
         if done == 1.0:
             return q
