@@ -133,7 +133,9 @@ def check_closed(
 
 
 def _rates_with_wrists(s: ModuleState) -> Array:
-    """Compute how fast the author's closures open, and accelerate apart, with wrists at rest in their bodies.
+    """Compute how fast the author's closures open, and accelerate apart, by the motion of all joints.
+
+    Couplings alone read rates and accelerations, and hold no joint of a wrist: those of wrists may be zero.
 
     Returns:
         Scaled magnitudes, shape (2, T, rows).

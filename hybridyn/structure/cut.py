@@ -29,6 +29,7 @@ class Cut:
         whole: Tree of every joint once, and of each platform's pose.
         tree: Tree after the cuts: its first joints.
         spanning: Tree of every joint of the module, wrists included, as in the user's q, v, a.
+        wrists: The wrists that were cut.
         welds: For each wrist, the closure from its end to its target, with bodies of `whole`.
         bodies: For each body of `tree`, its number in `spanning`, shape (bodies,).
         whole_bodies: For each body of `whole`, its number in `spanning`.
@@ -39,7 +40,7 @@ class Cut:
     """
 
     def __init__(self, spec: ModuleSpec) -> None:
-        self._spec = spec
+        self._spec, self.wrists = spec, spec.wrists
         self.spanning, self.tree = Tree(list(spec.spanning)), Tree(list(spec.tree))
         self.bodies = np.array(spec.tree_body)
         self.source = [*spec.tree_joint, *(joint for wrist in spec.wrists for joint in wrist.joints)]

@@ -122,7 +122,7 @@ class Mechanism:
         self.unit = freedom_units(self.cut.whole, self.length)
         self.spanning_col_scale = self.unit[self.cut.v_of]
         self.spanning_row_scale = row_factors(self.spanning, self.spanning_closures, self.length)
-        self.wrists = WristRows(spec.wrists, self.cut, self.length, self.unit)
+        self.wrists = WristRows(self.cut, self.length, self.unit)
         if like is None or not self._follows(like, tolerances):
             self._fix_ranks(tolerances.rank, self._find_postures(tolerances.closure))
 
@@ -298,9 +298,9 @@ class Mechanism:
         if self.spec.wrists:
             z = np.empty((len(q), self.cut.whole.nq))
             z[:, self.cut.q_of], z[:, : self.tree.nq] = q, x
-            x_dot, x_ddot = (self.cut.with_still_wrists(each) for each in (x_dot, x_ddot))
-            self.wrists.follow(z, x_dot)
-            self.wrists.follow(z, x_dot, x_ddot)
+            at = self.cut.whole.sweep(z)
+            x_dot = self.wrists.rates(at, x_dot[:, :, None])[:, :, 0]
+            x_ddot = self.wrists.accelerations(x_dot, x_ddot, at)
         return self.cut.to_spanning(x_dot), self.cut.to_spanning(x_ddot)
 
     def residual(self, q: Array, motion: Motion) -> Array:

@@ -207,7 +207,6 @@ class ModuleState:
         m = self.mechanism
         if not m.spec.wrists:
             return m.cut.to_spanning(x_ddot)
-        z_dot, z_ddot = (m.cut.with_still_wrists(x) for x in (self.v, x_ddot))
+        z_dot = m.cut.with_still_wrists(self.v)
         z_dot[:, m.cut.v_of] = v[:, self.module.v_index]
-        m.wrists.follow(self.z, z_dot, z_ddot, self.whole)
-        return m.cut.to_spanning(z_ddot)
+        return m.cut.to_spanning(m.wrists.accelerations(z_dot, x_ddot, self.whole))

@@ -12,7 +12,6 @@ from ..linkage.joints import TreeJoint
 from ..linkage.motion import Motion
 from ..spatial import Array, Index, Mask, indices, rotate, select, to_body_axes
 from .cut import Cut
-from .wrists import Wrist
 
 #: A wrist whose reciprocal condition falls below this is in gimbal lock.
 GIMBAL_LOCK = 1e-9
@@ -25,35 +24,30 @@ class WristRows:
     """Rows of the welds of one module, without units; wrists are given by number.
 
     The rates of a wrist's joints follow from those of x: K_x x_dot + K_w w = 0, in the least norm.
-
-    Attributes:
-        specs: Numbers of each wrist.
     """
 
-    def __init__(self, specs: tuple[Wrist, ...], cut: Cut, length: float, unit: Array) -> None:
+    def __init__(self, cut: Cut, length: float, unit: Array) -> None:
         """Store the data on which the motion of the wrists depends.
 
         Args:
-            specs: Numbers of each wrist.
             cut: The trees of the module.
             length: Length of the module [m].
             unit: Unit of each freedom of the whole tree, shape (its nv,).
         """
-        self.specs = specs
-        self._cut, self._unit = cut, unit
+        self._cut, self._specs, self._unit = cut, cut.wrists, unit
         self._scale = np.array([1.0 / length] * 3 + [1.0] * 3)
         self._welds = [Closures(cut.whole, [weld], []) for weld in cut.welds]
-        ends = np.cumsum([len(cut.tree.joints), *(len(wrist.joints) for wrist in specs)])
+        ends = np.cumsum([len(cut.tree.joints), *(len(wrist.joints) for wrist in cut.wrists)])
         self._own = [indices(cut.whole.v_slices[first:last]) for first, last in pairwise(ends)]
 
     def joints(self, wrist: int) -> tuple[TreeJoint, ...]:
         """Return the joints of a wrist as a separate chain, whose base is the wrist's parent body."""
-        joints = (self._cut.spanning.joints[j] for j in self.specs[wrist].joints)
+        joints = (self._cut.spanning.joints[j] for j in self._specs[wrist].joints)
         return tuple(replace(joint, parent=i) for i, joint in enumerate(joints))
 
     def positions(self, wrist: int) -> Index:
         """Return the indices of a wrist's position coordinates in the spanning tree."""
-        return indices(self._cut.spanning.q_slices[i] for i in self.specs[wrist].joints)
+        return indices(self._cut.spanning.q_slices[i] for i in self._specs[wrist].joints)
 
     def unit(self, wrist: int) -> Array:
         """Return the units of a wrist's freedoms."""
@@ -66,7 +60,7 @@ class WristRows:
             motion: Motion of the whole tree.
         """
         near = np.zeros(len(motion.p), dtype=bool)
-        for own, wrist in zip(self._own, self.specs, strict=True):
+        for own, wrist in zip(self._own, self._specs, strict=True):
             if wrist.carries and len(wrist.joints) == 3:
                 axes = rotate(select(motion.R, self._cut.whole.dof_body[own]), self._cut.whole.S_angular[own])
                 near |= np.abs(np.linalg.det(axes)) <= NEAR_LOCK
@@ -127,23 +121,26 @@ class WristRows:
             out[:, own] = self._followed(K, wrist, np.matmul(K[:, :, : X.shape[-2]], X))
         return out
 
-    def follow(self, z: Array, z_dot: Array, z_ddot: Array | None = None, at: Motion | None = None) -> None:
-        """Compute, in place, the rates (or accelerations) of wrists that follow the bodies they connect.
+    def accelerations(self, z_dot: Array, x_ddot: Array, at: Motion) -> Array:
+        """Compute accelerations of the whole tree with which the wrists follow the bodies that they connect.
 
         Args:
-            z: Positions of the whole tree, shape (T, its nq).
-            z_dot: Rates, shape (T, its nv); if `z_ddot` is None, those of the wrists are overwritten.
-            z_ddot: Accelerations, shape (T, its nv); those of the wrists are overwritten.
-            at: A known motion of the whole tree at the same positions, or None.
+            z_dot: Rates of the whole tree, shape (T, its nv).
+            x_ddot: Accelerations of the tree after the cuts, shape (T, its nv).
+            at: Motion of the whole tree (positions suffice).
+
+        Returns:
+            Shape (T, nv of the whole tree); those of wrists in gimbal lock are the least-norm ones.
         """
-        unknown = z_dot if z_ddot is None else z_ddot
-        unknown[:, self._cut.tree.nv :] = 0.0
-        motion = self._cut.whole.sweep(z, z_dot, z_ddot, at)
+        assert at.q is not None
+        out = self._cut.with_still_wrists(x_ddot)
+        motion = self._cut.whole.sweep(at.q, z_dot, out, at)
         for wrist, own in enumerate(self._own):
-            miss = self._welds[wrist].rates(motion, z_dot, z_ddot)[0 if z_ddot is None else 1]
+            miss = self._welds[wrist].rates(motion, z_dot)[1]
             K = self._matrix(motion, wrist)
-            unknown[:, own] = self._followed(K, wrist, miss * self._scale)
+            out[:, own] = self._followed(K, wrist, miss * self._scale)
             warn_of_gimbal_lock(K[:, :, own] * self.unit(wrist))
+        return out
 
     def _matrix(self, motion: Motion, wrist: int) -> Array:
         """Compute the rows of a weld over the freedoms of the whole tree, shape (T, 6, its nv)."""
