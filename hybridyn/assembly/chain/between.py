@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -89,9 +89,8 @@ class Between:
         own = own_requests(robot, requests._replace(poses=()), chain)
         states = robot.home[None], *np.zeros((2, 1, robot.nv))
         problem, _ = chain_problem(robot, chain, own, states)
-        ease = tuple(np.ones_like(one) for one in problem.ease)
         length = max(robot.modules[k].mechanism.length for k in modules)
-        return cls(robot, modules, replace(problem, ease=ease), length)
+        return cls(robot, modules, problem.unweighted, length)
 
     @property
     def relative(self) -> Relative:

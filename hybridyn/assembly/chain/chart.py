@@ -7,7 +7,7 @@ exact but for the rounding and the order of the differences.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -118,7 +118,7 @@ def chart_at(
         motors: Freedoms of the motors.
         left: Number of motions that the rows leave open and that move motors.
     """
-    problem = replace(problem, ease=tuple(map(np.ones_like, problem.ease)))
+    problem = problem.unweighted
     split = problem.split(problem.matrix(problem.tree.sweep(q), samples))
     motions = _open_motions(problem, split, motors, left)
     return ValueChart(problem, value, q, samples, motions, _inverse(problem, split))

@@ -9,7 +9,7 @@ cost is linear in the number of modules.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -119,6 +119,11 @@ class ChainProblem:
     def free(self) -> Mask:
         """Mask of the freedoms that may move, shape (nv,)."""
         return np.concatenate([part.free for part in self.parts])
+
+    @property
+    def unweighted(self) -> ChainProblem:
+        """The problem in which a unit of each freedom counts as one."""
+        return replace(self, ease=tuple(map(np.ones_like, self.ease)))
 
     @property
     def has_loops(self) -> bool:

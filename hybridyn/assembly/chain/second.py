@@ -7,7 +7,7 @@ depend on the targets alone, on the branch of the row before.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -70,8 +70,7 @@ class NearSingular:
 
     def __call__(self, problem: ChainProblem, q: Array, samples: Index) -> Array:
         """Compute the value at postures."""
-        alike = replace(problem, ease=tuple(np.ones_like(x) for x in problem.ease))
-        split = alike.split(problem.matrix(problem.tree.sweep(q), samples))
+        split = problem.unweighted.split(problem.matrix(problem.tree.sweep(q), samples))
         maps = [(split.reach, problem.rank)]
         maps += [(N[:, at], r) for N, at, r in zip(split.bases, self.motors, self.driven, strict=True)]
         logarithms = [np.log(np.linalg.svd(x, compute_uv=False)[:, :rank]) for x, rank in maps]
@@ -116,7 +115,7 @@ def second_task(
                 module=modules[-1].name,
             )
         return middle
-    split = replace(problem, ease=tuple(np.ones_like(x) for x in problem.ease)).split(problem.matrix(generic))
+    split = problem.unweighted.split(problem.matrix(generic))
     motors = tuple(np.array(module.motor_columns, dtype=int) for module in modules)
     driven = tuple(
         int(np.sum(np.linalg.svd(N[0, at], compute_uv=False) > IDLE))
