@@ -25,42 +25,59 @@ class Extended:
     """The extended tree of a mechanism.
 
     Attributes:
-        tree: The tree: first the joints of `Mechanism.tree`, then those of the wrists.
-        joints: Its joints; their numbers may be arguments.
-        cut: Number of joints of `Mechanism.tree`.
-        source: For each joint its number in the spanning tree, or None for a platform.
+        mechanism: The mechanism.
+        joints: Joints of the tree; their numbers may be arguments.
         closures: The closures after the cuts; those on rods that spin begin at the rod, in its axes.
-        rods: These rods, by the closure's number.
+        couplings: The couplings, with joints of the tree.
         welds: A closure for each wrist, from its end to its target.
-        unit: Unit of each freedom, shape (nv,).
-        row_scale: Factor of each row of closures and couplings, shape (rows,).
-        length: The module's length [m].
+        rods: Rods that spin, by the closure's number.
     """
 
-    tree: Tree
+    mechanism: Mechanism
     joints: tuple[TreeJoint, ...]
-    cut: int
-    source: tuple[int | None, ...]
     closures: tuple[TreeClosure, ...]
     couplings: tuple[TreeCoupling, ...]
     welds: tuple[TreeClosure, ...]
-    unit: Array
-    row_scale: Array
-    length: float
     rods: dict[int, Rod]
+
+    @property
+    def tree(self) -> Tree:
+        """The tree: first the joints of `Mechanism.tree`, then those of the wrists."""
+        return self.mechanism.cut.whole
+
+    @property
+    def source(self) -> tuple[int | None, ...]:
+        """For each joint its number in the spanning tree, or None for a platform."""
+        return tuple(self.mechanism.cut.source)
+
+    @property
+    def unit(self) -> Array:
+        """Unit of each freedom, shape (nv,)."""
+        return self.mechanism.unit
+
+    @property
+    def row_scale(self) -> Array:
+        """Factor of each row of closures and couplings, shape (rows,)."""
+        return self.mechanism.reduction.row_scale
+
+    @property
+    def length(self) -> float:
+        """The module's length [m]."""
+        return self.mechanism.length
 
     @property
     def shape(self) -> tuple[object, ...]:
         """Everything but the numbers in which modules with the same kernel may differ."""
         joints = tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in self.tree.joints)
         loops = tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in (*self.closures, *self.welds))
-        return joints, self.cut, self.source, loops, tuple(c.form for c in self.couplings), self.length
+        cut = len(self.mechanism.tree.joints)
+        return joints, cut, self.source, loops, tuple(c.form for c in self.couplings), self.length
 
     @property
     def weight(self) -> Array:
         """Weight of each freedom in the least norm, shape (nv,): none for wrists, which follow their ends."""
-        ends = np.cumsum([0, *(at.stop - at.start for at in self.tree.v_slices)])
-        return np.where(np.arange(self.tree.nv) < ends[self.cut], 1.0 / self.unit, 0.0)
+        cut = self.mechanism.tree.nv
+        return np.where(np.arange(self.tree.nv) < cut, 1.0 / self.unit, 0.0)
 
     @property
     def platforms(self) -> tuple[int, ...]:
@@ -89,16 +106,5 @@ def extended(m: Mechanism) -> Extended:
     from ...equations.loops import along_rods, spinning_rods
 
     rods = spinning_rods(m, m.spec.tree, m.spec.cut_closures)
-    return Extended(
-        m.cut.whole,
-        m.cut.whole.joints,
-        len(m.tree.joints),
-        tuple(m.cut.source),
-        along_rods(m.closures.closures, rods),
-        m.closures.couplings,
-        m.cut.welds,
-        m.unit,
-        m.reduction.row_scale,
-        m.length,
-        rods,
-    )
+    closures = along_rods(m.closures.closures, rods)
+    return Extended(m, m.cut.whole.joints, closures, m.closures.couplings, m.cut.welds, rods)
