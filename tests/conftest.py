@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
-from tests import ROOT, missed, once
-from tests.extras import all_installed, robots_of_others, skip
+from tests import ROOT
+from tests.support import missed, once
+from tests.support.extras import all_installed, robots_of_others, skip
 
 # The matrices of the tests are small: threads of BLAS gain nothing, and two pytest workers fight over cores.
 # Before anything imports numpy.
@@ -126,7 +127,7 @@ def kept(expand: Callable[..., Any]) -> Callable[..., Any]:
 
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
-    """Give the command line as a function of its words: `tests.command_line.call`."""
-    from tests.command_line import call
+    """Give the command line as a function of its words: `tests.support.command_line.call`."""
+    from tests.support.command_line import call
 
     return partial(call, capsys)

@@ -1,7 +1,7 @@
 """Mechanisms go the whole way: models, compiled models and simulation, or a refusal of one line.
 
 Mechanisms of any rank: the states are those that the library draws for itself. What it computes is judged
-as `tests.any_mechanism` allows: by the oracle to 1e-7, compiled models by the general path.
+as `tests.robots.any_mechanism` allows: by the oracle to 1e-7, compiled models by the general path.
 
 Mechanisms of clear rank: both models to rounding, or a refusal whose reason the oracle finds. Their blocks
 are the tests, so that `--part` spreads them. A case is one state of one mechanism.
@@ -19,15 +19,15 @@ from hybridyn.compiled.verifying import verify
 from hybridyn.description import Description
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
-from tests.any_mechanism import any_mechanism
-from tests.generated import Case, generated
-from tests.generated_judge import judge
+from tests.judges.generated_judge import judge
 from tests.oracle import Base, Oracle
-from tests.samples import fuzz, slow
-from tests.strategies import clear_rank, for_all, mechanisms, one_freedom
-from tests.swings import still_base
-from tests.waiting import outcome
-from tests.written_out import Interpreted
+from tests.robots.any_mechanism import any_mechanism
+from tests.robots.generated import Case, generated
+from tests.robots.strategies import clear_rank, for_all, mechanisms, one_freedom
+from tests.robots.swings import still_base
+from tests.support.samples import fuzz, slow
+from tests.support.waiting import outcome
+from tests.support.written_out import Interpreted
 
 CLOSED = 1e-9  # of states that the library draws or reaches, relative to its size
 WORK = 1e-7  # of the largest term

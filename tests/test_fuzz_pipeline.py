@@ -28,14 +28,14 @@ from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.trajectory import read_motions
 from tests import ROOT
-from tests.files import expanded
-from tests.mutations import FLAT, TREE, change_number, swap_values
 from tests.oracle import Oracle
-from tests.posing import position
-from tests.samples import fuzz, slow
+from tests.robots.mutations import FLAT, TREE, change_number, swap_values
+from tests.robots.posing import position
 from tests.scenes import test_fuzz_scenes as parts
 from tests.studies.test_sweep import pendulum_in
-from tests.waiting import outcome
+from tests.support.files import expanded
+from tests.support.samples import fuzz, slow
+from tests.support.waiting import outcome
 
 CLOSED = 1e-6  # what the dynamic models ask of a state, relative to the robot's size
 FOLLOWED = 1e-7  # m or rad: a table that closures contradict within their tolerance is bent

@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from tests import ROOT
-from tests.snippets import blocks
+from tests.support.snippets import blocks
 
 PACKAGE = ROOT / "hybridyn"
 HEAVY = ("numpy", "scipy", "pinocchio", "pydantic", "lxml", "polars", "matplotlib", "yourdfpy", "trimesh")

@@ -32,10 +32,10 @@ from hybridyn.scenes.scene_file import read_scene
 from hybridyn.simulation.result import SimulationResult
 from hybridyn.streams.one_pass import samples_counted_from
 from hybridyn.tables.opening import read_columns
-from tests.command_line import call, read_table
-from tests.comparing import refused
-from tests.extras import needs
-from tests.files import save
+from tests.support.command_line import call, read_table
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.files import save
 
 NO_ROOM = """
 import resource, sys

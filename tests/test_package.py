@@ -155,7 +155,7 @@ def test_messages_name_extras_that_exist() -> None:
 
 
 def test_each_mutant_breaks_one_place() -> None:
-    """A fragment of `mutants.toml` stands once in its file; `python -m tests.mutants` breaks it there."""
+    """A fragment of `mutants.toml` stands once in its file; `tests.tools.mutants` breaks it there."""
     for file, mutants in tomllib.loads((ROOT / "tests/mutants.toml").read_text()).items():
         text = (ROOT / "hybridyn" / file).read_text()
         assert [name for name, (old, _) in mutants.items() if text.count(old) != 1] == [], file

@@ -29,7 +29,7 @@ from hybridyn.spatial import (
     spatial_inertia,
     wrench_to_base,
 )
-from tests.comparing import ROUNDING, close_to, refused
+from tests.support.comparing import ROUNDING, close_to, refused
 
 SAMPLES = 50
 HALF_TURN = (

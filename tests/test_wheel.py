@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests import ROOT
-from tests.snippets import blocks
+from tests.support.snippets import blocks
 
 BUILD = "import hatchling.build as build, sys; print(getattr(build, sys.argv[1])(sys.argv[2]))"
 DATA = ("urdf", "models")

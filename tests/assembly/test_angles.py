@@ -24,7 +24,7 @@ from hybridyn.linkage.angles import (
 )
 from hybridyn.spatial import Array
 from hybridyn.studies.workspace.workspace import workspace
-from tests.comparing import close_to, refused
+from tests.support.comparing import close_to, refused
 
 ROUNDING = 1e-9  # relative, through the conditioning of these arms
 STEP = 1e-4  # of time in central differences [s]

@@ -17,15 +17,15 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
 from hybridyn.structure.module_spec import module_spec
-from tests.comparing import close_to, refused
 from tests.dynamics.test_idm import symmetric_five_bar
-from tests.engines import engine_of
-from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
 from tests.oracle import Base, Oracle
-from tests.posing import far_apart, of_joints, of_link, position
-from tests.samples import in_turn, slow, some
-from tests.shipped import shipped, states_near_home
-from tests.sketch import turn
+from tests.robots.mechanisms import KINDS, home_posture, random_mechanism, random_states
+from tests.robots.posing import far_apart, of_joints, of_link, position
+from tests.robots.shipped import shipped, states_near_home
+from tests.robots.sketch import turn
+from tests.support.comparing import close_to, refused
+from tests.support.engines import engine_of
+from tests.support.samples import in_turn, slow, some
 
 CLOSED = 1e-12  # of the module's size, on the closures' generic range
 SAME = 1e-9  # the same posture, through the conditioning of a mechanism of this collection

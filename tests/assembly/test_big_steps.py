@@ -12,11 +12,11 @@ from hybridyn.assembly import assemble, follow
 from hybridyn.assembly.task import Task
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
-from tests.comparing import close_to, refused
-from tests.mechanisms import KINDS, random_mechanism
-from tests.posing import far_apart, of_joints, of_link, position
-from tests.samples import slow
-from tests.shipped import shipped, states_near_home
+from tests.robots.mechanisms import KINDS, random_mechanism
+from tests.robots.posing import far_apart, of_joints, of_link, position
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import close_to, refused
+from tests.support.samples import slow
 
 #: Computes a posture from positions of the motors and the last posture.
 Step = Callable[[Array, Array], Array]

@@ -14,13 +14,13 @@ from hybridyn.cli import main
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_angles import arm
-from tests.comparing import close_to, refused
-from tests.excavator import HOME, MOTORS, cylinders, excavator, teeth
-from tests.mechanisms import random_mechanism, random_states
 from tests.oracle import Oracle
-from tests.posing import far_apart, of_joints, of_link
-from tests.samples import slow
-from tests.shipped import shipped, states_near_home
+from tests.robots.excavator import HOME, MOTORS, cylinders, excavator, teeth
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.posing import far_apart, of_joints, of_link
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import close_to, refused
+from tests.support.samples import slow
 
 REACHED = 1e-10  # of positions, rates and accelerations, relative to the largest
 LEAST = 1e-4  # of the rule: joints without a motor count a thousandth of it, squared, times their number

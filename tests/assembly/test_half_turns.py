@@ -10,7 +10,7 @@ import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 from tests.assembly.test_angles import arm, placed
-from tests.samples import slow
+from tests.support.samples import slow
 
 REACHED = 1e-10  # [rad]
 #: What is beyond half a turn, or lacks to it; at half a turn itself both ways are as long.

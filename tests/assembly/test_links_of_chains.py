@@ -9,10 +9,10 @@ import pytest
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot
 from hybridyn.structure.building import build_robot
-from tests.comparing import close_to, refused
-from tests.mechanisms import random_mechanism, random_states
-from tests.posing import far_apart, of_joints, of_link
-from tests.shipped import shipped, states_near_home
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.posing import far_apart, of_joints, of_link
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import close_to, refused
 
 REACHED = 1e-10  # relative, of positions, rates and accelerations
 KINDS = ("gough", "star_universal")

@@ -25,9 +25,9 @@ from tests.assembly.test_chains import (
     spans,
     stacked,
 )
-from tests.comparing import close_to, refused
-from tests.posing import far_apart, of_link
-from tests.samples import slow
+from tests.robots.posing import far_apart, of_link
+from tests.support.comparing import close_to, refused
+from tests.support.samples import slow
 
 KINDS = ("gough", "delta_bars", "stewart_arm", "stack", "scara_delta")
 SLOPE, SLOPED = 1e-6, 1e-7  # of central differences, and their error

@@ -10,9 +10,9 @@ import pytest
 
 import hybridyn
 from hybridyn import AssemblyError
-from tests.as_written import Sheet, point
 from tests.assembly.test_angles import arm
-from tests.comparing import close_to, refused
+from tests.robots.as_written import Sheet, point
+from tests.support.comparing import close_to, refused
 
 #: Relative, of what is told: the angle that is left is the first term of a series, and the next one is
 #: smaller by a third of the angle's square. The angle is up to half a radian.

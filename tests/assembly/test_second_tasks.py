@@ -16,11 +16,11 @@ from hybridyn.cli import main
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_angles import arm
-from tests.comparing import close_to, refused
 from tests.oracle import Oracle
-from tests.posing import far_apart, of_link
-from tests.samples import slow
-from tests.shipped import shipped
+from tests.robots.posing import far_apart, of_link
+from tests.robots.shipped import shipped
+from tests.support.comparing import close_to, refused
+from tests.support.samples import slow
 
 REACHED = 1e-10  # of positions, relative to the largest
 SAME = 1e-10  # from other starts: slopes are known to 1e-13 of the value, and curvatures are not far from 1

@@ -17,13 +17,13 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.studies.check.remarks import free_motions_of
 from tests import ROOT
-from tests.comparing import refused
-from tests.files import save
-from tests.mechanisms import KINDS, random_mechanism, random_states
-from tests.posing import of_joints, of_link
-from tests.samples import some
-from tests.shipped import ROBOTS, shipped, states_near_home
+from tests.robots.mechanisms import KINDS, random_mechanism, random_states
+from tests.robots.posing import of_joints, of_link
+from tests.robots.shipped import ROBOTS, shipped, states_near_home
 from tests.studies.test_check import crank_and_slide
+from tests.support.comparing import refused
+from tests.support.files import save
+from tests.support.samples import some
 
 UPPER, LOWER, SPACING = 0.2, 0.3, 0.25  # of a five-bar [m]
 ARMS = {"upper_length": str(UPPER), "lower_length": str(LOWER), "spacing": str(SPACING)}

@@ -11,11 +11,11 @@ import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.conversion.convert import write
 from hybridyn.conversion.request import ConversionRequest, Losses
-from tests.aims import Aim, Array, random_aims
-from tests.as_written import WRITTEN
-from tests.extras import needs
-from tests.fitted import ANGLES, LENGTHS, WORLD
-from tests.samples import slow
+from tests.assembly.aims import Aim, Array, random_aims
+from tests.assembly.fitted import ANGLES, LENGTHS, WORLD
+from tests.robots.as_written import WRITTEN
+from tests.support.extras import needs
+from tests.support.samples import slow
 
 mujoco = needs("mjcf")
 

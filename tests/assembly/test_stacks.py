@@ -12,12 +12,12 @@ import hybridyn
 from hybridyn import AssemblyError
 from hybridyn.assembly.chain import solve
 from hybridyn.assembly.chain.task import ChainTask
-from tests.aims import Aim, Array, march, random_aims
-from tests.as_written import WRITTEN
+from tests.assembly.aims import Aim, Array, march, random_aims
+from tests.assembly.fitted import differenced
 from tests.assembly.test_angles import arm
-from tests.comparing import refused
-from tests.fitted import differenced
-from tests.samples import slow
+from tests.robots.as_written import WRITTEN
+from tests.support.comparing import refused
+from tests.support.samples import slow
 
 REACHED = 1e-10  # of positions [m, rad]
 MET = 1e-10  # of prescribed rates, relative to the largest: solved with rows of condition up to some hundreds

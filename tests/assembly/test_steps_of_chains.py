@@ -8,10 +8,10 @@ import pytest
 
 import hybridyn
 from hybridyn import AssemblyError, SingularityError
-from tests.aims import BENT, Aim, Array, random_aims
-from tests.as_written import WRITTEN
+from tests.assembly.aims import BENT, Aim, Array, random_aims
 from tests.assembly.test_stacks import ALIKE, REACHED
-from tests.samples import slow
+from tests.robots.as_written import WRITTEN
+from tests.support.samples import slow
 
 #: Steps of a path, and the times of one, drawn by their logarithm: motions of some hundredths to one [s].
 STEPS, LEAST, LONGEST = 5, 0.02, 1.0

@@ -19,12 +19,12 @@ from hybridyn.linkage.angles import angles_of, angular_drift, angular_map, plain
 from hybridyn.spatial import Array, rotation_from_quaternion
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_angles import arm
-from tests.comparing import close_to, refused
-from tests.mechanisms import random_mechanism, random_states
 from tests.oracle import Base
-from tests.posing import Triple, far_apart, of_joints
-from tests.samples import slow
-from tests.shipped import shipped, states_near_home
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.posing import Triple, far_apart, of_joints
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import close_to, refused
+from tests.support.samples import slow
 
 REACHED = 1e-9  # of positions, rates and accelerations, relative to the largest
 BASES: tuple[Base, ...] = ("moving", "floating", "fixed")

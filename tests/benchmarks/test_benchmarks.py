@@ -45,11 +45,11 @@ from hybridyn.studies.compare.engines import mujoco_engine
 from hybridyn.studies.compare.peer_engine import NotComparableError
 from hybridyn.studies.cost.points import pareto_front
 from tests import ROOT
-from tests.clocks import Clock
-from tests.comparing import refused
-from tests.extras import needs
-from tests.files import save
-from tests.samples import slow
+from tests.support.clocks import Clock
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import slow
 
 DIFFERENCES = 1e-3  # of the largest rate: second-order central differences at 5 ms of a motion of 1 Hz
 REACHED = {  # soft closures; another robot's efforts; seven digits

@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.identification import compared
 from hybridyn.structure.building import build_robot
-from tests.peers import describe, example_urdf
+from tests.judges.peers import describe, example_urdf
 
 #: Both choose from QR factors of random samples; a condition of 1e3 makes 1e-12 of rounding.
 AGREE = 1e-10

@@ -21,9 +21,9 @@ import pytest
 from hybridyn import ddm
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
-from tests.judging import drawn, efforts
-from tests.peers import Peer
-from tests.shipped import ROBOTS, shipped, states_near_home
+from tests.judges.judging import drawn, efforts
+from tests.judges.peers import Peer
+from tests.robots.shipped import ROBOTS, shipped, states_near_home
 
 PROXIMAL = 1e-9  # what constraintDynamics reaches at its best mu on robots of condition 1e4
 MU = 10.0 ** np.arange(-12, -1)

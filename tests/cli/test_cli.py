@@ -22,12 +22,12 @@ from hybridyn.errors import AT_SAMPLE, AssemblyError
 from hybridyn.streams.one_pass import MOST_ROWS
 from hybridyn.tables.opening import open_table
 from tests import ROOT
-from tests.clocks import Clock
-from tests.command_line import call, program, table_text
-from tests.comparing import refused
-from tests.extras import needs
-from tests.files import save
-from tests.waiting import PATIENCE, wait_until
+from tests.support.clocks import Clock
+from tests.support.command_line import call, program, table_text
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.waiting import PATIENCE, wait_until
 
 ARM = """<robot name="arm">
   <link name="base"/>

@@ -11,9 +11,9 @@ import pytest
 
 from hybridyn.cli.common import batch
 from hybridyn.studies.results_folder import RECORD, writing
-from tests.extras import needs
-from tests.files import save
 from tests.studies.test_sweep import pendulum_in, pool_here
+from tests.support.extras import needs
+from tests.support.files import save
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ import hybridyn
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.signals import TWIST, WRENCH
 from tests import ROOT
-from tests.command_line import read_table, table_text
-from tests.comparing import SOLVED, close_to
-from tests.files import save
+from tests.support.command_line import read_table, table_text
+from tests.support.comparing import SOLVED, close_to
+from tests.support.files import save
 
 ROUND_TRIP = 1e-9  # two solutions of the loops and of the inertia, relative to the largest acceleration
 FIVE_BAR = ROOT / "urdf/five_bar.urdf.xacro"

@@ -15,8 +15,8 @@ import hybridyn.streams.one_pass as blocks
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.tables.layout import Layout
 from tests import ROOT
-from tests.command_line import Said, read_table, table_text
-from tests.robot_texts import door, save
+from tests.robots.robot_texts import door, save
+from tests.support.command_line import Said, read_table, table_text
 
 Run = Callable[..., Said]
 TRAJECTORY = ROOT / "models/five_bar/traj.csv"

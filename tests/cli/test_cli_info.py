@@ -11,8 +11,8 @@ from hybridyn.figures.module_tree import cards
 from hybridyn.studies.check import loops
 from hybridyn.studies.check.loops import home_residuals
 from tests import ROOT
-from tests.files import expanded, save
 from tests.structure.test_rank_evidence import pinned
+from tests.support.files import expanded, save
 
 SNAKE, FIVE_BAR = ROOT / "urdf/snake.urdf.xacro", ROOT / "urdf/five_bar.urdf.xacro"
 

@@ -7,10 +7,10 @@ import pytest
 
 from hybridyn.tables.signals import WRENCH
 from tests import ROOT
-from tests.command_line import call, read_table, table_text
-from tests.comparing import SOLVED, close_to
-from tests.files import save
 from tests.quantities.ankle import JOINTS, MOTORS, ankle_text, closed_form
+from tests.support.command_line import call, read_table, table_text
+from tests.support.comparing import SOLVED, close_to
+from tests.support.files import save
 
 FIVE_BAR_MOTORS = ("m1_left_drive", "m1_right_drive")
 RATES = [f"{motor}/per/{joint}" for motor in MOTORS for joint in JOINTS]

@@ -10,10 +10,10 @@ import pytest
 
 from hybridyn.cli import simulate
 from tests import ROOT
-from tests.command_line import program, read_table
-from tests.extras import needs
-from tests.files import save
-from tests.waiting import PATIENCE
+from tests.support.command_line import program, read_table
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.waiting import PATIENCE
 
 SCENE = f"""duration = 0.12
 [robot]

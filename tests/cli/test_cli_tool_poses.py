@@ -20,11 +20,11 @@ from hybridyn.studies.sweep.compiled_chunks import evaluate_chunk
 from hybridyn.studies.sweep.designs import designs_of
 from hybridyn.studies.sweep.evaluation import Chunk
 from hybridyn.studies.sweep.reading import read_study
-from tests.command_line import call, read_table
-from tests.comparing import close_to, refused
-from tests.excavator import HOME, MOTORS, cylinders, excavator, teeth
-from tests.files import save
-from tests.samples import slow
+from tests.robots.excavator import HOME, MOTORS, cylinders, excavator, teeth
+from tests.support.command_line import call, read_table
+from tests.support.comparing import close_to, refused
+from tests.support.files import save
+from tests.support.samples import slow
 
 TIME = np.linspace(0.0, 1.0, 9)
 ANGLES = HOME + 0.1 * np.sin(np.outer(TIME, [1.0, 1.3, 0.7]))

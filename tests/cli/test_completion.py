@@ -12,9 +12,9 @@ from hybridyn.cli import COMMANDS, main
 from hybridyn.cli.lists import VARIABLE, WHERE
 from hybridyn.description.shipped import main_names
 from tests import ROOT
-from tests.command_line import call
-from tests.comparing import refused
-from tests.files import save
+from tests.support.command_line import call
+from tests.support.comparing import refused
+from tests.support.files import save
 
 
 def asked(line: str) -> dict[str, str]:

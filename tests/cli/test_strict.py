@@ -10,9 +10,9 @@ from hybridyn.cli import COMMANDS, words
 from hybridyn.errors import ModelError
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.scenes.stage import stage
-from tests.comparing import refused
-from tests.files import save
-from tests.robot_texts import LOOP, robot
+from tests.robots.robot_texts import LOOP, robot
+from tests.support.comparing import refused
+from tests.support.files import save
 
 NOTED = robot("<custom_tag/>", LOOP)
 SCENE = 'duration = 0.1\n[robot]\nfile = "r.urdf"\nmotors = ["drive"]\n{}\n'

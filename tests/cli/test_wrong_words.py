@@ -8,9 +8,9 @@ import pytest
 
 from tests import ROOT
 from tests.cli.test_cli import arm, motion
-from tests.extras import needs
-from tests.files import save
 from tests.quantities.ankle import JOINTS, MOTORS, ankle_text
+from tests.support.extras import needs
+from tests.support.files import save
 
 __all__ = ["arm", "motion"]
 

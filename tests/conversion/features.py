@@ -12,7 +12,7 @@ import numpy as np
 from hybridyn.description import Closure, Coupling, Description, Joint, Link
 from hybridyn.description.placement import inverse, placement_from, poses_at, turned
 from hybridyn.description.records import Curve, JointKind, Load
-from tests.sketch import CLOSURES
+from tests.robots.sketch import CLOSURES
 
 AT = placement_from(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.1, 0.2, 0.3]))
 INERTIA = np.array([[0.02, 0.001, 0.002], [0.001, 0.03, 0.003], [0.002, 0.003, 0.04]])

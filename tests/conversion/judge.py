@@ -22,8 +22,8 @@ from hybridyn.conversion.target_files import MODEL, file_beside
 from hybridyn.description import Closure, Description, read
 from hybridyn.errors import HybridynError
 from hybridyn.structure.building import build_robot
-from tests.comparing import close_to
-from tests.extras import needs
+from tests.support.comparing import close_to
+from tests.support.extras import needs
 
 #: The claim of a round trip: each rotation passes through angles or a quaternion once.
 SAME = 1e-12

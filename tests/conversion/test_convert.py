@@ -13,14 +13,14 @@ from hybridyn import ModelError, closure_residual, convert
 from hybridyn.description import Description, Joint, Link, read
 from hybridyn.structure.building import build_robot
 from tests import ROOT
-from tests.command_line import call
-from tests.comparing import refused
 from tests.conversion.facts import SINGLE
 from tests.conversion.features import closed, coupled, renamed
 from tests.conversion.judge import needs_reader
 from tests.description.reading import save_all
-from tests.robot_texts import CLOSED_FOUR_BAR, FOUR_BAR, save
-from tests.snippets import blocks
+from tests.robots.robot_texts import CLOSED_FOUR_BAR, FOUR_BAR, save
+from tests.support.command_line import call
+from tests.support.comparing import refused
+from tests.support.snippets import blocks
 
 #: Words of the command, its exit status, what it says, and how the file begins or what stands in it.
 COMMANDS = [

@@ -11,8 +11,8 @@ from hybridyn.structure.building import build_robot
 from tests.conversion.drawn import with_drawn_effects
 from tests.conversion.features import FEATURES
 from tests.conversion.judge import SAME, SINGLE, bodily, read_back
-from tests.mechanisms import KINDS, random_mechanism
-from tests.samples import some
+from tests.robots.mechanisms import KINDS, random_mechanism
+from tests.support.samples import some
 
 #: Robots with an effect that stores energy or adds mass, or that names what is written under another name.
 NAMES = [

@@ -7,9 +7,9 @@ import pytest
 
 from tests.conversion.judge import bodily, read_back
 from tests.description.reading import outcome
-from tests.mechanisms import random_mechanism
-from tests.mutations import FLAT, TREE
-from tests.samples import slow
+from tests.robots.mechanisms import random_mechanism
+from tests.robots.mutations import FLAT, TREE
+from tests.support.samples import slow
 
 CASES = 8  # per seed
 

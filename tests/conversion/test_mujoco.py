@@ -17,7 +17,6 @@ from hybridyn.description.shipped import find_robot
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import joint_position
-from tests.comparing import close_to, refused
 from tests.conversion import judge
 from tests.conversion.features import FEATURES, closed, link, renamed
 from tests.conversion.judge import (
@@ -28,13 +27,14 @@ from tests.conversion.judge import (
     same_robot,
     same_structure,
 )  # fmt: skip
-from tests.extras import needs
-from tests.files import save
-from tests.mechanisms import KINDS, random_mechanism
-from tests.mjcf_texts import ROBOTS as ROBOTS_OF_MJCF
-from tests.mujoco_matrices import mass_matrix
-from tests.samples import slow, some
-from tests.shipped import ROBOTS, shipped
+from tests.judges.mujoco_matrices import mass_matrix
+from tests.robots.mechanisms import KINDS, random_mechanism
+from tests.robots.mjcf_texts import ROBOTS as ROBOTS_OF_MJCF
+from tests.robots.shipped import ROBOTS, shipped
+from tests.support.comparing import close_to, refused
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import slow, some
 
 mujoco = needs("mjcf")
 

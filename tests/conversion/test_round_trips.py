@@ -11,7 +11,6 @@ from hybridyn.conversion.from_home import counted_from_home
 from hybridyn.conversion.request import Losses
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
-from tests.comparing import SOLVED
 from tests.conversion.judge import (
     SAME,
     SINGLE,
@@ -23,10 +22,11 @@ from tests.conversion.judge import (
     same_structure,
     states,
 )
-from tests.generated import generated
-from tests.mechanisms import KINDS, random_mechanism, random_states
-from tests.samples import slow, some
-from tests.shipped import ROBOTS, shipped
+from tests.robots.generated import generated
+from tests.robots.mechanisms import KINDS, random_mechanism, random_states
+from tests.robots.shipped import ROBOTS, shipped
+from tests.support.comparing import SOLVED
+from tests.support.samples import slow, some
 
 ENDINGS = (".urdf", ".xml", ".usda", ".sdf")
 QUICK = ("five_bar",)

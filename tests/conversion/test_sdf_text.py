@@ -15,9 +15,9 @@ from hybridyn.description.closure_forms import FORMS
 from hybridyn.description.placement import inverse, placement_from, poses_at
 from hybridyn.description.shape_files import Shape
 from hybridyn.structure.building import build_robot
-from tests.comparing import close_to
 from tests.conversion.judge import SAME, read_back, states
-from tests.mechanisms import random_mechanism
+from tests.robots.mechanisms import random_mechanism
+from tests.support.comparing import close_to
 
 TURN = placement_from(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.1, 0.2, 0.3]))
 INERTIA = np.array([[0.02, 0.001, 0.002], [0.001, 0.03, 0.003], [0.002, 0.003, 0.04]])

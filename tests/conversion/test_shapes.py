@@ -10,8 +10,8 @@ from hybridyn import convert
 from hybridyn.conversion.request import Losses
 from hybridyn.conversion.shapes import read_shapes
 from hybridyn.description import read
-from tests.extras import needs
-from tests.robot_texts import FOUR_BAR, save
+from tests.robots.robot_texts import FOUR_BAR, save
+from tests.support.extras import needs
 
 VISUALS = """<visual><origin xyz="0 0 1" rpy="0 0 0.5"/><geometry><box size="1 2 3"/></geometry>
   <material name="red"/></visual>

@@ -5,9 +5,9 @@ The lists come from the documentation and the readers of Gazebo, sdformat, Drake
 Dojo, ros_control, ros2_control, MuJoCo, PhysX and Newton.
 """
 
-from tests import sdf_texts, usd_texts
-from tests.mjcf_texts import mjcf
-from tests.robot_texts import FOUR_BAR
+from tests.description import sdf_texts, usd_texts
+from tests.robots.mjcf_texts import mjcf
+from tests.robots.robot_texts import FOUR_BAR
 
 Row = tuple[str, str, str]
 

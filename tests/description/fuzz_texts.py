@@ -1,10 +1,10 @@
 """Robots in every format that hold much of what their readers know, for tests that break them."""
 
-from tests.mjcf_texts import BAR, mjcf
-from tests.robot_texts import LOOP, robot
-from tests.sdf_texts import WORLD, joint, link, sdf
-from tests.usd_texts import DRIVE, KINDS, at, body, prim
-from tests.usd_texts import joint as usd_joint
+from tests.description.sdf_texts import WORLD, joint, link, sdf
+from tests.description.usd_texts import DRIVE, KINDS, at, body, prim
+from tests.description.usd_texts import joint as usd_joint
+from tests.robots.mjcf_texts import BAR, mjcf
+from tests.robots.robot_texts import LOOP, robot
 
 FRAMES = (
     '<link name="end_a"/><joint name="end_a_frame" type="fixed">'

@@ -31,7 +31,7 @@ from tests.description.test_fuzz_readers import CASES, Judge, of_mjcf, of_sdf, o
 from tests.description.test_valid_files import check, saved
 from tests.description.test_xacro_judged import agrees
 from tests.description.valid_files import FORMATS
-from tests.mutations import TREE, USDA
+from tests.robots.mutations import TREE, USDA
 
 #: Processor time that a case may take [s], and memory of a batch beyond that of its start [bytes].
 SECONDS, MEMORY = 10, 2**30

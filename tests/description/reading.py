@@ -11,9 +11,9 @@ import pytest
 from hybridyn.description import Description, read
 from hybridyn.description.bounds import BOUNDS
 from hybridyn.errors import ModelError
-from tests.files import save
-from tests.snippets import ROOT
-from tests.waiting import must_end
+from tests.support.files import save
+from tests.support.snippets import ROOT
+from tests.support.waiting import must_end
 
 Texts = str | bytes | Mapping[str, str | bytes]
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from tests.description.sdf_texts import joint, link, sdf
 from tests.description.test_sdf_reading import (
     ABOUT_Z,
     ARM,
@@ -25,7 +26,6 @@ from tests.description.test_sdf_reading import READ as SDF
 from tests.description.test_sdf_refusals import ABOUT_X, AUTO, REFERENCE
 from tests.description.test_sdf_shapes import BOX
 from tests.description.test_sdf_shapes import robot as shaped
-from tests.sdf_texts import joint, link, sdf
 
 #: The text of a robot, or the texts of its files.
 Files = str | Mapping[str, str]

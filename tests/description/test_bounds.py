@@ -8,12 +8,12 @@ import pytest
 from hybridyn.description.bounds import BOUNDS, COUNTED, Budget, RunawayError, refuse_above, said
 from hybridyn.description.usd import opening
 from tests import ROOT
-from tests.comparing import refused
 from tests.description.reading import bound, save_all
 from tests.description.reading import refused as refused_file
-from tests.mjcf_texts import mjcf
-from tests.robot_texts import FOUR_BAR
-from tests.sdf_texts import link, sdf
+from tests.description.sdf_texts import link, sdf
+from tests.robots.mjcf_texts import mjcf
+from tests.robots.robot_texts import FOUR_BAR
+from tests.support.comparing import refused
 
 PAGE = ROOT / "docs" / "formats.md"
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'

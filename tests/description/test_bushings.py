@@ -9,13 +9,13 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
-from tests.comparing import SOLVED, close_to
 from tests.description.drake_plant import Plant
 from tests.description.reading import refused
-from tests.extras import needs
-from tests.files import save
-from tests.robot_texts import robot
-from tests.sdf_texts import WORLD, joint, link, sdf
+from tests.description.sdf_texts import WORLD, joint, link, sdf
+from tests.robots.robot_texts import robot
+from tests.support.comparing import SOLVED, close_to
+from tests.support.extras import needs
+from tests.support.files import save
 
 #: Two programs that evaluate the same few formulas, and the conditioning of the mass matrix.
 AGAINST_DRAKE = 1e-11

@@ -12,9 +12,9 @@ from hybridyn.description import read
 from hybridyn.description.placement import placement_from
 from hybridyn.description.side_cars.yaml_file import read_yaml
 from hybridyn.errors import ModelError
-from tests import comparing
 from tests.description.reading import Texts, holds, refused, save_all
-from tests.robot_texts import robot
+from tests.robots.robot_texts import robot
+from tests.support import comparing
 
 FRAMES = """
   <link name="closedloop1_A"/>

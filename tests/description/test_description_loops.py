@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from hybridyn.description import Closure, read
 from hybridyn.description.placement import placement_from, rotation_from_rpy
-from tests import sketch
 from tests.description.reading import Texts, holds, refused, save_all
-from tests.robot_texts import FOUR_BAR, LOOP, TREE, line_of, read_text, robot, save
+from tests.robots import sketch
+from tests.robots.robot_texts import FOUR_BAR, LOOP, TREE, line_of, read_text, robot, save
 
 Array = NDArray[np.float64]
 

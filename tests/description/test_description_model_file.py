@@ -8,7 +8,7 @@ import pytest
 from hybridyn.description import read
 from hybridyn.description.side_cars.toml_file import line_of
 from tests.description.reading import Texts, holds, refused, save_all
-from tests.robot_texts import FOUR_BAR, LOOP, robot
+from tests.robots.robot_texts import FOUR_BAR, LOOP, robot
 
 MODEL = """motors = ["drive"]
 

@@ -12,7 +12,7 @@ import pytest
 
 from hybridyn.description import read
 from tests.description.reading import Texts, holds, refused, save_all
-from tests.robot_texts import FOUR_BAR, INERTIAL, LOOP, line_of, read_text, robot, save
+from tests.robots.robot_texts import FOUR_BAR, INERTIAL, LOOP, line_of, read_text, robot, save
 
 ROUNDING = 1e-15  # placements are products of two sines: a few units in the last place
 

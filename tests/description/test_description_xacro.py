@@ -6,7 +6,7 @@ import pytest
 
 from hybridyn.description import read
 from tests.description.reading import Texts, holds, refused, save_all
-from tests.robot_texts import FOUR_BAR, LOOP, TREE, save
+from tests.robots.robot_texts import FOUR_BAR, LOOP, TREE, save
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 

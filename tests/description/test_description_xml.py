@@ -10,7 +10,7 @@ from hybridyn.description import read
 from hybridyn.description.urdf import xml_node
 from hybridyn.errors import ModelError
 from tests.description.reading import bound, holds, refused
-from tests.robot_texts import FOUR_BAR, line_of, read_text, save
+from tests.robots.robot_texts import FOUR_BAR, line_of, read_text, save
 
 BOMB = (
     '<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa">'

@@ -28,9 +28,9 @@ from tests.description.engine_words import (
     Row,
     usd,
 )  # fmt: skip
-from tests.extras import needs
-from tests.files import save
-from tests.samples import slow
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import slow
 
 Write = Callable[[str, str], str]
 

@@ -19,10 +19,10 @@ from hybridyn.description.notes import place_of
 from tests import ROOT
 from tests.conversion.judge import needs_reader
 from tests.description.reading import refused
-from tests.extras import needs
-from tests.files import save
-from tests.mjcf_texts import BAR, mjcf
-from tests.robot_texts import robot
+from tests.robots.mjcf_texts import BAR, mjcf
+from tests.robots.robot_texts import robot
+from tests.support.extras import needs
+from tests.support.files import save
 
 TRANSMISSIONS = "".join(
     f'<transmission name="t_{name}"><joint name="{name}"/></transmission>'

@@ -20,10 +20,10 @@ from hybridyn.description import Description, read
 from tests.conversion.judge import needs_reader
 from tests.description import fuzz_texts as texts
 from tests.description.reading import finite, outcome, save_all
-from tests.extras import needs
-from tests.mutations import FLAT, TREE, USDA, Mutation
-from tests.robot_texts import LOOP, robot
-from tests.samples import slow
+from tests.robots.mutations import FLAT, TREE, USDA, Mutation
+from tests.robots.robot_texts import LOOP, robot
+from tests.support.extras import needs
+from tests.support.samples import slow
 
 #: Judges a robot by its file and the text that was broken; False where it cannot.
 Judge = Callable[[Path, Description, bytes], object]

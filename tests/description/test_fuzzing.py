@@ -12,8 +12,8 @@ import pytest
 from tests.conversion.judge import needs_reader
 from tests.description import fuzzing
 from tests.description.fuzzing import KINDS, HangError, batches
-from tests.samples import slow
-from tests.waiting import PATIENCE
+from tests.support.samples import slow
+from tests.support.waiting import PATIENCE
 
 
 @pytest.fixture(autouse=True)

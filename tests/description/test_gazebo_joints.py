@@ -7,10 +7,10 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
-from tests.comparing import SOLVED
 from tests.description.reading import holds, refused
-from tests.files import save
-from tests.robot_texts import INERTIAL
+from tests.robots.robot_texts import INERTIAL
+from tests.support.comparing import SOLVED
+from tests.support.files import save
 
 #: The closing of loops, to its tolerance.
 CLOSED = 1e-9

@@ -12,8 +12,8 @@ from hybridyn.description import cache_folder
 from hybridyn.description.side_cars import model_toml
 from hybridyn.description.urdf import xacro
 from hybridyn.errors import CompileError, ModelError
-from tests.comparing import refused
-from tests.robot_texts import FOUR_BAR, save
+from tests.robots.robot_texts import FOUR_BAR, save
+from tests.support.comparing import refused
 
 
 @pytest.fixture

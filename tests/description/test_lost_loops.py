@@ -12,10 +12,10 @@ from hybridyn.description.loop_signs import lost_loops, weightless
 from hybridyn.description.shipped import shipped_robots
 from hybridyn.errors import ModelError
 from hybridyn.loading import load, of_files
-from tests.command_line import call
-from tests.comparing import refused
-from tests.remarks import findings
-from tests.robot_texts import INERTIAL, LOOP, robot, save
+from tests.judges.remarks import findings
+from tests.robots.robot_texts import INERTIAL, LOOP, robot, save
+from tests.support.command_line import call
+from tests.support.comparing import refused
 
 
 def frame(name: str, link: str, xyz: str = "0 0 0") -> str:

@@ -7,8 +7,8 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
-from tests.extras import needs
-from tests.files import save
+from tests.support.extras import needs
+from tests.support.files import save
 
 mujoco = needs("mjcf")
 

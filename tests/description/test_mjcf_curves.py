@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 import hybridyn
-from tests.comparing import close_to
-from tests.compiled import test_compiled_derivatives_exact as exact
+from tests.compiled import test_derivatives_exact as exact
 from tests.conversion.judge import SINGLE, read_back, same_robot
-from tests.engines import engine_of, written_agrees
-from tests.extras import needs
-from tests.files import save
-from tests.mujoco_matrices import mass_matrix
+from tests.judges.mujoco_matrices import mass_matrix
 from tests.oracle.models import Oracle
+from tests.support.comparing import close_to
+from tests.support.engines import engine_of, written_agrees
+from tests.support.extras import needs
+from tests.support.files import save
 
 mujoco = needs("mjcf")
 

@@ -8,7 +8,7 @@ import pytest
 from hybridyn.description import read
 from hybridyn.errors import ModelError
 from tests.description.reading import refused
-from tests.extras import needs
+from tests.support.extras import needs
 
 mujoco = needs("mjcf")
 

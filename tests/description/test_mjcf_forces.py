@@ -10,15 +10,15 @@ import pytest
 import hybridyn
 from hybridyn.description import read
 from hybridyn.effects.joints import WIDTH
-from tests.comparing import close_to
 from tests.conversion.judge import read_back
 from tests.description.reading import refused
-from tests.effect_cases import rate_of
-from tests.engines import engine_of, written_agrees
-from tests.extras import needs
-from tests.files import save
-from tests.mujoco_matrices import mass_matrix
-from tests.samples import slow
+from tests.judges.mujoco_matrices import mass_matrix
+from tests.robots.effect_cases import rate_of
+from tests.support.comparing import close_to
+from tests.support.engines import engine_of, written_agrees
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import slow
 
 mujoco = needs("mjcf")
 

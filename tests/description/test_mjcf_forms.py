@@ -7,9 +7,9 @@ import pytest
 
 from hybridyn.description import read
 from tests.description.reading import holds, refused, rows_of_page
-from tests.extras import needs
-from tests.files import save
-from tests.mjcf_texts import BAR, HEAD, mjcf
+from tests.robots.mjcf_texts import BAR, HEAD, mjcf
+from tests.support.extras import needs
+from tests.support.files import save
 
 mujoco = needs("mjcf")
 FOUR = mujoco.mj_version() >= 400

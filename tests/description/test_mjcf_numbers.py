@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tests import ROOT
-from tests.command_line import call, table_text
-from tests.files import save
-from tests.mjcf_states import Pair
-from tests.mjcf_texts import ROBOTS, random_tree
-from tests.snippets import blocks
+from tests.description.mjcf_states import Pair
+from tests.robots.mjcf_texts import ROBOTS, random_tree
+from tests.support.command_line import call, table_text
+from tests.support.files import save
+from tests.support.snippets import blocks
 
 #: Numbers against MuJoCo's, relative to the largest of each table: two ways through ten products of doubles.
 AGAINST_MUJOCO = 1e-10

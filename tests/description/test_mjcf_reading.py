@@ -7,15 +7,15 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
-from tests.comparing import close_to
+from tests.description.mjcf_states import Pair
 from tests.description.reading import Texts, holds, refused, save_all
-from tests.extras import needs
-from tests.files import save
-from tests.mjcf_states import Pair
-from tests.mjcf_texts import BAR, FLOATING, HEAD, LOOPS, ROBOTS, TENDONS, TWO_FLOAT, loops, mjcf
-from tests.mujoco_matrices import mass_matrix
-from tests.robot_texts import line_of
-from tests.samples import slow
+from tests.judges.mujoco_matrices import mass_matrix
+from tests.robots.mjcf_texts import BAR, FLOATING, HEAD, LOOPS, ROBOTS, TENDONS, TWO_FLOAT, loops, mjcf
+from tests.robots.robot_texts import line_of
+from tests.support.comparing import close_to
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import slow
 
 mujoco = needs("mjcf")
 

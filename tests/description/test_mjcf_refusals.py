@@ -10,10 +10,10 @@ import pytest
 import hybridyn
 from hybridyn.description import read
 from tests.description.reading import Texts, holds, refused, save_all
-from tests.extras import needs
-from tests.files import save
-from tests.mjcf_texts import BAR, HEAD, loops, mjcf
-from tests.robot_texts import line_of
+from tests.robots.mjcf_texts import BAR, HEAD, loops, mjcf
+from tests.robots.robot_texts import line_of
+from tests.support.extras import needs
+from tests.support.files import save
 
 mujoco = needs("mjcf")
 

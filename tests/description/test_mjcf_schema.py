@@ -12,10 +12,10 @@ from lxml import etree
 
 from hybridyn.description import read
 from tests.description.test_engine_words import outcome
-from tests.extras import needs
-from tests.files import save
-from tests.mjcf_texts import mjcf
-from tests.samples import slow
+from tests.robots.mjcf_texts import mjcf
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import slow
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import hybridyn
-from tests.comparing import close_to
-from tests.extras import needs
-from tests.files import save
-from tests.mujoco_matrices import mass_matrix
+from tests.judges.mujoco_matrices import mass_matrix
+from tests.support.comparing import close_to
+from tests.support.extras import needs
+from tests.support.files import save
 
 mujoco = needs("mjcf")
 

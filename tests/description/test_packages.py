@@ -7,9 +7,9 @@ import pytest
 from hybridyn.description import read
 from hybridyn.description.shape_files import MeshFiles
 from hybridyn.errors import ModelError
-from tests.comparing import refused
 from tests.description.reading import save_all
-from tests.sdf_texts import link, sdf
+from tests.description.sdf_texts import link, sdf
+from tests.support.comparing import refused
 
 HEAD = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r">'
 

@@ -10,9 +10,9 @@ import hybridyn
 from hybridyn.description.pin_model import read_model
 from hybridyn.errors import ModelError
 from hybridyn.joints.kinds import JointKind
-from tests.comparing import close_to, refused
+from tests.description.pin_models import pose, seeded, unit
 from tests.description.test_pinocchio_models import MIMIC
-from tests.pin_models import pose, seeded, unit
+from tests.support.comparing import close_to, refused
 
 #: Largest relative difference of two exact computations of an acceleration or an effort.
 EQUAL = 1e-11

@@ -10,9 +10,9 @@ import pytest
 
 from hybridyn.description.pin_model import read_model
 from hybridyn.errors import ModelError
-from tests.comparing import refused
 from tests.description.reading import holds
-from tests.snippets import ROOT
+from tests.support.comparing import refused
+from tests.support.snippets import ROOT
 
 RX, S = pin.JointModelRX(), pin.JointModelSpherical()
 UNIVERSAL = pin.JointModelUniversal(np.eye(3)[0], np.eye(3)[1])

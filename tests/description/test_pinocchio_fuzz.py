@@ -12,10 +12,10 @@ import pytest
 
 import hybridyn
 from hybridyn.errors import HybridynError
+from tests.description.pin_models import JOINTS, Drawn, drawn, seeded
 from tests.description.reading import finite
-from tests.pin_models import JOINTS, Drawn, drawn, seeded
-from tests.samples import slow
-from tests.waiting import must_end
+from tests.support.samples import slow
+from tests.support.waiting import must_end
 
 CASES = 10  # per seed
 

@@ -11,11 +11,11 @@ import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.errors import ModelError
 from hybridyn.structure.building import build_robot
-from tests.comparing import close_to, refused
+from tests.description.pin_models import JOINTS, Drawn, drawn, seeded
 from tests.description.reading import holds
-from tests.pin_models import JOINTS, Drawn, drawn, seeded
-from tests.robot_texts import FOUR_BAR, read_text
-from tests.samples import slow
+from tests.robots.robot_texts import FOUR_BAR, read_text
+from tests.support.comparing import close_to, refused
+from tests.support.samples import slow
 
 #: Largest relative difference of two exact computations of an acceleration or an effort.
 EQUAL = 1e-11

@@ -14,9 +14,9 @@ import pytest
 
 import hybridyn
 from tests.description.reading import refused
-from tests.files import save
-from tests.robot_texts import INERTIAL
-from tests.sdf_texts import joint, link, sdf
+from tests.description.sdf_texts import joint, link, sdf
+from tests.robots.robot_texts import INERTIAL
+from tests.support.files import save
 
 bullet = pytest.importorskip("pybullet", reason="pip install pybullet")
 bullet_data = pytest.importorskip("pybullet_data", reason="pip install pybullet")

@@ -10,9 +10,9 @@ import hybridyn
 from hybridyn.description import shipped
 from hybridyn.description.shipped import find_robot, main_names, shipped_robots
 from tests import ROOT
-from tests.command_line import call
-from tests.comparing import refused
 from tests.description.reading import save_all
+from tests.support.command_line import call
+from tests.support.comparing import refused
 
 PARTS_OF_AN_ARM = {"stewart_ur5": 6, "scara_delta": 4}  # each joint of a serial arm is a module of its own
 

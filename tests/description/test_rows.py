@@ -15,11 +15,11 @@ from hybridyn.description.urdf.loops import DYNAMICS
 from hybridyn.description.urdf.urdf import LIMIT
 from hybridyn.description.usd import schema
 from hybridyn.errors import ModelError
-from tests.comparing import refused
 from tests.conversion.judge import needs_reader
-from tests.files import save
-from tests.sdf_texts import link, sdf
-from tests.usd_texts import DRIVE, at, body, joint, usda
+from tests.description.sdf_texts import link, sdf
+from tests.description.usd_texts import DRIVE, at, body, joint, usda
+from tests.support.comparing import refused
+from tests.support.files import save
 
 
 class Stated(dict[str, float]):

@@ -9,9 +9,9 @@ import pytest
 import hybridyn
 from tests.description.drake_plant import AGAINST_DRAKE, Plant
 from tests.description.reading import save_all
-from tests.files import save
-from tests.samples import slow
-from tests.sdf_texts import WORLD, joint, link, random_pair, sdf
+from tests.description.sdf_texts import WORLD, joint, link, random_pair, sdf
+from tests.support.files import save
+from tests.support.samples import slow
 
 pydrake = pytest.importorskip("pydrake", reason="pip install drake")
 

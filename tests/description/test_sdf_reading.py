@@ -10,8 +10,8 @@ import hybridyn
 from hybridyn.description import read
 from tests.description.engine_words import DETACHABLE
 from tests.description.reading import Texts, holds, refused, save_all
-from tests.files import save
-from tests.sdf_texts import WORLD, joint, link, sdf
+from tests.description.sdf_texts import WORLD, joint, link, sdf
+from tests.support.files import save
 
 EXACT = 1e-14  # some products of matrices
 

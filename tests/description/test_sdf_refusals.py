@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from tests.description.reading import bound, refused
-from tests.files import save
-from tests.sdf_texts import WORLD, joint, link, sdf
+from tests.description.sdf_texts import WORLD, joint, link, sdf
+from tests.support.files import save
 
 BODIES = (link("base"), link("a"), link("b"), WORLD)
 QUATERNION = 'rotation_format="quat_xyzw"'

@@ -10,9 +10,9 @@ import hybridyn
 from hybridyn.structure.robot import HybridRobot
 from tests.conversion.judge import same_robot
 from tests.description.reading import holds
-from tests.samples import slow
-from tests.sdf_texts import random_pair, sdf
-from tests.shipped import states_near_home
+from tests.description.sdf_texts import random_pair, sdf
+from tests.robots.shipped import states_near_home
+from tests.support.samples import slow
 
 #: Two readers of the same numbers, whose rotations pass through angles on different ways.
 TWO_READERS = 1e-11

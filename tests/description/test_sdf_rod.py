@@ -10,11 +10,11 @@ import hybridyn
 from hybridyn.description import read
 from hybridyn.structure.robot import HybridRobot
 from tests.conversion.judge import written
-from tests.extras import needs
-from tests.files import save
-from tests.samples import slow, some
-from tests.sdf_texts import random_pair, sdf
-from tests.shipped import ROBOTS, shipped
+from tests.description.sdf_texts import random_pair, sdf
+from tests.robots.shipped import ROBOTS, shipped
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import slow, some
 
 rod = needs("sdf")
 transforms = pytest.importorskip("rod.kinematics.tree_transforms")

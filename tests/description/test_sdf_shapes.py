@@ -7,9 +7,9 @@ import pytest
 
 from hybridyn.description import read
 from tests.description.drake_plant import Plant
-from tests.files import save
-from tests.samples import slow
-from tests.sdf_texts import sdf
+from tests.description.sdf_texts import sdf
+from tests.support.files import save
+from tests.support.samples import slow
 
 #: Shapes, and whether a point (in arrays x, y, z) is inside, in a box of these half sizes.
 SHAPES = {

@@ -15,15 +15,15 @@ import hybridyn
 from hybridyn.errors import HybridynError
 from hybridyn.loading import of_files
 from hybridyn.studies.workspace.workspace import workspace
-from tests.comparing import refused
-from tests.extras import needs
-from tests.files import save
-from tests.sdf_texts import joint as sdf_joint
-from tests.sdf_texts import link as sdf_link
-from tests.sdf_texts import sdf
-from tests.usd_texts import body as usd_body
-from tests.usd_texts import joint as usd_joint
-from tests.usd_texts import usda
+from tests.description.sdf_texts import joint as sdf_joint
+from tests.description.sdf_texts import link as sdf_link
+from tests.description.sdf_texts import sdf
+from tests.description.usd_texts import body as usd_body
+from tests.description.usd_texts import joint as usd_joint
+from tests.description.usd_texts import usda
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.files import save
 
 
 class Body(NamedTuple):

@@ -9,11 +9,11 @@ from lxml import etree
 
 from hybridyn.description import Description, read
 from hybridyn.errors import ModelError
-from tests import sdf_texts
+from tests.description import sdf_texts
 from tests.description.test_bushings import BUSHING, FRAMES
 from tests.description.test_engine_words import numbers
-from tests.files import save
-from tests.robot_texts import INERTIAL, robot
+from tests.robots.robot_texts import INERTIAL, robot
+from tests.support.files import save
 
 ACTUATOR = (
     "<actuator name='m'><mechanicalReduction>50</mechanicalReduction><rotor_inertia>0.1</rotor_inertia>"

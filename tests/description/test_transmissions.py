@@ -10,8 +10,8 @@ import hybridyn
 from hybridyn.description import read
 from tests.description.drake_plant import Plant
 from tests.description.reading import refused
-from tests.files import save
-from tests.robot_texts import INERTIAL
+from tests.robots.robot_texts import INERTIAL
+from tests.support.files import save
 
 #: One hinge, with `{}` in it and behind it.
 ARM = (

@@ -10,8 +10,8 @@ import pytest
 import hybridyn
 from hybridyn.description import read
 from tests.description.reading import Texts, holds, refused, save_all
-from tests.robot_texts import INERTIAL, robot, save
-from tests.samples import slow
+from tests.robots.robot_texts import INERTIAL, robot, save
+from tests.support.samples import slow
 
 #: Largest relative difference of two robots that say the same in other words.
 EQUAL = 1e-11

@@ -11,8 +11,8 @@ from hybridyn.description import read
 from tests.description.drake_plant import Plant
 from tests.description.reading import holds, refused
 from tests.description.test_urdf_dialects import MOTOR, TIP, compare, loop
-from tests.files import save
-from tests.robot_texts import INERTIAL, robot
+from tests.robots.robot_texts import INERTIAL, robot
+from tests.support.files import save
 
 #: One solution of linear equations.
 SOLVED = 1e-11

@@ -8,8 +8,8 @@ import pytest
 
 import hybridyn
 from hybridyn import HybridRobot
-from tests.files import save
-from tests.robot_texts import INERTIAL, TREE
+from tests.robots.robot_texts import INERTIAL, TREE
+from tests.support.files import save
 
 #: Relative difference of two ways to compute an effort.
 EQUAL = 1e-9

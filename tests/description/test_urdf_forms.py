@@ -12,9 +12,9 @@ from hybridyn.description import read
 from hybridyn.description.loop_signs import lost_loops
 from tests.description.reading import Texts, holds, refused, save_all
 from tests.description.test_urdf_dialects import AXIS, GAZEBO, MOTOR, angles, closed, compare, frame, loop
-from tests.files import save
-from tests.robot_texts import INERTIAL, robot
-from tests.samples import slow
+from tests.robots.robot_texts import INERTIAL, robot
+from tests.support.files import save
+from tests.support.samples import slow
 
 #: urdfdom's proposal: each side has its own origin and its own axis.
 CONSTRAINT = """<constraint name="pin" type="{}">

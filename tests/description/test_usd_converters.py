@@ -7,11 +7,11 @@ import pytest
 
 import hybridyn
 from hybridyn.description import read
-from tests.comparing import close_to
 from tests.description.reading import holds, refused
-from tests.extras import needs
-from tests.files import save
-from tests.usd_texts import at, body, joint, prim, usda
+from tests.description.usd_texts import at, body, joint, prim, usda
+from tests.support.comparing import close_to
+from tests.support.extras import needs
+from tests.support.files import save
 
 needs("usd")
 

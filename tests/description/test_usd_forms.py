@@ -9,9 +9,9 @@ import pytest
 from hybridyn.description import read
 from tests.description.reading import holds, refused, rows_of_page
 from tests.description.test_usd_refusals import HELD, TRANS, d6, hinged, hinted, placed
-from tests.extras import needs
-from tests.files import save
-from tests.usd_texts import DRIVE, at, body, joint, prim, usda
+from tests.description.usd_texts import DRIVE, at, body, joint, prim, usda
+from tests.support.extras import needs
+from tests.support.files import save
 
 needs("usd")
 

@@ -17,11 +17,11 @@ from hybridyn.errors import ModelError
 from tests.description import ending
 from tests.description.fuzz_texts import USD, USD_PART
 from tests.description.reading import bound, refused, save_all
-from tests.extras import needs
-from tests.files import save
-from tests.samples import slow
-from tests.usd_texts import FIVE_BAR
-from tests.waiting import must_end
+from tests.description.usd_texts import FIVE_BAR
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import slow
+from tests.support.waiting import must_end
 
 needs("usd")
 from pxr import Sdf  # noqa: E402

@@ -11,10 +11,10 @@ from hybridyn.description.placement import rotation_from_quaternion
 from hybridyn.description.urdf.robot_folders import RobotFolders
 from hybridyn.description.usd.schema import AXES
 from tests.conversion.judge import same_robot
-from tests.extras import needs
-from tests.files import save
-from tests.shipped import states_near_home
-from tests.usd_texts import FIVE_BAR, FIVE_BAR_URDF, KINDS
+from tests.description.usd_texts import FIVE_BAR, FIVE_BAR_URDF, KINDS
+from tests.robots.shipped import states_near_home
+from tests.support.extras import needs
+from tests.support.files import save
 
 needs("usd")
 from pxr import Gf, Usd, UsdGeom, UsdPhysics  # noqa: E402

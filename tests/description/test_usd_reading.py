@@ -17,10 +17,10 @@ from hybridyn.description.placement import (
     rotation_from_rpy,
 )
 from hybridyn.description.usd.schema import AXES
-from tests import files
 from tests.description.reading import bound, holds, refused
-from tests.extras import needs
-from tests.usd_texts import BODY, DRIVE, FIVE_BAR, KINDS, at, body, joint, prim, usda
+from tests.description.usd_texts import BODY, DRIVE, FIVE_BAR, KINDS, at, body, joint, prim, usda
+from tests.support import files
+from tests.support.extras import needs
 
 needs("usd")
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from tests.description.reading import refused
-from tests.extras import needs
-from tests.files import save
-from tests.samples import some
-from tests.usd_texts import BODY, at, body, joint, prim, usda
+from tests.description.usd_texts import BODY, at, body, joint, prim, usda
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import some
 
 needs("usd")
 

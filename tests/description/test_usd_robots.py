@@ -8,9 +8,9 @@ import pytest
 
 from hybridyn.description import read
 from tests.conversion.judge import written
-from tests.extras import needs
-from tests.samples import some
-from tests.shipped import ROBOTS, shipped
+from tests.robots.shipped import ROBOTS, shipped
+from tests.support.extras import needs
+from tests.support.samples import some
 
 needs("usd")
 from pxr import Usd, UsdGeom, UsdPhysics  # noqa: E402

@@ -19,11 +19,11 @@ from hybridyn.conversion.usd_prim import UsdPrim
 from hybridyn.description import Description, read
 from hybridyn.description.placement import placement_from, poses_at, rotation_from_rpy, rotation_to_axis
 from tests.conversion.judge import SINGLE, same_robot, states
-from tests.extras import needs
-from tests.files import save
-from tests.mechanisms import random_mechanism, random_states
-from tests.samples import some
-from tests.shipped import ROBOTS, shipped
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.shipped import ROBOTS, shipped
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import some
 
 needs("usd")
 

@@ -17,13 +17,13 @@ import pytest
 import hybridyn
 from hybridyn.description import Description, read
 from hybridyn.description.notes import place_of
-from tests import waiting
 from tests.conversion.judge import needs_reader
 from tests.description.grammar import Element, Place, places, without
 from tests.description.reading import finite
 from tests.description.valid_files import FORMATS, Format
-from tests.files import save
-from tests.samples import slow
+from tests.support import waiting
+from tests.support.files import save
+from tests.support.samples import slow
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 

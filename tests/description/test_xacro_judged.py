@@ -15,8 +15,8 @@ from hybridyn.description.urdf import xacro as xacro_files
 from hybridyn.errors import ModelError
 from tests import ROOT
 from tests.description.reading import save_all
-from tests.extras import robots_of_others, skip
-from tests.samples import slow
+from tests.support.extras import robots_of_others, skip
+from tests.support.samples import slow
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 

@@ -20,9 +20,9 @@ from hybridyn.description.urdf.robot_folders import RobotFolders
 from hybridyn.description.urdf.scopes import Fields, Scope, dotted, known
 from hybridyn.errors import ModelError
 from tests import ROOT
-from tests.comparing import refused
 from tests.description.reading import bound, save_all
-from tests.robot_texts import save
+from tests.robots.robot_texts import save
+from tests.support.comparing import refused
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 LIMITS = {"upper": 2, "items": [1, {"deep": 5}]}

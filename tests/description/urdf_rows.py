@@ -7,6 +7,7 @@ import numpy as np
 from tests.description import test_gazebo_joints as blocks
 from tests.description import test_urdf_dialects as dialects
 from tests.description.sdf_rows import OF_SDF, Rows, closes, kinds
+from tests.description.sdf_texts import sdf
 from tests.description.test_bushings import IN_SDF, WITH_BUSHING
 from tests.description.test_hyrodyn_types import mechanism
 from tests.description.test_sdf_reading import (
@@ -35,8 +36,7 @@ from tests.description.test_urdf_forms import (
     pair,
 )
 from tests.description.test_urdf_forms import CONSTRAINT as OF_URDFDOM
-from tests.robot_texts import INERTIAL, robot
-from tests.sdf_texts import sdf
+from tests.robots.robot_texts import INERTIAL, robot
 
 
 def effect(name: str, *notes: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from tests.description.fuzz_texts import FRAMES
 from tests.description.grammar import Element, Grammar, el
-from tests.robot_texts import LOOP, robot
+from tests.robots.robot_texts import LOOP, robot
 
 URDF = Grammar(
     """

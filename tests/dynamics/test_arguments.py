@@ -15,10 +15,10 @@ import pytest
 import hybridyn
 from hybridyn.dynamics.quantities.joint_map import JointMap
 from hybridyn.errors import TrajectoryError
-from tests.comparing import arrays, refused, same_bits
 from tests.dynamics.test_engines import of_map, with_reactions
-from tests.engines import engine_of
-from tests.samples import each, slow
+from tests.support.comparing import arrays, refused, same_bits
+from tests.support.engines import engine_of
+from tests.support.samples import each, slow
 
 Arrays = dict[str, np.ndarray]
 SAMPLES = 3

@@ -18,13 +18,13 @@ from hybridyn.effects.choice import STANDARD
 from hybridyn.errors import SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
 from tests import ROOT
-from tests.comparing import ROUNDING, close_to, refused
-from tests.engines import engine_of
-from tests.judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
-from tests.mechanisms import random_mechanism
+from tests.judges.judging import BACKWARD, BASES, ORACLE, drawn, efforts, judged
+from tests.judges.peers import describe, example_urdf
 from tests.oracle import Base
-from tests.peers import describe, example_urdf
-from tests.shipped import shipped, states_near_home
+from tests.robots.mechanisms import random_mechanism
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import ROUNDING, close_to, refused
+from tests.support.engines import engine_of
 
 # -------------------------------------------------------------------- trees, against aba
 
@@ -186,7 +186,7 @@ def test_a_forced_motion_without_mass_is_named() -> None:
 def test_a_long_chain_fits_in_little_memory(modules: int) -> None:
     """24 modules, nv = 504: the Data of one Pinocchio model would take tensors of nv^3, 1 GB each."""
     done = subprocess.run(
-        [sys.executable, "-m", "tests.long_chain", str(modules)],
+        [sys.executable, "-m", "tests.tools.long_chain", str(modules)],
         cwd=ROOT,
         check=True,
         capture_output=True,

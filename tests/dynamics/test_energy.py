@@ -11,12 +11,12 @@ import pytest
 import hybridyn
 from hybridyn.spatial import rotation_from_quaternion
 from hybridyn.structure.building import build_robot
-from tests.comparing import close_to, refused
-from tests.effect_cases import every, rate_of
-from tests.mechanisms import random_mechanism, random_states
+from tests.judges.peers import Peer
 from tests.oracle import Base
-from tests.peers import Peer
-from tests.shipped import shipped, states_near_home
+from tests.robots.effect_cases import every, rate_of
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import close_to, refused
 
 EXACT = 1e-12
 BALANCE = 1e-9  # of the largest power: rounding of the difference

@@ -10,14 +10,14 @@ import pytest
 from hybridyn.description import Description
 from hybridyn.errors import AssemblyError, TrajectoryError
 from hybridyn.structure.building import build_robot
-from tests.comparing import ROUNDING, SOLVED, arrays, close_to, refused, same_bits
-from tests.engines import engine_of
-from tests.judging import BACKWARD, BASES, ORACLE, Wrenches, efforts
-from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.judges.judging import BACKWARD, BASES, ORACLE, Wrenches, efforts
 from tests.oracle import Base, Oracle
 from tests.quantities.reduced import columns_of, oracle_bias, oracle_drift, oracle_map, oracle_mass
-from tests.samples import CHOSEN, each, in_turn, slow
-from tests.shipped import ROBOTS, States, shipped, states_near_home
+from tests.robots.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.robots.shipped import ROBOTS, States, shipped, states_near_home
+from tests.support.comparing import ROUNDING, SOLVED, arrays, close_to, refused, same_bits
+from tests.support.engines import engine_of
+from tests.support.samples import CHOSEN, each, in_turn, slow
 
 WITHIN = {"general": SOLVED, "written": 1e-10, "compiled": SOLVED}
 #: Recipes with one motor for each freedom.

@@ -14,13 +14,13 @@ from hybridyn.description.records import Description, Joint, Link
 from hybridyn.dynamics.guards import EPS
 from hybridyn.dynamics.inertia_solve import InertiaFactor
 from hybridyn.structure.building import build_robot
-from tests.any_mechanism import any_mechanism
 from tests.assembly.test_assembly import with_aligned_wrist
-from tests.comparing import ROUNDING, SOLVED, close_to, refused
-from tests.files import save
-from tests.mechanisms import random_mechanism, random_states
 from tests.oracle import Oracle
-from tests.shipped import shipped, states_near_home
+from tests.robots.any_mechanism import any_mechanism
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import ROUNDING, SOLVED, close_to, refused
+from tests.support.files import save
 
 MASS = """<inertial><origin xyz="0.3 0.1 -0.2"/><mass value="2"/>
   <inertia ixx="0.1" iyy="0.2" izz="0.15" ixy="0.01" ixz="0" iyz="0.02"/></inertial>"""

@@ -11,12 +11,12 @@ import hybridyn
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
-from tests.comparing import SOLVED, close_to, refused
-from tests.engines import engine_of
-from tests.mechanisms import random_mechanism, random_states
 from tests.oracle import Base, Oracle
-from tests.posing import position
-from tests.samples import slow
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.posing import position
+from tests.support.comparing import SOLVED, close_to, refused
+from tests.support.engines import engine_of
+from tests.support.samples import slow
 
 ALONE = 1e-13  # of the largest effort: NumPy sums batches of different length in different order
 

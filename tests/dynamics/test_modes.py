@@ -9,9 +9,9 @@ import hybridyn
 from hybridyn import SingularityError
 from hybridyn.description.records import Description
 from hybridyn.structure.building import build_robot
-from tests.comparing import refused
 from tests.hard.degenerate import scissors
 from tests.oracle import Oracle
+from tests.support.comparing import refused
 
 
 def two_modes(turns: tuple[float, float], spread: float) -> tuple[Description, np.ndarray]:

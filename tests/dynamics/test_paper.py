@@ -13,12 +13,12 @@ from hybridyn.effects.choice import STANDARD
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
-from tests.comparing import close_to
-from tests.judging import efforts
+from tests.dynamics.paper import Stack
+from tests.judges.judging import efforts
+from tests.judges.peers import Peer
 from tests.oracle import Oracle
-from tests.paper import Stack
-from tests.peers import Peer
-from tests.shipped import shipped, states_near_home
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import close_to
 
 EQUAL = 1e-12  # of the largest entry: the same model on two ways, no cancellation between large terms
 GRAVITY = np.array([0.0, 0, 9.81, 0, 0, 0])  # the base's acceleration, less gravity

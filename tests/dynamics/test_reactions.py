@@ -9,12 +9,12 @@ import pytest
 import hybridyn
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
-from tests.comparing import SOLVED, close_to
-from tests.files import save
-from tests.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
 from tests.oracle import Base, Oracle
-from tests.samples import in_turn, some
-from tests.shipped import shipped, states_near_home
+from tests.robots.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import SOLVED, close_to
+from tests.support.files import save
+from tests.support.samples import in_turn, some
 
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")
 SEED = 12

@@ -22,13 +22,13 @@ from hybridyn.structure.building import build_robot
 from hybridyn.studies.sizing import Sizing, motor_rows
 from hybridyn.studies.sweep.measures import of_motors
 from hybridyn.view.panel import effort_limits
-from tests.comparing import close_to, refused
-from tests.effect_cases import CASES, every, rate_of
-from tests.engines import engine_of
-from tests.mechanisms import random_mechanism, random_states
-from tests.samples import slow
-from tests.shipped import ROBOTS as SHIPPED
-from tests.shipped import shipped, states_near_home
+from tests.robots.effect_cases import CASES, every, rate_of
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.shipped import ROBOTS as SHIPPED
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import close_to, refused
+from tests.support.engines import engine_of
+from tests.support.samples import slow
 
 States = tuple[np.ndarray, np.ndarray, np.ndarray]
 INERTIA = ["inertia", "leg_inertia", "velocity"]

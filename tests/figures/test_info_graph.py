@@ -11,8 +11,8 @@ from hybridyn.figures.module_tree import Card, cards
 from hybridyn.figures.structure import layout
 from hybridyn.studies.check.loops import home_residuals
 from tests import ROOT
-from tests.command_line import call
-from tests.shipped import ROBOTS
+from tests.robots.shipped import ROBOTS
+from tests.support.command_line import call
 
 
 def robot(name: str, **arguments: str) -> hybridyn.HybridRobot:

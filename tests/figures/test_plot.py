@@ -19,9 +19,9 @@ from hybridyn.figures.panels import Panel, PanelFigure
 from hybridyn.figures.reports import chart_of_report
 from hybridyn.figures.workspace import figure_of_workspace
 from tests import ROOT
-from tests.command_line import call
-from tests.comparing import refused
-from tests.files import save
+from tests.support.command_line import call
+from tests.support.comparing import refused
+from tests.support.files import save
 
 COLUMNS = ["time", "a/position", "b/position", "a/effort", "energy/kinetic", "energy/total", "residual"]
 ROWS = np.column_stack([np.linspace(0, 1, 5)] + [np.full(5, float(i)) for i in range(1, 6)] + [np.zeros(5)])

@@ -14,9 +14,9 @@ import numpy as np
 
 from hybridyn.description import Description, read
 from tests import ROOT
-from tests.files import save
 from tests.hard.extended_judge import mp
 from tests.oracle import Oracle
+from tests.support.files import save
 
 URDF = ROOT / "urdf"
 Values = dict[str, Any]

@@ -12,7 +12,7 @@ import numpy as np
 
 from hybridyn.description.records import Description
 from tests.oracle import Extended, Oracle
-from tests.sketch import Place, Sketch, turn, unit
+from tests.robots.sketch import Place, Sketch, turn, unit
 
 #: Far from home, rows depend on each other to the rounding of a mechanism drawn in doubles, or not at all.
 RANK = 1e-12

@@ -17,7 +17,7 @@ import numpy as np
 import hybridyn
 from hybridyn.description.records import Closure, Description, Joint, Link
 from hybridyn.structure.building import build_robot
-from tests.once import once
+from tests.support.once import once
 
 BASE = np.array([
     [0, 0, 0], [1.107915, 0, 0], [0.549094, 0.756063, 0],

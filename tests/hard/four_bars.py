@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from hybridyn.description import Description, read
-from tests.files import save
 from tests.hard.closed_forms import Values, heading, meet, numbers, towards, wrap
 from tests.hard.extended_judge import mp
+from tests.support.files import save
 
 BAR = """<link name="{name}"><inertial><origin xyz="{half} 0.01 0.02"/><mass value="{mass}"/>
   <inertia ixx="0.001" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""

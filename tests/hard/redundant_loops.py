@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 import hybridyn
-from tests.files import save
 from tests.hard.one_freedom import Law
+from tests.support.files import save
 
 GRAVITY = (1.5, -4.0, -8.5)
 ASKEW = "0.4 -0.3 0.7"

@@ -30,7 +30,7 @@ from tests.hard.closed_forms import (
 from tests.hard.extended_judge import mp
 from tests.hard.four_bars import flat_four_bar, folded_parallelogram
 from tests.oracle.arithmetic import cross
-from tests.shipped import shipped
+from tests.robots.shipped import shipped
 
 Place = tuple[Description, Values]
 

@@ -9,8 +9,8 @@ from hybridyn import HybridRobot, assemble, idm
 from hybridyn.description import Description
 from hybridyn.description.records import Closure, Joint, Link
 from hybridyn.structure.building import build_robot
-from tests.long_chain import stack
-from tests.shipped import shipped
+from tests.robots.shipped import shipped
+from tests.tools.long_chain import stack
 
 SPATIAL, PLANAR = "6-UPS", "planar 3-RPR"
 DOWN = {SPATIAL: (0.0, 0.0, -9.81), PLANAR: (0.0, -9.81, 0.0)}

@@ -15,14 +15,14 @@ import hybridyn
 from hybridyn.assembly.motor_share import SINGULAR_POSTURE, architecturally_singular, motor_share
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
-from tests.comparing import refused
-from tests.files import save
 from tests.hard.claims import Claim
 from tests.hard.closed_forms import changed, changed_text
-from tests.mechanisms import KINDS, random_mechanism
-from tests.remarks import findings, module_findings
-from tests.samples import some
-from tests.shipped import ROBOTS, shipped
+from tests.judges.remarks import findings, module_findings
+from tests.robots.mechanisms import KINDS, random_mechanism
+from tests.robots.shipped import ROBOTS, shipped
+from tests.support.comparing import refused
+from tests.support.files import save
+from tests.support.samples import some
 
 ROUNDING = 1e-12
 

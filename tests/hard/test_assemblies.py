@@ -7,12 +7,12 @@ import pytest
 import hybridyn
 from hybridyn.studies.assemblies import SAME_ASSEMBLY, Assemblies
 from tests import ROOT
-from tests.command_line import call
-from tests.comparing import refused
 from tests.hard import dietmaier
 from tests.hard.claims import EPS, Claim
-from tests.posing import of_link, position
-from tests.samples import slow
+from tests.robots.posing import of_link, position
+from tests.support.command_line import call
+from tests.support.comparing import refused
+from tests.support.samples import slow
 
 DIGITS = 50
 ZERO = 1e-30  # left-hand sides of Dietmaier's equations after refinement in DIGITS digits

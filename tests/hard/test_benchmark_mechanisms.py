@@ -26,7 +26,7 @@ from tests.hard.benchmark_references import (
 from tests.hard.claims import Claim
 from tests.hard.one_freedom import OneFreedom
 from tests.hard.redundant_loops import bricard_law
-from tests.samples import slow
+from tests.support.samples import slow
 
 SCENES = {
     name: ROOT / "models" / "benchmarks" / name / f"{scene}.toml"

@@ -13,7 +13,7 @@ import pytest
 import hybridyn
 from tests.hard import dietmaier
 from tests.hard.claims import Claim
-from tests.samples import slow
+from tests.support.samples import slow
 
 SAME = 1e-6  # of p [m] and e: the forward error of the worst posture below is 1e-9
 

@@ -21,12 +21,12 @@ import pytest
 from hybridyn import SingularityError, ddm, idm
 from hybridyn.description import Description
 from hybridyn.structure.building import build_robot
-from tests.comparing import refused
 from tests.hard.claims import Claim
 from tests.hard.closed_forms import vector, wrap
 from tests.hard.extended_judge import Judge, mp
 from tests.hard.singular_postures import PLACES, posture
 from tests.oracle import Oracle
+from tests.support.comparing import refused
 
 WAYS = ["four_bar constraint", "parallelogram constraint", "five_bar constraint", "rps3 constraint"]
 LIMIT = 1e-10

@@ -7,7 +7,7 @@ import hybridyn
 from hybridyn.effects import Spring
 from hybridyn.simulation.result import SimulationResult
 from tests.hard.claims import Claim
-from tests.posing import position
+from tests.robots.posing import position
 
 STEP = 0.004  # [s], of the conserving method: 20 steps in the fastest swing
 KEPT = (

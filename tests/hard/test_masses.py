@@ -18,12 +18,12 @@ from hybridyn import SingularityError, ddm, idm
 from hybridyn.description import Description
 from hybridyn.description.records import Joint, Link
 from hybridyn.structure.building import build_robot
-from tests.comparing import refused
 from tests.hard.claims import BACKWARD, EPS, FORWARD, Claim, apart
 from tests.hard.extended_judge import Judge
+from tests.judges.remarks import findings
 from tests.oracle import Base, Extended, Oracle
-from tests.remarks import findings
-from tests.shipped import shipped, states_near_home
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.comparing import refused
 
 LIGHTER = 1e-25  # inertia tolerance of the reference: square roots of masses, fifty digits
 LIGHT, HEAVY = "legs of 1e-12 of their mass", "legs of 1e12 times their mass"

@@ -11,8 +11,8 @@ import hybridyn
 from hybridyn.structure.building import build_robot
 from tests.hard.degenerate import FAMILIES, mobility_far_from
 from tests.oracle import Oracle
-from tests.samples import slow
-from tests.sketch import rounded
+from tests.robots.sketch import rounded
+from tests.support.samples import slow
 
 DISTANCES = (0.5, 0.07, 0.01, 1.7e-4, 1e-6)  # bars at 60 to 89.99 degrees, and next to it
 NEAR = 2e-3

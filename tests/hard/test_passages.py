@@ -20,12 +20,12 @@ import hybridyn
 from hybridyn.manifold.branch import LOST_ACCELERATIONS, LOST_RATES
 from hybridyn.simulation.motion_law import MotionLaw
 from tests import ROOT
-from tests.comparing import refused
 from tests.hard.benchmark_references import all_bars, n_four_bar
 from tests.hard.claims import Claim
 from tests.hard.one_freedom import REFERENCE, OneFreedom
 from tests.hard.redundant_loops import crossed_bars, loaded
-from tests.samples import slow, some
+from tests.support.comparing import refused
+from tests.support.samples import slow, some
 
 BARS = ROOT / "urdf" / "benchmarks" / "n_four_bar.urdf.xacro"
 DISTANCES = (0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3, 2e-2)

@@ -6,11 +6,11 @@ import pytest
 import hybridyn
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_assembly import stretched
-from tests.comparing import refused
 from tests.dynamics.test_idm import symmetric_five_bar
 from tests.hard import dietmaier
 from tests.hard.claims import EPS, Claim
-from tests.posing import of_link, position
+from tests.robots.posing import of_link, position
+from tests.support.comparing import refused
 
 CRANK, ROD, BASE = 0.4, 0.55, 0.5  # of the five-bar [m]
 CLOSED = 1e-13  # closure residual, of the module's size: the suite's general claim for one module

@@ -7,8 +7,8 @@ import pytest
 
 import hybridyn
 from hybridyn.spatial import Array, rotation_from_quaternion
-from tests.comparing import close_to, refused
-from tests.files import save
+from tests.support.comparing import close_to, refused
+from tests.support.files import save
 
 FALLING = ("lx4", "delta", "snake")
 NOISE = 1e-17

@@ -20,12 +20,12 @@ from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.scenes.start import _check_rates
 from tests.hard.claims import Claim, apart
 from tests.hard.scaling import Scale
-from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states, random_wrenches
+from tests.judges.remarks import findings
 from tests.oracle import Base
-from tests.posing import of_joints, of_link
-from tests.remarks import findings
-from tests.samples import slow
-from tests.shipped import ROBOTS, shipped, states_near_home
+from tests.robots.mechanisms import KINDS, home_posture, random_mechanism, random_states, random_wrenches
+from tests.robots.posing import of_joints, of_link
+from tests.robots.shipped import ROBOTS, shipped, states_near_home
+from tests.support.samples import slow
 
 SAME = 1e-12  # the number; measured: not one bit differs
 BIG, SMALL = 2.0**20, 2.0**-20

@@ -10,14 +10,14 @@ import pytest
 
 from hybridyn import SingularityError, assemble, ddm, idm
 from hybridyn.structure.building import build_robot
-from tests.comparing import refused
 from tests.hard.claims import Claim
 from tests.hard.extended_judge import Judge
 from tests.hard.singular_postures import posture
 from tests.hard.test_singular_postures import FORWARD, LOST_MOTORS, case
-from tests.judging import ORACLE
+from tests.judges.judging import ORACLE
 from tests.oracle import Base, Oracle
-from tests.posing import of_link
+from tests.robots.posing import of_link
+from tests.support.comparing import refused
 
 # ------------------------------------------------------------------ no digit left
 

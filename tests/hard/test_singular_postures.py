@@ -24,10 +24,10 @@ import pytest
 
 from hybridyn import HybridRobot, SingularityError, ddm, idm
 from hybridyn.structure.building import build_robot
-from tests.comparing import refused
 from tests.hard.claims import BACKWARD, FORWARD, Claim
 from tests.hard.extended_judge import Judge
 from tests.hard.singular_postures import PLACES, posture
+from tests.support.comparing import refused
 
 DISTANCES = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 0.0]
 FEW = {

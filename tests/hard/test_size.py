@@ -23,10 +23,10 @@ from hybridyn import ddm
 from tests.hard.claims import BACKWARD, EPS, FORWARD, Claim, apart
 from tests.hard.extended_stack import Stack
 from tests.hard.stacks import DOWN, PLANAR, SPATIAL, State, drawn, module
+from tests.judges.peers import Peer
 from tests.oracle import Extended, Oracle
 from tests.oracle.arithmetic import Arithmetic
-from tests.peers import Peer
-from tests.samples import slow
+from tests.support.samples import slow
 
 LINEAR = 1.0  # exponent of n
 REFERENCE = 1e-30  # of 40 digits, condition numbers of 1e4 leave 35

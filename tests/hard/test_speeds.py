@@ -19,7 +19,7 @@ from tests.hard.claims import FORWARD, Claim, apart
 from tests.hard.extended_judge import Judge
 from tests.hard.test_masses import arm, efforts, judged
 from tests.oracle import Extended, Oracle
-from tests.shipped import shipped, states_near_home
+from tests.robots.shipped import shipped, states_near_home
 
 TWELVE = 1e-12  # efforts over the terms that they are summed from
 NO_DIGIT = "have no correct digit"

@@ -20,8 +20,8 @@ from tests.hard.claims import FORWARD, Claim
 from tests.hard.closed_forms import about, balls, gough_stewart, numbers, placement, vector
 from tests.hard.extended_judge import Judge, mp, norm
 from tests.oracle import Oracle
-from tests.samples import slow
-from tests.shipped import shipped
+from tests.robots.shipped import shipped
+from tests.support.samples import slow
 
 WRIST = "m1_leg1_wrist"
 LOCKED = 1e-9  # gimbal_lock.GIMBAL_LOCK: nearer, the hinges' rates are the least-norm ones

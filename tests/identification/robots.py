@@ -13,10 +13,10 @@ from hybridyn.identification.base_parameters import BaseParameters
 from hybridyn.identification.signals import fourier
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import joint_position
-from tests.mechanisms import KINDS, random_mechanism
 from tests.oracle import Base
-from tests.samples import CHOSEN, slow
-from tests.shipped import ROBOTS
+from tests.robots.mechanisms import KINDS, random_mechanism
+from tests.robots.shipped import ROBOTS
+from tests.support.samples import CHOSEN, slow
 
 #: A shipped robot (seed -1), or a kind of random mechanism and its seed.
 EVERY = [*((name, -1) for name in ROBOTS), *((kind, seed) for seed, kind in enumerate(KINDS))]

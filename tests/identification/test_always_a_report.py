@@ -18,11 +18,11 @@ from hybridyn.identification.robot_with import with_parameters
 from hybridyn.identification.signals import fourier
 from hybridyn.structure.robot import joint_position
 from tests import ROOT
-from tests.extras import needs
 from tests.identification.robots import PERIOD, SAMPLES, flight
-from tests.samples import fuzz, slow
-from tests.shipped import ROBOTS
-from tests.snippets import blocks
+from tests.robots.shipped import ROBOTS
+from tests.support.extras import needs
+from tests.support.samples import fuzz, slow
+from tests.support.snippets import blocks
 
 #: Seeds of the noise, its part of the efforts, and the band that holds the motions' harmonics [Hz].
 SEEDS, NOISE, BAND = 20, 0.02, 1.3

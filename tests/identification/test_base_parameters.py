@@ -9,8 +9,8 @@ from hybridyn.identification.parameters import standard_parameters
 from hybridyn.identification.robot_with import with_parameters
 from hybridyn.structure.building import build_robot
 from tests.identification.robots import described
-from tests.mechanisms import KINDS, random_states
-from tests.shipped import ROBOTS, shipped, states_near_home
+from tests.robots.mechanisms import KINDS, random_states
+from tests.robots.shipped import ROBOTS, shipped, states_near_home
 
 #: Base parameters at the states of the tests, relative to the largest effort.
 AGREE = 1e-11

@@ -25,7 +25,7 @@ from tests.identification.robots import (
     other_values,
     robot_of,
 )
-from tests.mechanisms import KINDS, random_states
+from tests.robots.mechanisms import KINDS, random_states
 
 #: Base parameters without noise, of the largest.
 EXACT = 1e-9

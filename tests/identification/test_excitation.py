@@ -9,9 +9,9 @@ import hybridyn
 from hybridyn.errors import ModelError
 from hybridyn.streams.departures import departures
 from hybridyn.tables.opening import open_table
-from tests.command_line import call
-from tests.samples import some
-from tests.shipped import ROBOTS
+from tests.robots.shipped import ROBOTS
+from tests.support.command_line import call
+from tests.support.samples import some
 
 
 @pytest.mark.parametrize("name", some(ROBOTS, ["five_bar"]))

@@ -16,9 +16,9 @@ from hybridyn.identification.logs import read_log
 from hybridyn.identification.possible import Possible, consistent, pseudo_inertia
 from hybridyn.identification.rows import LogSource
 from hybridyn.identification.sought import linear_model
-from tests.extras import needs
 from tests.identification.logs import PERIOD, Case, Table, case
-from tests.samples import slow
+from tests.support.extras import needs
+from tests.support.samples import slow
 
 #: Base parameters without noise, of the largest.
 EXACT = 1e-9

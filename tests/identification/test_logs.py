@@ -9,9 +9,9 @@ import pytest
 import hybridyn
 from hybridyn.errors import TrajectoryError
 from hybridyn.identification.logs import read_log
-from tests.extras import needs
 from tests.identification.logs import PERIOD, Table, case
-from tests.samples import slow
+from tests.support.extras import needs
+from tests.support.samples import slow
 
 BAND = 2.0
 #: Base parameters from splines, of the largest: motions of 1.25 Hz, 200 samples a second.

@@ -15,8 +15,8 @@ from hybridyn.identification.regressor import done_together, effort_rows
 from hybridyn.identification.robot_with import with_parameters
 from hybridyn.structure.robot import joint_position
 from tests.identification.robots import base_of, flight, other_values, robot_of
-from tests.mechanisms import KINDS
-from tests.samples import slow
+from tests.robots.mechanisms import KINDS
+from tests.support.samples import slow
 
 REDUNDANT = [(kind, seed) for seed, (kind, one) in enumerate(KINDS.items()) if one.motors == "redundant"]
 QUICK = ("four_bar_two_motors", "five_bar_four_motors")

@@ -6,8 +6,8 @@ import pytest
 import hybridyn
 from hybridyn.structure.building import build_robot
 from tests.identification.robots import described
-from tests.mechanisms import KINDS, random_states
-from tests.shipped import ROBOTS, shipped, states_near_home
+from tests.robots.mechanisms import KINDS, random_states
+from tests.robots.shipped import ROBOTS, shipped, states_near_home
 
 #: Rounding of two orders of summation, relative to the largest effort.
 AGREE = 1e-12

@@ -13,7 +13,7 @@ from hybridyn.identification.parameters import standard_parameters
 from hybridyn.identification.sought import linear_model
 from hybridyn.structure.robot import joint_position
 from tests.identification.robots import flight
-from tests.samples import slow
+from tests.support.samples import slow
 
 #: Numbers without noise.
 EXACT = 1e-9

@@ -11,7 +11,7 @@ from hybridyn.compiled.programs.whole_robot import function_of
 from hybridyn.identification.compiled_rows import SharedInertias, regressor_program
 from hybridyn.identification.long_measurements import triangular_factor
 from hybridyn.identification.parameters import standard_parameters
-from tests.shipped import shipped, states_near_home
+from tests.robots.shipped import shipped, states_near_home
 
 
 def test_parts_of_any_size_give_the_base_parameters_back() -> None:

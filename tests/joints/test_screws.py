@@ -11,12 +11,12 @@ import hybridyn
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.joints.kinds import JointKind
 from hybridyn.structure.building import build_robot
-from tests.comparing import SOLVED, close_to
-from tests.engines import engine_of
-from tests.extras import needs
-from tests.generated import Case, generated, threaded
-from tests.generated_judge import judge
-from tests.sketch import Sketch
+from tests.judges.generated_judge import judge
+from tests.robots.generated import Case, generated, threaded
+from tests.robots.sketch import Sketch
+from tests.support.comparing import SOLVED, close_to
+from tests.support.engines import engine_of
+from tests.support.extras import needs
 
 STATES = 4
 WRITTEN = 1e-6  # USD holds single numbers

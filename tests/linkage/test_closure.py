@@ -11,10 +11,10 @@ from hybridyn.linkage.tree import Tree, TreeJoint
 from hybridyn.spatial import Array, rotation_from_axis_angle, rotation_from_vector
 from hybridyn.structure.bodies import merge_fixed_joints
 from hybridyn.structure.graph import body_closure
-from tests.comparing import ROUNDING, close_to
-from tests.mechanisms import KINDS, random_mechanism, random_states
-from tests.samples import some
-from tests.sketch import CLOSURES, ROW_COUNT
+from tests.robots.mechanisms import KINDS, random_mechanism, random_states
+from tests.robots.sketch import CLOSURES, ROW_COUNT
+from tests.support.comparing import ROUNDING, close_to
+from tests.support.samples import some
 
 STEP = 1e-5  # of the central differences
 DIFFERENCED = 1e-8  # truncation of the central differences, relative; rounding of second ones is alike

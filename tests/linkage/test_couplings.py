@@ -8,7 +8,7 @@ from hybridyn.joints.kinds import JointKind
 from hybridyn.linkage.couplings import CouplingRows, TreeCoupling
 from hybridyn.linkage.joints import TreeJoint
 from hybridyn.linkage.tree import Tree
-from tests.comparing import close_to
+from tests.support.comparing import close_to
 
 ROUNDING = 1e-13  # a few products of doubles
 DIFFERENCED = 1e-8  # central differences over STEP

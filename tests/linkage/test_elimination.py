@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybridyn.linkage.elimination import back_substitute, least_squares, null_basis, pivot_ratio, pivoted_qr
-from tests.comparing import ROUNDING, close_to
+from tests.support.comparing import ROUNDING, close_to
 
 BATCH = 20
 GROWTH = 100  # largest entry of Psi that a well conditioned draw of this size may reach

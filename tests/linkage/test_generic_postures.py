@@ -16,10 +16,10 @@ from hybridyn.linkage.newton import LoopProblem, close
 from hybridyn.structure import mechanism
 from hybridyn.structure.building import build_robot
 from hybridyn.threads import VARIABLES, _controller, one_thread
-from tests.comparing import refused
-from tests.files import save
 from tests.hard.degenerate import parallelograms
-from tests.jansen import walker
+from tests.linkage.jansen import walker
+from tests.support.comparing import refused
+from tests.support.files import save
 
 COUNT = 24
 

@@ -7,9 +7,9 @@ import pytest
 from hybridyn.linkage.motion import Motion
 from hybridyn.linkage.tree import Tree, TreeJoint
 from hybridyn.structure.bodies import merge_fixed_joints
-from tests.comparing import ROUNDING, close_to
-from tests.mechanisms import random_mechanism
-from tests.peers import Peer
+from tests.judges.peers import Peer
+from tests.robots.mechanisms import random_mechanism
+from tests.support.comparing import ROUNDING, close_to
 
 SAMPLES = 12
 KINDS = ("serial_all", "legged", "scara_delta")  # every joint; two branches; fixed joints in between

@@ -17,13 +17,13 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.leg_model import LegModel, LongLegs
 from hybridyn.structure.mechanism import Mechanism
-from tests.comparing import SOLVED, close_to, refused
-from tests.files import save
-from tests.mechanisms import KINDS, random_mechanism, random_states
-from tests.posing import position
-from tests.samples import slow, some
-from tests.shipped import shipped, states_near_home
-from tests.sketch import rounded
+from tests.robots.mechanisms import KINDS, random_mechanism, random_states
+from tests.robots.posing import position
+from tests.robots.shipped import shipped, states_near_home
+from tests.robots.sketch import rounded
+from tests.support.comparing import SOLVED, close_to, refused
+from tests.support.files import save
+from tests.support.samples import slow, some
 
 SAME_SPACE = 1e-10  # of two bases of one null space, each of condition up to some hundreds
 CLOSED_BY = 1e-13  # rows times Psi, relative to Psi's largest entry

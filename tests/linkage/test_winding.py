@@ -8,12 +8,12 @@ import pytest
 import hybridyn
 from hybridyn.errors import AssemblyError
 from hybridyn.structure.robot import HybridRobot
-from tests.command_line import call, table_text
-from tests.comparing import refused
-from tests.files import save
 from tests.oracle import Oracle
-from tests.posing import position
-from tests.samples import slow
+from tests.robots.posing import position
+from tests.support.command_line import call, table_text
+from tests.support.comparing import refused
+from tests.support.files import save
+from tests.support.samples import slow
 
 OFFSET = 0.2
 ROUNDING = 1e-11  # an angle of some hundred turns has lost two digits or three

@@ -12,10 +12,10 @@ from hybridyn.linkage.retraction import Retraction
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
-from tests.comparing import ROUNDING, SOLVED, close_to, refused
-from tests.mechanisms import random_mechanism, random_states
-from tests.samples import CHOSEN, some
-from tests.shipped import shipped
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.shipped import shipped
+from tests.support.comparing import ROUNDING, SOLVED, close_to, refused
+from tests.support.samples import CHOSEN, some
 
 KINDS = (
     "loop_fixed", "loop_cylindrical", "loop_planar", "loop_rows_y_perpendicular", "loop_rows_xz_parallel",

@@ -11,12 +11,12 @@ import pinocchio as pin
 import pytest
 
 from hybridyn.description.records import Closure, Description, Joint, Link
-from tests.comparing import ROUNDING, close_to, refused
-from tests.files import save
-from tests.judging import BASES, drawn
+from tests.judges.judging import BASES, drawn
+from tests.judges.peers import describe, example_urdf
 from tests.oracle import Base, Oracle
-from tests.peers import describe, example_urdf
-from tests.sketch import CLOSURES, Sketch
+from tests.robots.sketch import CLOSURES, Sketch
+from tests.support.comparing import ROUNDING, close_to, refused
+from tests.support.files import save
 
 SHUFFLED = """
 <robot name="shuffled">

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from hybridyn.cli import main
-from tests.command_line import Said
-from tests.snippets import blocks
+from tests.support.command_line import Said
+from tests.support.snippets import blocks
 
 SHOWN = 1e-3  # numbers are printed with two to six digits
 ROUNDING = 1e-9  # what is printed of a closed loop is rounding, other on every machine

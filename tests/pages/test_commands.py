@@ -15,11 +15,11 @@ from hybridyn.cli import COMMANDS
 from hybridyn.studies.cost import runs
 from hybridyn.studies.sweep.reading import read_study
 from tests import ROOT
-from tests.command_line import call
-from tests.extras import needs
 from tests.pages.console import run_commands, shown
-from tests.samples import slow
-from tests.snippets import blocks, run_python, stand_where_a_user_does
+from tests.support.command_line import call
+from tests.support.extras import needs
+from tests.support.samples import slow
+from tests.support.snippets import blocks, run_python, stand_where_a_user_does
 
 DOCS = ROOT / "docs"
 #: Number of commands of each page that has some: none is passed over.

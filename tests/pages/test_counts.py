@@ -12,9 +12,9 @@ import hybridyn
 from hybridyn.description.motors import RANKING
 from hybridyn.description.records import RotationKind
 from tests import ROOT
-from tests.extras import needs
-from tests.files import save
-from tests.robot_texts import CLOSED_FOUR_BAR
+from tests.robots.robot_texts import CLOSED_FOUR_BAR
+from tests.support.extras import needs
+from tests.support.files import save
 
 PAGES = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 #: From two on.

@@ -23,10 +23,10 @@ from hybridyn.studies.sweep.measures import OF_MOTORS, OF_WORKSPACE, STATISTICS
 from hybridyn.studies.sweep.reading import FIXED_COLUMNS
 from hybridyn.studies.sweep.study_file import DesignsTable, ParameterTable, TaskTable, WorkspaceTable
 from tests import ROOT
-from tests.extras import needs
-from tests.files import save
-from tests.samples import slow
-from tests.snippets import PAGES, Block, blocks, run_python, stand_where_a_user_does
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import slow
+from tests.support.snippets import PAGES, Block, blocks, run_python, stand_where_a_user_does
 
 DOCS = ROOT / "docs"
 LOOPS = DOCS / "describing-loops.md"

@@ -16,8 +16,8 @@ import pytest
 import hybridyn
 from hybridyn.cli import COMMANDS, commands
 from tests import ROOT
-from tests.extras import needs
-from tests.samples import some
+from tests.support.extras import needs
+from tests.support.samples import some
 
 DOCS = ROOT / "docs"
 

@@ -7,7 +7,7 @@ from pinocchio.rpy import rpyToMatrix
 
 import hybridyn
 from hybridyn.structure.robot import HybridRobot
-from tests.files import save
+from tests.support.files import save
 
 JOINTS, MOTORS = ("pitch", "roll"), ("motor_left", "motor_right")
 #: Of the left side, in the shank at home [m]: motor axis (along y), end of the crank, end of the rod.

@@ -12,10 +12,10 @@ from hybridyn.assembly.posture import holding
 from hybridyn.dynamics.quantities import joint_map
 from hybridyn.dynamics.quantities.joint_map import JointMap
 from hybridyn.errors import SingularityError, TrajectoryError
-from tests.comparing import ROUNDING, SOLVED, close_to, refused
 from tests.dynamics.test_idm import flat_five_bar
-from tests.mechanisms import random_mechanism, random_states
 from tests.quantities.ankle import JOINTS, MOTORS, ankle, closed_form, leg
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.support.comparing import ROUNDING, SOLVED, close_to, refused
 
 #: Angles at which the map is judged [rad].
 PITCH, ROLL = np.array([0.0, 0.2, -0.3]), np.array([0.0, -0.15, 0.1])

@@ -16,13 +16,13 @@ import hybridyn
 from hybridyn.errors import SingularityError, TrajectoryError
 from hybridyn.simulation.events import near_singularity
 from hybridyn.structure.robot import HybridRobot
-from tests.comparing import close_to, refused
 from tests.dynamics.test_engines import QUANTITIES
-from tests.engines import engine_of
-from tests.files import save
-from tests.locked import hinged_five_bar, named
-from tests.robot_texts import INERTIAL
-from tests.samples import slow
+from tests.robots.locked import hinged_five_bar, named
+from tests.robots.robot_texts import INERTIAL
+from tests.support.comparing import close_to, refused
+from tests.support.engines import engine_of
+from tests.support.files import save
+from tests.support.samples import slow
 
 #: How far from the posture a robot stands [rad]: nothing and rounding, and what the limit of 1e-10 allows.
 NEAR, FAR = (0.0, 1e-16, 1e-13, 1e-12), (1e-8, 1e-4)

@@ -12,12 +12,10 @@ import hybridyn
 from hybridyn.errors import SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
-from tests.comparing import SOLVED, close_to, refused, same_words
 from tests.dynamics.test_guards import parallelogram
 from tests.dynamics.test_idm import flat_five_bar
-from tests.mechanisms import random_mechanism, random_states
+from tests.judges.peers import describe, example_urdf
 from tests.oracle import Base, Oracle
-from tests.peers import describe, example_urdf
 from tests.quantities.reduced import (
     DIFFERENCE,
     columns_of,
@@ -28,8 +26,10 @@ from tests.quantities.reduced import (
     oracle_mass,
     rate_along,
 )
-from tests.samples import slow
-from tests.shipped import ROBOTS, shipped, states_near_home
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.shipped import ROBOTS, shipped, states_near_home
+from tests.support.comparing import SOLVED, close_to, refused, same_words
+from tests.support.samples import slow
 
 #: Identity of the inverse model: rounding of its largest term.
 BALANCE = 1e-12

@@ -16,9 +16,9 @@ import pytest
 import hybridyn
 from hybridyn.scenes.stage import SceneStage, play, stage
 from hybridyn.simulation.result import SimulationResult
-from tests.robot_texts import door, save
-from tests.samples import fuzz, slow
-from tests.waiting import outcome
+from tests.robots.robot_texts import door, save
+from tests.support.samples import fuzz, slow
+from tests.support.waiting import outcome
 
 ABSURD = (
     "nan", "inf", "-inf", "1e300", "-1e300", "1e-300", "5e-324", "1e155", "-1.0", "0", "-0.0", "1e9", "1e18",

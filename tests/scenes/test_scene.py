@@ -14,9 +14,9 @@ from hybridyn.scenes.stage import SceneStage, identity, play, stage
 from hybridyn.simulation.simulate import NUMBER_BYTES, ROW_BYTES
 from hybridyn.simulation.table import columns_of, rows_of
 from tests import ROOT
-from tests.comparing import refused
-from tests.files import save
-from tests.shipped import ROBOTS
+from tests.robots.shipped import ROBOTS
+from tests.support.comparing import refused
+from tests.support.files import save
 
 SCENES = sorted(path for path in (ROOT / "models").glob("*/*.toml") if path.name != "model.toml")
 MECHANISMS = sorted(p for p in (ROOT / "models/benchmarks").glob("*/*.toml") if p.name != "model.toml")

@@ -16,9 +16,9 @@ from hybridyn.scenes.references import MotorAxes, Reference, RestPosture, from_p
 from hybridyn.scenes.scene_file import read_scene
 from hybridyn.scenes.stage import stage
 from tests import ROOT
-from tests.command_line import table_text
-from tests.comparing import refused
-from tests.files import save
+from tests.support.command_line import table_text
+from tests.support.comparing import refused
+from tests.support.files import save
 
 HEAD = f'duration = 1.0\n[robot]\nfile = "{ROOT}/urdf/five_bar.urdf.xacro"\n'
 PD = '[controller]\nkind = "pd"\nkp = 1.0\nkd = 1.0\n'

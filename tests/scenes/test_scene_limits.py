@@ -16,9 +16,9 @@ from hybridyn.cli import main
 from hybridyn.scenes.stage import stage
 from hybridyn.simulation.result import SimulationResult
 from hybridyn.simulation.run import BLOCK
-from tests.command_line import ROOT
-from tests.comparing import refused
-from tests.files import save
+from tests.support.command_line import ROOT
+from tests.support.comparing import refused
+from tests.support.files import save
 
 SCENE = f"""duration = 2.0
 [robot]

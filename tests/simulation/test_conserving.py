@@ -13,10 +13,10 @@ from hybridyn.errors import ModelError, SingularityError, TrajectoryError
 from hybridyn.simulation.conserving import Conserving
 from hybridyn.simulation.motion_law import MotionLaw
 from hybridyn.structure.building import build_robot
-from tests.comparing import refused
-from tests.robot_texts import door, save
-from tests.samples import slow
-from tests.swings import Swing, begin, chain, equal_bits, hinge, rod, still_base, swing
+from tests.robots.robot_texts import door, save
+from tests.robots.swings import Swing, begin, chain, equal_bits, hinge, rod, still_base, swing
+from tests.support.comparing import refused
+from tests.support.samples import slow
 
 KEPT = 1e-9  # of the peak kinetic energy, the project's claim over 1e5 steps
 SHORT = 2e-11  # the same over up to 2,000 steps

@@ -18,12 +18,12 @@ from hybridyn.simulation.runge_kutta import DOPRI5, RK4, Implicit
 from hybridyn.simulation.system import State, System
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
-from tests.comparing import refused
-from tests.generated import Case
-from tests.generated_judge import condition, natural_acceleration
-from tests.samples import fuzz, slow, some
-from tests.strategies import for_all, mechanisms
-from tests.swings import begin, chain, equal_bits, hinge, rod, still_base, swing
+from tests.judges.generated_judge import condition, natural_acceleration
+from tests.robots.generated import Case
+from tests.robots.strategies import for_all, mechanisms
+from tests.robots.swings import begin, chain, equal_bits, hinge, rod, still_base, swing
+from tests.support.comparing import refused
+from tests.support.samples import fuzz, slow, some
 
 #: Time span by robot, so that errors of the coarsest step are small and those of the finest above rounding.
 SPANS = {"five_bar": 0.12, "gough_stewart": 0.08, "serial_all:fixed": 0.06}

@@ -15,9 +15,9 @@ from hybridyn.errors import AssemblyError, TrajectoryError
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.simulation.result import SimulationResult
 from hybridyn.structure.building import build_robot
-from tests.comparing import refused
-from tests.robot_texts import door, save
-from tests.swings import chain, equal_bits, hinge, rod, still_base, swing
+from tests.robots.robot_texts import door, save
+from tests.robots.swings import chain, equal_bits, hinge, rod, still_base, swing
+from tests.support.comparing import refused
 
 REFERENCE = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}  # of the motions derived by hand
 TIGHT = {"rtol": 1e-11, "atol": 1e-12}  # asked of simulate

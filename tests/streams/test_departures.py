@@ -12,10 +12,10 @@ import hybridyn
 from hybridyn import AssemblyError
 from hybridyn.streams.departures import Departures, departures, position_limits
 from hybridyn.structure.building import build_robot
-from tests.command_line import call, table_text
-from tests.comparing import refused
-from tests.files import save
-from tests.shipped import shipped
+from tests.robots.shipped import shipped
+from tests.support.command_line import call, table_text
+from tests.support.comparing import refused
+from tests.support.files import save
 
 LOWER, UPPER, SPEED, EFFORT, MASS = -0.1, 0.2, 0.6, 4.0, 2.0
 

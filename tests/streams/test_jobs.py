@@ -22,11 +22,11 @@ from hybridyn.streams.one_pass import rows_at_once
 from hybridyn.streams.workers import Workers
 from hybridyn.tables.opening import open_table
 from tests import ROOT
-from tests.command_line import program, table_text
-from tests.comparing import refused
-from tests.files import save
-from tests.samples import slow
-from tests.waiting import PATIENCE, wait_until
+from tests.support.command_line import program, table_text
+from tests.support.comparing import refused
+from tests.support.files import save
+from tests.support.samples import slow
+from tests.support.waiting import PATIENCE, wait_until
 
 FIVE_BAR = ROOT / "urdf/five_bar.urdf.xacro"
 

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
-from tests.comparing import same_bits
+from tests.support.comparing import same_bits
 
 
 def change(model: pin.Model) -> None:

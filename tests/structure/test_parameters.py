@@ -16,10 +16,10 @@ from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters, _angles
 from hybridyn.structure.parameters.slots import values_of, with_values
-from tests.comparing import refused
-from tests.files import save
-from tests.samples import slow
-from tests.shipped import shipped
+from tests.robots.shipped import shipped
+from tests.support.comparing import refused
+from tests.support.files import save
+from tests.support.samples import slow
 
 SAME = 1e-11  # of a robot that is loaded anew
 ROUNDED = 1e-15  # the same formulas on other numbers

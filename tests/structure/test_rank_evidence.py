@@ -10,9 +10,9 @@ import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.errors import ModelError
 from hybridyn.spatial import Array
-from tests.command_line import call
-from tests.comparing import refused
-from tests.files import save
+from tests.support.command_line import call
+from tests.support.comparing import refused
+from tests.support.files import save
 
 MASS = (
     '<inertial><origin xyz="{x} 0 0"/><mass value="1"/>'

@@ -10,15 +10,15 @@ import hybridyn
 from hybridyn import HybridRobot, ModelError
 from hybridyn.description.records import Description, Joint, Link
 from hybridyn.structure.building import build_robot
-from tests.comparing import ROUNDING, close_to, refused
-from tests.extras import robots_of_others, skip
-from tests.files import save
-from tests.mechanisms import KINDS, home_posture, random_mechanism, random_states
 from tests.oracle import Base, Oracle
 from tests.oracle.test_oracle import SHUFFLED
-from tests.samples import in_turn, some
-from tests.shipped import ROBOTS, shipped
-from tests.sketch import CLOSURES, ROW_COUNT
+from tests.robots.mechanisms import KINDS, home_posture, random_mechanism, random_states
+from tests.robots.shipped import ROBOTS, shipped
+from tests.robots.sketch import CLOSURES, ROW_COUNT
+from tests.support.comparing import ROUNDING, close_to, refused
+from tests.support.extras import robots_of_others, skip
+from tests.support.files import save
+from tests.support.samples import in_turn, some
 
 SHOWN = {"home", "joints", "motor_q", "motor_v", "motors", "nq", "nv", "with_parameters"}
 BASES: tuple[Base, ...] = ("fixed", "moving", "floating")

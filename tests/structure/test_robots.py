@@ -14,10 +14,11 @@ from hybridyn.description import Description, read
 from hybridyn.errors import ModelError
 from hybridyn.tables.columns import read_layout
 from hybridyn.tables.opening import open_table
-from tests import ROOT, margins
-from tests.comparing import refused
+from tests import ROOT
 from tests.oracle import Oracle
-from tests.samples import slow
+from tests.support.comparing import refused
+from tests.support.samples import slow
+from tests.tools import margins
 
 CLOSED = 1e-12  # of the robot's length: home is computed in the xacro, so only rounding is left
 INDEPENDENT = 1e-2  # reciprocal condition number of motors against free motions at home, lengths scaled

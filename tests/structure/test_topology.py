@@ -13,10 +13,10 @@ from hybridyn.structure.building import build_robot
 from hybridyn.structure.graph import find_modules
 from hybridyn.structure.module_spec import module_spec
 from hybridyn.structure.robot import HybridRobot
-from tests.comparing import SOLVED, close_to, refused
-from tests.mechanisms import KINDS, random_mechanism, random_states
 from tests.oracle import Oracle
-from tests.shipped import ROBOTS, shipped
+from tests.robots.mechanisms import KINDS, random_mechanism, random_states
+from tests.robots.shipped import ROBOTS, shipped
+from tests.support.comparing import SOLVED, close_to, refused
 
 Z = np.array([0.0, 0.0, 1.0])
 

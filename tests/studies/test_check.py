@@ -13,9 +13,9 @@ from hybridyn.errors import install_advice
 from hybridyn.studies.check.check import CODES, Finding
 from hybridyn.studies.check.masses import unit_guess
 from tests import ROOT
-from tests.extras import needs
-from tests.mjcf_texts import mjcf
-from tests.robot_texts import LOOP, TREE, robot, save
+from tests.robots.mjcf_texts import mjcf
+from tests.robots.robot_texts import LOOP, TREE, robot, save
+from tests.support.extras import needs
 
 BALL = (
     '<inertial><mass value="2"/>'

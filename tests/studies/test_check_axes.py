@@ -12,12 +12,12 @@ from hybridyn.description.shipped import shipped_robots
 from hybridyn.studies.check.axes import check_axes, check_same_loops
 from hybridyn.studies.check.finding import Finding
 from hybridyn.studies.check.subject import Subject
-from tests.any_mechanism import any_mechanism
-from tests.extras import needs
-from tests.generated import generated
-from tests.mechanisms import random_mechanism
-from tests.mjcf_texts import mjcf
-from tests.robot_texts import DOOR, INERTIAL, LOOP, SECOND_HINGE, robot, save
+from tests.robots.any_mechanism import any_mechanism
+from tests.robots.generated import generated
+from tests.robots.mechanisms import random_mechanism
+from tests.robots.mjcf_texts import mjcf
+from tests.robots.robot_texts import DOOR, INERTIAL, LOOP, SECOND_HINGE, robot, save
+from tests.support.extras import needs
 
 MOTOR = '<transmission name="t"><joint name="drive"/></transmission>'
 

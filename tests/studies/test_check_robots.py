@@ -9,13 +9,13 @@ import pytest
 import hybridyn
 from hybridyn.description.shipped import main_names, shipped_robots
 from hybridyn.studies.check.check import CODES, is_readable
-from tests.command_line import call
-from tests.extras import needs, robots_of_others
-from tests.files import save
-from tests.mutations import TREE
-from tests.samples import slow
+from tests.robots.mutations import TREE
 from tests.studies.test_check import WRONG as WRONG_ROBOTS
 from tests.studies.test_check import arm, boxed, inertial
+from tests.support.command_line import call
+from tests.support.extras import needs, robots_of_others
+from tests.support.files import save
+from tests.support.samples import slow
 
 OTHERS = sorted(str(path) for path in robots_of_others() if path.suffix in (".urdf", ".xacro"))
 SAMPLE = ("quadrotor_base.urdf", "quadrotor_base.xacro")

@@ -21,12 +21,12 @@ from hybridyn.studies.compare.engines.mujoco_engine import MujocoEngine
 from hybridyn.studies.compare.judging import judge
 from hybridyn.studies.compare.states import apart, closure_rows, draw_states
 from tests import ROOT
-from tests.command_line import call
-from tests.comparing import refused
-from tests.extras import needs
-from tests.robot_texts import INERTIAL, LOOP, door, robot, save
-from tests.samples import slow
-from tests.snippets import blocks
+from tests.robots.robot_texts import INERTIAL, LOOP, door, robot, save
+from tests.support.command_line import call
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.samples import slow
+from tests.support.snippets import blocks
 
 #: Largest relative difference of two exact computations.
 EXACT = 1e-9

@@ -12,12 +12,12 @@ from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
 from hybridyn.studies.effect_worth import EffectSets, contributions
 from tests import ROOT
-from tests.command_line import call
-from tests.comparing import close_to, refused
-from tests.effect_cases import every
-from tests.files import save
-from tests.mechanisms import random_mechanism, random_states
-from tests.shipped import shipped, states_near_home
+from tests.robots.effect_cases import every
+from tests.robots.mechanisms import random_mechanism, random_states
+from tests.robots.shipped import shipped, states_near_home
+from tests.support.command_line import call
+from tests.support.comparing import close_to, refused
+from tests.support.files import save
 
 FIVE_BAR = [str(ROOT / "urdf/five_bar.urdf.xacro"), str(ROOT / "models/five_bar/traj.csv")]
 LINEAR = 1e-11  # sums of efforts instead of efforts of sums

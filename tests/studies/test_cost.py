@@ -40,12 +40,12 @@ from hybridyn.studies.cost.variants import QUANTITIES, by_rates, study_models
 from hybridyn.tables.signals import WRENCH
 from tests import ROOT
 from tests.assembly.test_assembly import waves
-from tests.clocks import Clock
-from tests.command_line import call, table_text
-from tests.comparing import refused
-from tests.extras import needs
-from tests.files import save
-from tests.robot_texts import CLOSED_FOUR_BAR
+from tests.robots.robot_texts import CLOSED_FOUR_BAR
+from tests.support.clocks import Clock
+from tests.support.command_line import call, table_text
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.files import save
 
 EXACT = 1e-12
 #: Loops closed in C are open by some units in the thirteenth digit.

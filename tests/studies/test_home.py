@@ -13,9 +13,9 @@ from hybridyn.cli.home import _name
 from hybridyn.joints.kinds import JointKind
 from hybridyn.structure.robot import positions
 from hybridyn.studies.home import HomePosture, homes
-from tests.command_line import call
-from tests.comparing import refused
-from tests.robot_texts import save
+from tests.robots.robot_texts import save
+from tests.support.command_line import call
+from tests.support.comparing import refused
 
 #: Closed to rounding, relative to the module's length.
 CLOSED = 1e-12

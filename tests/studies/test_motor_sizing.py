@@ -16,8 +16,8 @@ from hybridyn.figures.as_page import page_of_chart
 from hybridyn.figures.reports import chart_of_sizing
 from hybridyn.streams.departures import departures
 from hybridyn.studies.sizing import CLOUD, Sizing, motor_rows
-from tests.command_line import call, table_text
-from tests.files import save
+from tests.support.command_line import call, table_text
+from tests.support.files import save
 
 MASS, LENGTH, GRAVITY = 2.5, 0.4, 9.81
 EFFORT_LIMIT, SPEED_LIMIT = 20.0, 1.0

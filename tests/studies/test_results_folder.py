@@ -11,7 +11,7 @@ import pytest
 import hybridyn
 from hybridyn.description.writing import appearing
 from hybridyn.studies.results_folder import RECORD, part, read_record, writing
-from tests.comparing import refused
+from tests.support.comparing import refused
 
 
 def begin(folder: Path, *, resume: bool = False, **asked: str) -> None:

@@ -30,11 +30,11 @@ from hybridyn.studies.sweep.shards import About, read_shards, write_shard
 from hybridyn.studies.sweep.slot_numbers import SlotNumbers
 from hybridyn.studies.sweep.stated_numbers import _number
 from hybridyn.studies.sweep.variants import Variants
-from tests.clocks import Clock
-from tests.command_line import call
-from tests.comparing import refused
-from tests.extras import needs
-from tests.files import save
+from tests.support.clocks import Clock
+from tests.support.command_line import call
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.files import save
 
 #: Largest relative difference to a formula: both round a few times.
 ROUNDING = 1e-12

@@ -22,11 +22,11 @@ from hybridyn.studies.sweep.shards import about_of
 from hybridyn.studies.sweep.sweep import Swept
 from hybridyn.studies.sweep.variants import Variants
 from tests import ROOT
-from tests.comparing import refused
-from tests.excavator import HOME, excavator, teeth
-from tests.extras import needs
-from tests.files import save
+from tests.robots.excavator import HOME, excavator, teeth
 from tests.studies.test_sweep import SCALES, folder, here, rows_of, written
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.files import save
 
 __all__ = ["folder", "here"]
 

@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 
 import hybridyn
-from tests.command_line import program
-from tests.extras import needs
-from tests.files import save
 from tests.studies.test_sweep import folder, rows_of, written
-from tests.waiting import wait_until
+from tests.support.command_line import program
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.waiting import wait_until
 
 __all__ = ["folder"]
 

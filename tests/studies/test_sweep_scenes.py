@@ -8,8 +8,8 @@ from scipy.integrate import quad
 
 from hybridyn.errors import ModelError
 from hybridyn.studies.sweep.reading import read_study
-from tests.comparing import refused
 from tests.studies.test_sweep import evaluated, folder
+from tests.support.comparing import refused
 
 __all__ = ["folder"]
 

@@ -14,11 +14,11 @@ from hybridyn.studies.sweep.measures import OF_KIND, check_units, unit_of
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import read_shards
 from hybridyn.studies.sweep.variants import Variants
-from tests.command_line import table_text
-from tests.comparing import refused
-from tests.extras import needs
-from tests.files import save
-from tests.robot_texts import INERTIAL
+from tests.robots.robot_texts import INERTIAL
+from tests.support.command_line import table_text
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.files import save
 
 #: A slide that carries a joint that turns: their efforts are in N and in N m.
 ARM = (

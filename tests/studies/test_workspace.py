@@ -14,11 +14,11 @@ from hybridyn.studies.workspace.closing import OUT_OF_REACH, PoseClosing
 from hybridyn.studies.workspace.link_sweep import find_sweep
 from hybridyn.studies.workspace.measures import Measures
 from hybridyn.studies.workspace.workspace import Workspace, workspace
-from tests.command_line import call, read_table
-from tests.comparing import ROUNDING, SOLVED, close_to, refused
-from tests.files import save
 from tests.quantities.ankle import JOINTS, ankle, closed_form, leg
-from tests.samples import slow
+from tests.support.command_line import call, read_table
+from tests.support.comparing import ROUNDING, SOLVED, close_to, refused
+from tests.support.files import save
+from tests.support.samples import slow
 
 UPPER, LOWER, HALF_SPACING, LEAN = 0.25, 0.40, 0.12, np.radians(25.0)  # models/five_bar/README.md
 DRIVE_LIMIT, ELBOW_LIMIT = 1.2, 1.9

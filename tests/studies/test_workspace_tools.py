@@ -12,9 +12,8 @@ from hybridyn import HybridRobot
 from hybridyn.spatial import Array
 from hybridyn.studies.workspace.link_sweep import find_sweep
 from hybridyn.studies.workspace.workspace import Workspace, workspace
-from tests.command_line import call
-from tests.comparing import close_to
-from tests.excavator import (
+from tests.oracle import Oracle
+from tests.robots.excavator import (
     BOOM,
     BUCKET,
     COUPLER,
@@ -29,10 +28,11 @@ from tests.excavator import (
     text,
     turned,
 )
-from tests.files import save
-from tests.oracle import Oracle
-from tests.posing import of_link
-from tests.samples import slow
+from tests.robots.posing import of_link
+from tests.support.command_line import call
+from tests.support.comparing import close_to
+from tests.support.files import save
+from tests.support.samples import slow
 
 EXACT = 1e-9
 BOUNDARY = 1e-6  # m, rad: nearer to an edge, rounding decides

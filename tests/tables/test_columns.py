@@ -8,7 +8,7 @@ from hybridyn.description.records import Description
 from hybridyn.errors import TrajectoryError
 from hybridyn.tables.columns import acceleration_columns, read_layout
 from hybridyn.tables.layout import Layout
-from tests.comparing import refused
+from tests.support.comparing import refused
 from tests.tables.arm import BALL, joint, links
 
 ROBOT = Description(

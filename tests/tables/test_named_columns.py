@@ -9,10 +9,10 @@ import hybridyn
 from hybridyn import HybridRobot, TrajectoryError
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.structure.building import build_robot
-from tests.comparing import ROUNDING, SOLVED, close_to, refused, same_bits
-from tests.engines import engine_of
-from tests.extras import needs
-from tests.mechanisms import random_mechanism
+from tests.robots.mechanisms import random_mechanism
+from tests.support.comparing import ROUNDING, SOLVED, close_to, refused, same_bits
+from tests.support.engines import engine_of
+from tests.support.extras import needs
 
 SAMPLES = 4
 State = tuple[np.ndarray, np.ndarray, np.ndarray]

@@ -10,8 +10,8 @@ from hybridyn.effects.choice import choose
 from hybridyn.studies.effect_worth import contributions
 from hybridyn.studies.sweep.measures import STATISTICS
 from hybridyn.tables.over_time import Means
-from tests.command_line import call, table_text
-from tests.files import save
+from tests.support.command_line import call, table_text
+from tests.support.files import save
 
 MASS = 2.5
 SLIDE = f"""<robot name="slide"><link name="ground"/><link name="bob"><inertial><mass value="{MASS}"/>

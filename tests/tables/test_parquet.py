@@ -10,8 +10,8 @@ import pytest
 from hybridyn.errors import HybridynError, TrajectoryError, install_advice
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import open_results
-from tests.comparing import refused
-from tests.extras import needs
+from tests.support.comparing import refused
+from tests.support.extras import needs
 
 pl = needs("io")
 

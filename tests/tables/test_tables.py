@@ -12,9 +12,9 @@ from hybridyn.errors import HybridynError, TrajectoryError
 from hybridyn.spatial import Array
 from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import check_target, csv_text, open_results
-from tests.comparing import refused
-from tests.extras import needs
-from tests.files import save
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.files import save
 
 
 def read(path: Path, block_rows: int = 2000) -> tuple[tuple[str, ...], np.ndarray]:

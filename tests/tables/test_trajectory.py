@@ -16,10 +16,10 @@ from hybridyn.tables.opening import open_table
 from hybridyn.tables.results import open_results
 from hybridyn.tables.trajectory import TableMotion, read_motions
 from hybridyn.tables.tree_coordinates import full_state
-from tests.comparing import ROUNDING, refused
-from tests.files import save
+from tests.support.comparing import ROUNDING, refused
+from tests.support.files import save
+from tests.support.waiting import outcome
 from tests.tables.arm import ARM, BALL
-from tests.waiting import outcome
 
 FIT = 1e-6  # fitted accelerations of the motions below, sampled at 100 Hz
 DIFFERENCES = 1e-6  # central differences at 1e-5 s of motions of order one

@@ -10,9 +10,9 @@ from lxml import etree
 import hybridyn
 from hybridyn.description.shape_files import urdf_root
 from hybridyn.errors import ModelError
-from tests.comparing import ROUNDING, refused
-from tests.extras import needs, robots_of_others, skip
-from tests.robot_texts import FOUR_BAR, save
+from tests.robots.robot_texts import FOUR_BAR, save
+from tests.support.comparing import ROUNDING, refused
+from tests.support.extras import needs, robots_of_others, skip
 
 BOX = '<visual><origin xyz="0.1 0.2 0.3"/><geometry><box size="1 2 3"/></geometry></visual>'
 

@@ -16,7 +16,7 @@ from hybridyn.view.placing import Placement, place_bodies
 from hybridyn.view.stage import PageStage
 from hybridyn.view.visuals import read_visuals
 from tests import ROOT
-from tests.extras import needs
+from tests.support.extras import needs
 
 needs("view")
 

@@ -25,12 +25,12 @@ from hybridyn.view.render import render
 from hybridyn.view.run import ShownMotion
 from hybridyn.view.visuals import read_visuals
 from tests import ROOT
-from tests.command_line import call
-from tests.excavator import HOME, excavator, teeth
-from tests.extras import needs
-from tests.robot_texts import FOUR_BAR, save
-from tests.shipped import ROBOTS
-from tests.waiting import wait_until
+from tests.robots.excavator import HOME, excavator, teeth
+from tests.robots.robot_texts import FOUR_BAR, save
+from tests.robots.shipped import ROBOTS
+from tests.support.command_line import call
+from tests.support.extras import needs
+from tests.support.waiting import wait_until
 
 needs("view")
 EXACT = 1e-12  # relative: the same numbers by two ways

@@ -10,9 +10,9 @@ import pytest
 
 from hybridyn.errors import HybridynError
 from hybridyn.view.own_origin import refusal, start_server
-from tests.comparing import refused
-from tests.extras import needs
-from tests.waiting import PATIENCE
+from tests.support.comparing import refused
+from tests.support.extras import needs
+from tests.support.waiting import PATIENCE
 
 viser = needs("view")
 HOME = "127.0.0.1"

@@ -16,10 +16,10 @@ from hybridyn.view.drawing import draw
 from hybridyn.view.page import Page
 from hybridyn.view.panel import closeness
 from hybridyn.view.run import ShownMotion
-from tests.browser import browser, chromium
-from tests.command_line import program
+from tests.support.command_line import program
+from tests.support.waiting import PATIENCE, wait_until
+from tests.view.browser import browser, chromium
 from tests.view.test_view import colours_in, without_limits
-from tests.waiting import PATIENCE, wait_until
 
 CLOSED = 1e-9  # relative: `assemble` closes loops to rounding
 HUE = 0.12  # between colours, 0 to 1: light and shade change brightness, not hue

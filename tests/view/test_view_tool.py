@@ -15,11 +15,11 @@ from hybridyn.spatial import Array, quaternion_from_rotation, rotation_from_vect
 from hybridyn.view.drawing import draw
 from hybridyn.view.page import Page
 from hybridyn.view.placing import place_bodies
-from tests.as_written import WRITTEN
-from tests.extras import needs
-from tests.files import save
-from tests.samples import slow
-from tests.waiting import wait_until
+from tests.robots.as_written import WRITTEN
+from tests.support.extras import needs
+from tests.support.files import save
+from tests.support.samples import slow
+from tests.support.waiting import wait_until
 
 viser = needs("view")
 import msgspec  # noqa: E402

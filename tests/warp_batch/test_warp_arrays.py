@@ -12,10 +12,10 @@ import hybridyn
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.warp_batch import arrays as arrays_of
 from hybridyn.warp_batch import functions
-from tests.comparing import close_to
-from tests.extras import needs
 from tests.quantities.ankle import JOINTS, ankle
-from tests.samples import slow
+from tests.support.comparing import close_to
+from tests.support.extras import needs
+from tests.support.samples import slow
 
 wp = needs("gpu")
 wp.config.log_level = wp.LOG_WARNING

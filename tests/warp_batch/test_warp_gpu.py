@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import hybridyn
-from tests.extras import needs
-from tests.samples import slow
+from tests.support.extras import needs
+from tests.support.samples import slow
 
 wp = needs("gpu")
 wp.config.log_level = wp.LOG_WARNING

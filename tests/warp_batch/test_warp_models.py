@@ -12,10 +12,10 @@ from hybridyn.compiled.equations.states import any_accelerations, random_states
 from hybridyn.compiled.verifying import MODEL_AGREES, difference
 from hybridyn.scenes.references import MotorAxes
 from hybridyn.structure.building import build_robot
-from tests.extras import needs
-from tests.mechanisms import KINDS, OVER_FOLDS, random_mechanism
-from tests.samples import slow
-from tests.shipped import ROBOTS
+from tests.robots.mechanisms import KINDS, OVER_FOLDS, random_mechanism
+from tests.robots.shipped import ROBOTS
+from tests.support.extras import needs
+from tests.support.samples import slow
 
 wp = needs("gpu")
 wp.config.log_level = wp.LOG_WARNING

@@ -12,9 +12,9 @@ from hybridyn.scenes.controllers import ComputedTorque, Pd
 from hybridyn.scenes.references import MotorAxes
 from hybridyn.warp_batch.drawing import Draw
 from hybridyn.warp_batch.native_models import LAWS
-from tests.extras import needs
-from tests.samples import slow
-from tests.shipped import ROBOTS
+from tests.robots.shipped import ROBOTS
+from tests.support.extras import needs
+from tests.support.samples import slow
 
 wp = needs("gpu")
 wp.config.log_level = wp.LOG_WARNING

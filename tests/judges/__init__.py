@@ -1,0 +1,1 @@
+"""What tests compare with besides the oracle: Pinocchio and MuJoCo beside a robot, identities at a state."""

@@ -1,0 +1,1 @@
+"""How tests run and compare: what is made once a session, what is skipped, processes, files, tolerances."""
