@@ -12,8 +12,10 @@ from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.closing.closing_source import closing_programs
-from hybridyn.compiled.programs.closing.given import module_requests, numbers, parts_of, places_at
 from hybridyn.compiled.programs.closing.kernels import ModuleKernels
+from hybridyn.compiled.programs.closing.members import parts_of
+from hybridyn.compiled.programs.closing.module_parts import numbers, places_at
+from hybridyn.compiled.programs.closing.own_requests import module_requests
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.dynamics.forward import forward
 from hybridyn.effects.joint_laws import ViscousFriction

@@ -19,8 +19,8 @@ from ...spatial import Array, Index, Mask
 from ..equations.coefficients import at_robot
 from ..library.calls import Calls
 from ..library.closed_rows import Rows
-from .closing.given import posture_of
 from .closing.libraries import Closing, ClosingLibraries
+from .closing.module_parts import posture_of
 from .designs import DesignsInSlots
 
 #: Numbers of the states that are computed at once: they stay in the processor's cache.

@@ -16,9 +16,9 @@ from ...errors import AssemblyError, ModelError, SingularityError, TrajectoryErr
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .closing.coupled import Coupled, split_poses
-from .closing.given import Part, numbers
 from .closing.libraries import bent, nearby_requests
 from .closing.members import members_of, wanted_of
+from .closing.module_parts import Part, numbers
 
 #: Name of the step.
 GIVEN_STEP = "idm_from_given"

@@ -15,7 +15,7 @@ from ..equations.scales import GUARD_CLOSED
 from ..program import Program, stored
 from .closing.chain_program import ChainWriter
 from .closing.closing_source import closing_programs, constants_of, far_source
-from .closing.given import CLOSED_TO_ROUNDING, kinds_of
+from .closing.module_parts import CLOSED_TO_ROUNDING, kinds_of
 from .closing.rows import place_program
 from .given_control import GIVEN_STEP, GivenMotion
 from .writer import ModuleWriter

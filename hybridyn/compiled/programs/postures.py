@@ -20,7 +20,7 @@ from ..library.closed_rows import ClosedRows
 from ..library.current import Current
 from ..library.direct_calls import again, refuse
 from .closing.assembling import Assembler
-from .closing.given import requests_of_motors
+from .closing.own_requests import requests_of_motors
 from .designs import DesignsInSlots
 from .evaluating import DesignEvaluator, DesignTable
 from .sources import kept

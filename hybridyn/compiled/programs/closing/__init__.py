@@ -1,6 +1,7 @@
 """Write the programs that compute all joints from given motors and platform poses (`assembly.assemble`).
 
-Read `extended` (the tree after the cuts, with its wrists), `given` (what is prescribed), `rows` (closures and
+Read `extended` (the tree after the cuts, with its wrists), `given` (what is prescribed), `module_parts`,
+`own_requests`, `coupled` and `members` (which modules are closed, alone or together), `rows` (closures and
 targets as expressions), `kernels`, `closing_source` (programs and their C), `libraries` (found, or built and
 checked), `assembling` (rows in C, `library.closed_rows`, and the general path behind them) and `tables`
 (which rows of a table are closed in C).

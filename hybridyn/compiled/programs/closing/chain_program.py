@@ -21,8 +21,8 @@ from .chain_kernels import ChainKernels, Ports
 from .chain_targets import ChainTargets
 from .coupled import Coupled
 from .extended import extended
-from .given import Part
 from .measure import measure_kernel
+from .module_parts import Part
 from .rows import Places
 
 #: Sources of each group's posture, and of what is prescribed there.

@@ -23,7 +23,8 @@ from ..writer import ModuleWriter, alike
 from .chain_program import ChainWriter
 from .coupled import Coupled
 from .extended import extended
-from .given import (
+from .kernels import ModuleKernels
+from .module_parts import (
     CLOSED_TO_ROUNDING,
     ITERATIONS,
     LAST_ROW_STEP,
@@ -34,12 +35,11 @@ from .given import (
     kinds_of,
     motors_given,
 )
-from .kernels import ModuleKernels
 from .rows import place_program
 
 POSTURE, RATES = [("q_0", "q"), ("p_0", "p")], [("g_dot", "rates"), ("g_ddot", "rates")]
 START, FOUND = [("q_1", "q"), ("p_1", "p")], [("q_2", "q"), ("p_2", "p")]
-#: Inputs and outputs of the programs: name and kind of each, see `given.kinds_of`.
+#: Inputs and outputs of the programs: name and kind of each, see `module_parts.kinds_of`.
 FORMS = {
     "newton": (
         [*POSTURE, ("g", "g")],

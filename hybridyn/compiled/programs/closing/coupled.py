@@ -23,7 +23,8 @@ from ....linkage.pointing import DirectionTarget, DistanceTarget
 from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, TurnTarget
 from ....spatial import Array, quaternion_from_rotation
 from ....structure.robot import HybridRobot
-from .given import ANGLE, NUMBER, POSE, RATES, WIDTH, Given, GivenCoordinates, modules_of
+from .given import ANGLE, NUMBER, POSE, RATES, WIDTH, Given, GivenCoordinates
+from .own_requests import modules_of
 
 #: Axes that have directions.
 AXES = COORDINATES[:3]

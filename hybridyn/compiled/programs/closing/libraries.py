@@ -34,18 +34,17 @@ from ...library.closed_rows import ClosedRows, Rows
 from ..designs import designs_to_verify
 from ..sources import kept, robot_key
 from .coupled import Coupled, Split, split_poses
-from .given import (
+from .members import Wanted, members_of, wanted_of
+from .module_parts import (
     CLOSED_TO_ROUNDING,
     Part,
     lanes_for,
-    modules_of,
     numbers,
     places_at,
     posture_of,
-    structure_of,
     upright_is_meant,
 )
-from .members import Wanted, members_of, wanted_of
+from .own_requests import modules_of, structure_of
 
 if TYPE_CHECKING:
     from ...code.library_source import Source
@@ -66,7 +65,7 @@ class Closing:
     chains: list[Coupled]
 
     def numbers(self, wanted: Wanted) -> Rows:
-        """Return what is prescribed, see `given.numbers`."""
+        """Return what is prescribed, see `module_parts.numbers`."""
         every = [numbers(self.parts, wanted.own), *(one.wanted(wanted.requests) for one in self.chains)]
         g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*every, strict=True))
         return g, g_dot, g_ddot

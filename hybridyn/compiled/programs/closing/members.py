@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from ....assembly.module_request import ModuleRequest
 from ....assembly.requests import Requests
+from ....assembly.task import module_task
+from ....linkage.newton import LoopProblem
+from ....linkage.tree import Tree
+from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from .coupled import Coupled, Split, coupled_of
-from .given import Part, module_requests, parts_of
+from .given import given_of
+from .module_parts import CONTRADICTING_FILE, MOST_FREEDOMS, Part
+from .own_requests import module_requests, modules_of
+
+if TYPE_CHECKING:
+    from ...equations.spins import Spin
 
 
 class Wanted(NamedTuple):
@@ -53,3 +64,54 @@ def members_of(robot: HybridRobot, wanted: Wanted) -> tuple[list[Part], list[Cou
         coupled.append(one)
     parts = parts_of(robot, wanted.own, coupled)
     return None if parts is None else (parts, coupled)
+
+
+def parts_of(
+    robot: HybridRobot, wanted: list[ModuleRequest], coupled: Sequence[Coupled] = ()
+) -> list[Part] | None:
+    """Return the parts of a closing program; None if the general path must close the loops.
+
+    Of motions that are left to the least norm, kernels know idle spins alone. They do not average loops that
+    contradict each other by a file's rounding.
+
+    Args:
+        wanted: What is asked of each module alone.
+        coupled: Those of them that poses couple.
+
+    Raises:
+        AssemblyError: What is given does not determine the posture of a module.
+    """
+    parts: list[Part] = []
+    carrying = {part: one.ports(i) for one in coupled for i, part in enumerate(one.parts)}
+    for (_, module), request in zip(modules_of(robot), wanted, strict=True):
+        given, m, number = given_of(request), module.mechanism, len(parts)
+        task = module_task(robot, module, request, alone=number not in carrying)
+        free = int(task.problem.free.sum())
+        spins = _open_spins(module, task.problem) if task.problem.rank != free else ()
+        if number in carrying:
+            spins = tuple(spin for spin in spins if not _carries(m.tree, spin, carrying[number]))
+        elif task.problem.rank != free - len(spins):
+            return None
+        if free > MOST_FREEDOMS or m.rounding > CONTRADICTING_FILE:
+            return None
+        parts.append(Part(module, given, tuple(task.problem.blocks), spins))
+    return parts if coupled or sum(part.given.rates for part in parts) else None
+
+
+def _carries(tree: Tree, spin: Spin, bodies: Sequence[int]) -> bool:
+    """Return whether the joint of a spin moves one of some bodies."""
+    return bool(tree.support[list(bodies)][:, list(spin.cols)].any())
+
+
+def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
+    """Return the idle spins of a module that neither loops nor targets determine."""
+    from ...equations.spins import UNFELT, spins_of
+
+    m, unit = module.mechanism, problem.col_scale
+    K = problem.matrix(m.tree.sweep(m.postures))
+    return tuple(
+        spin
+        for spin in spins_of(m, module.motor_columns)
+        if problem.free[list(spin.cols)].all()
+        and np.abs(K[:, :, spin.cols] @ (spin.axis / unit[list(spin.cols)])).max() <= UNFELT
+    )

@@ -20,8 +20,10 @@ from ..close import CLOSED, by_motors, freedoms_of, keep_base, loop_writer
 from ..loop_kernels import Kernel, loop_kernels
 from ..writer import alike
 from .extended import extended
-from .given import CONTRADICTING_FILE, MOST_FREEDOMS, POSE, Given, modules_of
+from .given import POSE, Given
 from .kernels import ModuleKernels
+from .module_parts import CONTRADICTING_FILE, MOST_FREEDOMS
+from .own_requests import modules_of
 
 
 def posed_modules(robot: HybridRobot) -> list[int]:

@@ -22,7 +22,8 @@ from ...equations.spanning_rows import Frames
 from ...program import Program
 from ..writer import ModuleWriter, alike
 from .extended import Extended, extended
-from .given import ANGLE, CLOSED_TO_ROUNDING, Given, GivenCoordinates, Part, kinds_of
+from .given import ANGLE, Given, GivenCoordinates
+from .module_parts import CLOSED_TO_ROUNDING, Part, kinds_of
 
 #: For each link, its body and its placement (R, p) there, which may be arguments (`Bodies.place`).
 Places = Mapping[str, tuple[int, Any, Any]]
