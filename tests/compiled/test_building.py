@@ -5,11 +5,14 @@ import json
 import pickle
 import shutil
 import stat
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +21,7 @@ import hybridyn
 import hybridyn.compiled.library.cache as cache_file
 from hybridyn.compiled.code.library_source import Source, library_source
 from hybridyn.compiled.code.scalars import Scalar
-from hybridyn.compiled.library.building import build, find_compiler
+from hybridyn.compiled.library.building import FLAGS, build, find_compiler
 from hybridyn.compiled.library.cache import Built
 from hybridyn.compiled.library.calls import Library
 from hybridyn.description.cache_folder import folder
@@ -207,7 +210,7 @@ def test_a_compiler_that_fails_is_quoted(tmp_path: Path) -> None:
         ("int x;", (str(tmp_path / "none"),), "cannot be started"),
         ("int x;", (sys.executable, "-c", ""), "there is no library"),
     ):
-        asked = partial(build, (text,), command, tmp_path / "library.so")
+        asked = partial(build, {"unit": text}, command, tmp_path / "library.so")
         refused(asked, hybridyn.CompileError, words)
 
 
@@ -226,6 +229,34 @@ def test_cc_may_carry_options(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     tool.chmod(tool.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("CC", f"{tool} -pipe")
     assert find_compiler.__wrapped__() == (str(tool), "-pipe")
+
+
+def test_the_c_of_a_library_stays_where_it_is_wanted(
+    tmp_path: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A debugger finds it: the library names its files. Each compiles by itself."""
+    before = cached("a robot", source)
+    monkeypatch.setenv("HYBRIDYN_KEEP_C", str(tmp_path / "kept"))
+    robot: Any = SimpleNamespace(name="my robot/2")
+    built = cached("a robot", source, robot=robot)
+    assert built.path != before.path
+    assert works(built)
+    (own,) = (tmp_path / "kept").iterdir()
+    assert own.name.startswith(f"my_robot_2-{TOY.name}-")
+    assert {path.stem for path in own.iterdir()} == set(source().units)
+    for path in own.iterdir():
+        command = [*find_compiler(), *FLAGS, "-c", path, "-o", tmp_path / "unit.o"]
+        subprocess.run(list(map(str, command)), check=True)
+        assert str(path).encode() in built.path.read_bytes()
+
+
+def test_a_folder_for_kept_c_that_cannot_be_written_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("HYBRIDYN_KEEP_C", str(tmp_path / "file"))
+    words = f"the folder '{tmp_path / 'file'}' that HYBRIDYN_KEEP_C names cannot be written"
+    refused(lambda: cached("a robot", source), hybridyn.CompileError, words)
 
 
 @pytest.mark.skipif(shutil.which("clang") is None, reason="there is no clang")

@@ -32,7 +32,10 @@ def test_what_has_no_copies_runs_on_plain_numbers_where_it_is_called_alone(
     program: Program, kernels: int
 ) -> None:
     units = library_source([program], Scalar("float64", 8)).units
-    assert sum(len(re.findall(r"^IN_SECTION\(\w+\) void n\w{12}\(", unit, re.M)) for unit in units) == kernels
+    assert (
+        sum(len(re.findall(r"^IN_SECTION\(\w+\) void n\w{12}\(", unit, re.M)) for unit in units.values())
+        == kernels
+    )
 
 
 @pytest.mark.parametrize("quick", [False, True])

@@ -142,16 +142,20 @@ def single(library: Library, name: str, *given: Any) -> tuple[tuple[np.ndarray[A
 
 
 def cached(
-    key: str, write: Callable[[], Source], check: Callable[[Built], None] | None = None, **options: Any
+    key: str,
+    write: Callable[[], Source],
+    check: Callable[[Built], None] | None = None,
+    robot: Any = None,
+    **options: Any,
 ) -> Built:
-    """Return the library of a key that belongs to no robot."""
-    return Artifact(None, key, write, check).built(**options)
+    """Return the library of a key, by default one that belongs to no robot."""
+    return Artifact(robot, key, write, check).built(**options)
 
 
 def numbered(number: int) -> Source:
     """Return the source of a library that knows its number, built at once."""
     visible = '__attribute__((visibility("default")))'
-    return Source((f"{visible} int number(void) {{ return {number}; }}\n",), {"number": number})
+    return Source({"number": f"{visible} int number(void) {{ return {number}; }}\n"}, {"number": number})
 
 
 def never() -> Source:

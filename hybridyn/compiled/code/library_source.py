@@ -30,17 +30,17 @@ class Source:
     """C sources of a library and the description of its programs.
 
     Attributes:
-        units: Contents of the C files.
+        units: Contents of the C files by name.
         about: Description of the programs for `library.Library`, in JSON types.
     """
 
-    units: tuple[str, ...]
+    units: Mapping[str, str]
     about: dict[str, Any]
 
     @property
     def digest(self) -> str:
         """Hash of the sources."""
-        return hashlib.sha256("\0".join(self.units).encode()).hexdigest()
+        return hashlib.sha256("\0".join(self.units.values()).encode()).hexdigest()
 
 
 class _Printed:
@@ -102,20 +102,25 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
     every = [_Printed(program, scalar.lanes) for program in programs]
     bodies = {name: text for printed in every for name, text in printed.bodies.items()}
     parts = {name: part for printed in every for name, part in printed.parts.items()}
-    units = _kernel_units(bodies, scalar, parts)
-    units += [_batch_unit(printed, scalar) for printed in every]
+    units = _numbered("kernels", _kernel_units(bodies, scalar, parts))
+    units |= {f"{printed.program.name}_batch": _batch_unit(printed, scalar) for printed in every}
     if scalar.lanes > 1 or more:
-        units.append(_driver_unit(every, bodies, scalar, more))
+        units["calls"] = _driver_unit(every, bodies, scalar, more)
     again = {plain: bodies[name] for printed in every for name, plain in printed.plain.items()}
     texts = _kernel_units(again, Scalar(scalar.name), parts)
-    units += [f"#ifndef QUICK\n{text}\n#endif\n" for text in texts]
+    units |= _numbered("plain_kernels", [f"#ifndef QUICK\n{text}\n#endif\n" for text in texts])
     about = {
         "number": scalar.name,
         "lanes": scalar.lanes,
         "programs": {printed.program.name: printed.about(scalar.bytes) for printed in every},
         "steps": steps_in_c(programs, scalar),
     }
-    return Source(tuple(units), about)
+    return Source(units, about)
+
+
+def _numbered(name: str, texts: Iterable[str]) -> dict[str, str]:
+    """Return contents of files by numbered names."""
+    return {f"{name}{k}": text for k, text in enumerate(texts)}
 
 
 def _kernel_units(bodies: Mapping[str, str], scalar: Scalar, parts: Mapping[str, str]) -> list[str]:

@@ -77,7 +77,9 @@ class Artifact:
         at, key = folder_in_use(), name_of_key(self.key, self.libraries, flags)
         source = self.source
         try:
-            found = library_of_source(at, source, self.libraries, flags, jobs)
+            found = library_of_source(
+                at, source, self.libraries, flags, jobs, self.robot.name if self.robot else ""
+            )
             if self.check is not None:
                 with as_compile_error(self.robot):
                     self.check(found)

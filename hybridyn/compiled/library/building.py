@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
@@ -38,6 +38,9 @@ QUICK_FLAGS = ("-DQUICK", *("-Og" if flag == "-O3" else flag for flag in FLAGS))
 
 #: Further flags of a huge C file [bytes]: GCC then chooses registers in half the time, or less.
 HUGE, HUGE_FLAGS = 400_000, ("--param", "lra-max-considered-reload-pseudos=50")
+
+#: Environment variable that names a folder for the C of libraries that are built; a debugger finds it there.
+KEEP_C = "HYBRIDYN_KEEP_C"
 
 NAMES = ("cc", "gcc", "clang")
 
@@ -98,33 +101,34 @@ ADVICE = "Name another compiler in the environment variable CC; the general path
 
 
 def build(
-    units: tuple[str, ...],
+    units: Mapping[str, str],
     compiler: Sequence[str],
     target: Path,
     libraries: tuple[str, ...] = (),
     flags: tuple[str, ...] = FLAGS,
     jobs: int | None = None,
+    kept: Path | None = None,
 ) -> None:
     """Compile sources into a library.
 
     Args:
-        units: C sources.
+        units: C sources by name.
         compiler: Its command line.
-        target: Path of the library; the sources are kept beside it during the build.
+        target: Path of the library.
         libraries: Linker flags of further libraries; -lm is always linked.
         flags: Flags of every unit.
         jobs: Number of units that are compiled at once; None for that of the cores.
+        kept: Folder where the sources stay, and of which the library tells debuggers; None keeps nothing.
 
     Raises:
-        CompileError: The compiler fails; the message quotes its output.
+        CompileError: The compiler fails; the message quotes its output. Or the folder cannot be written.
     """
     with tempfile.TemporaryDirectory(prefix="hybridyn-", dir=target.parent) as folder:
         commands, objects = [], []
-        for i, text in sorted(enumerate(units), key=lambda unit: -len(unit[1])):  # the longest first
-            source = Path(folder, f"unit{i}.c")
-            source.write_text(text)
-            objects.append(f"{source}.o")
-            own = HUGE_FLAGS if len(text) > HUGE else ()
+        for name, text in sorted(units.items(), key=lambda unit: -len(unit[1])):  # the longest first
+            source = _written(Path(folder), name, text) if kept is None else _kept(kept, name, text)
+            objects.append(f"{Path(folder, name)}.o")
+            own = (*(HUGE_FLAGS if len(text) > HUGE else ()), *(() if kept is None else ("-g",)))
             commands.append([*compiler, *flags, *NATIVE, *own, "-c", str(source), "-o", objects[-1]])
         with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
             for done, _ in enumerate(pool.map(run_one, commands), 1):
@@ -134,6 +138,28 @@ def build(
         raise CompileError(
             f"the C compiler '{compiler[0]}' reported success, but there is no library. {ADVICE}"
         )
+
+
+def _written(folder: Path, name: str, text: str) -> Path:
+    """Write a C file, and return its path."""
+    path = folder / f"{name}.c"
+    path.write_text(text)
+    return path
+
+
+def _kept(folder: Path, name: str, text: str) -> Path:
+    """Write a C file that stays.
+
+    Raises:
+        CompileError: The folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return _written(folder.absolute(), name, text)
+    except OSError as error:
+        raise CompileError(
+            f"the folder '{os.environ[KEEP_C]}' that {KEEP_C} names cannot be written: {error}"
+        ) from error
 
 
 def run_one(command: list[str]) -> None:

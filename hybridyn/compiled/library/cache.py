@@ -21,6 +21,7 @@ import contextlib
 import hashlib
 import json
 import os
+import re
 import shutil
 import tempfile
 import time
@@ -32,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 from ...description.cache_folder import VARIABLE, folder, hashed, is_own
 from ...description.writing import appearing
 from ...errors import CompileError
-from .building import NATIVE, QUICK_FLAGS, build, find_compiler, machine
+from .building import KEEP_C, NATIVE, QUICK_FLAGS, build, find_compiler, machine
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
@@ -43,6 +44,8 @@ LIMIT = 256 * 2**20
 IN_USE = 3600.0
 #: Age from which unfinished files are taken to be left by a killed process [s].
 ABANDONED = 86400.0
+#: Most letters of names in the name of a folder with kept C; systems allow 255.
+MOST_LETTERS = 150
 
 
 def remove_unused(at: Path) -> None:
@@ -116,7 +119,7 @@ def _tools(libraries: tuple[str, ...], flags: tuple[str, ...]) -> str:
     compiler = find_compiler()
     file = os.stat(compiler[0])  # asking for its version costs more
     state = [*compiler, str(file.st_size), str(file.st_mtime_ns)]
-    return " ".join([*state, *flags, *NATIVE, *libraries, machine()])
+    return " ".join([*state, *flags, *NATIVE, *libraries, os.environ.get(KEEP_C, ""), machine()])
 
 
 @cache
@@ -161,16 +164,17 @@ def keep(at: Path, name: str, built: Built) -> None:
 
 
 def library_of_source(
-    at: Path, source: Source, libraries: tuple[str, ...], flags: tuple[str, ...], jobs: int | None
+    at: Path, source: Source, libraries: tuple[str, ...], flags: tuple[str, ...], jobs: int | None, robot: str
 ) -> Built:
     """Return the library of a source from the cache, or build it; errors are those of `building.build`."""
-    name = hashed(*source.units, json.dumps(source.about, sort_keys=True), _tools(libraries, flags))
+    name = hashed(*source.units.values(), json.dumps(source.about, sort_keys=True), _tools(libraries, flags))
     if (found := kept(at, name)) is not None:
         return found
     at.mkdir(parents=True, exist_ok=True)  # the cache may have been emptied meanwhile
     with tempfile.TemporaryDirectory(dir=at, prefix="building-") as temporary:
         target = Path(temporary, "library.so")
-        build(source.units, find_compiler(), target, libraries, flags, jobs)
+        kept_at = kept_c(robot, source, name)
+        build(source.units, find_compiler(), target, libraries, flags, jobs, kept_at)
         path = at / "libraries" / f"{hashlib.sha256(target.read_bytes()).hexdigest()}.so"
         path.parent.mkdir(exist_ok=True, mode=0o700)
         target.chmod(0o700)
@@ -179,6 +183,14 @@ def library_of_source(
     keep(at, name, made)
     remove_unused(at)
     return made
+
+
+def kept_c(robot: str, source: Source, name: str) -> Path | None:
+    """Return the folder for a library's C, of the robot's and programs' names; None if none is wanted."""
+    if not (within := os.environ.get(KEEP_C)):
+        return None
+    words = re.sub(r"[^\w.-]+", "_", "-".join([robot, *source.about["programs"]]))
+    return Path(within, f"{words[:MOST_LETTERS]}-{name[:8]}")
 
 
 @cache

@@ -155,7 +155,7 @@ class CompiledDesigns:
         needs_casadi()
         import_module("hybridyn.compiled.programs.whole_robot")  # its time is not that of this robot
         started = time.process_time()
-        units = [unit for one in new for unit in one.source.units]
+        units = [unit for one in new for unit in one.source.units.values()]
         return time.process_time() - started + seconds_to_compile(units)
 
     def measured(
@@ -251,7 +251,7 @@ def seconds_to_compile(units: Sequence[str]) -> float:
     smallest = min(units, key=len)
     with TemporaryDirectory() as folder:
         before = os.times()
-        build((smallest,), find_compiler(), Path(folder, "library.so"), flags=QUICK_FLAGS)
+        build({"smallest": smallest}, find_compiler(), Path(folder, "library.so"), flags=QUICK_FLAGS)
         after = os.times()
     spent = after.children_user - before.children_user + after.children_system - before.children_system
     return spent * sum(map(len, units)) / len(smallest)

@@ -343,5 +343,5 @@ class _Room(Jacobians):
 
 def _seconds_of(source: Source) -> float:
     """Return about how long the C compiler takes on all cores [s]: the longest file, or its share of all."""
-    statements = [unit.count("\n") for unit in source.units]
+    statements = [unit.count("\n") for unit in source.units.values()]
     return max(max(statements), sum(statements) / (os.cpu_count() or 1)) / STATEMENTS_A_SECOND
