@@ -8,8 +8,8 @@
     origin minus omega x v. Users' tables hold classical accelerations, which are converted on input.
 - `X` moves a twist from a base frame to a body frame: X = [R^T, -R^T hat(p); 0, R^T], Eq. (26); a wrench
   moves back to the base frame through X^T.
-- Every function takes leading batch axes. Products and rotations take objects (symbols) like numbers; what
-    needs comparisons refuses them.
+- Every function takes leading batch axes. Products and rotations take objects (symbols) like numbers, by
+    `symbols`; what needs comparisons refuses them.
 """
 
 from __future__ import annotations
@@ -71,33 +71,48 @@ def select(x: Array, numbers: Index) -> Array:
     return chosen.transpose(-1, *range(chosen.ndim - 1))
 
 
+def symbolic(*arrays: Array) -> bool:
+    """Return whether some array holds symbols."""
+    return any(x.dtype.hasobject for x in arrays)
+
+
 def cross(a: Array, b: Array) -> Array:
     """Compute a x b along the last axis, shapes (..., 3), without the overhead of np.cross."""
+    if symbolic(a, b):
+        from .symbols import cross
+
+        return cross(a, b)
     out: Array = np.multiply(a, b)  # allocates the result's shape and memory order
-    # Entries of one vector stay arrays, since `out` may hold objects; those of many take half the time.
-    first, second, third = (0, 1, 2) if out.ndim > 1 else (slice(0, 1), slice(1, 2), slice(2, 3))
-    a0, a1, a2 = a[..., first], a[..., second], a[..., third]
-    b0, b1, b2 = b[..., first], b[..., second], b[..., third]
-    np.subtract(a1 * b2, a2 * b1, out=out[..., first])
-    np.subtract(a2 * b0, a0 * b2, out=out[..., second])
-    np.subtract(a0 * b1, a1 * b0, out=out[..., third])
+    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
+    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
+    np.subtract(a1 * b2, a2 * b1, out=out[..., 0])
+    np.subtract(a2 * b0, a0 * b2, out=out[..., 1])
+    np.subtract(a0 * b1, a1 * b0, out=out[..., 2])
     return out
 
 
 def compose(A: Array, B: Array) -> Array:
-    """Compute A B for matrices (..., 3, 3); einsum keeps the memory order, matmul would not."""
+    """Compute A B for matrices (..., m, k) and (..., k, n); einsum keeps the memory order, unlike matmul."""
+    if symbolic(A, B):
+        from .symbols import compose
+
+        return compose(A, B)
     out: Array = np.einsum("...ij,...jk->...ik", A, B)
     return out
 
 
 def rotate(R: Array, x: Array) -> Array:
-    """Compute R x for matrices (..., 3, 3) and vectors (..., 3)."""
+    """Compute R x for matrices (..., m, n) and vectors (..., n)."""
+    if symbolic(R, x):
+        return compose(R, x[..., None])[..., 0]
     out: Array = np.einsum("...ij,...j->...i", R, x)
     return out
 
 
 def rotate_back(R: Array, x: Array) -> Array:
-    """Compute R^T x for matrices (..., 3, 3) and vectors (..., 3)."""
+    """Compute R^T x for matrices (..., m, n) and vectors (..., m)."""
+    if symbolic(R, x):
+        return rotate(np.swapaxes(R, -1, -2), x)
     out: Array = np.einsum("...ji,...j->...i", R, x)
     return out
 
@@ -110,7 +125,7 @@ def congruence(B: Array, M: Array) -> Array:
 
 def hat(x: Array) -> Array:
     """Return the skew-symmetric matrix of x, shape (..., 3, 3): its product with y is x cross y."""
-    out = np.zeros((*x.shape, 3), np.result_type(x, float))
+    out = np.zeros((*x.shape, 3)).astype(np.result_type(x, float), copy=False)
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -x[..., 2], x[..., 1], -x[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = x[..., 2], -x[..., 1], x[..., 0]
     return out

@@ -17,7 +17,8 @@ from tests import ROOT
 PACKAGE = ROOT / "hybridyn"
 #: The floors from the ground. A room imports from its own folder and from the floors below.
 FLOORS = (
-    {"errors", "spatial", "colours", "threads"},
+    {"errors", "symbols", "colours", "threads"},
+    {"spatial"},
     {"joints"},
     {"description"},
     {"linkage", "tables"},

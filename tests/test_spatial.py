@@ -164,3 +164,20 @@ def test_comparisons_of_symbols_are_refused(function: Callable[..., Any]) -> Non
     refused(
         lambda: function(unpack(ca.SX.sym("R", 9)).reshape(1, 3, 3)), RuntimeError, "truth value of a CasADi"
     )
+
+
+def test_products_of_symbols_are_those_of_numbers(rng: np.random.Generator) -> None:
+    """With leading axes that broadcast; products with zeros leave no symbol."""
+    R, p, x = rng.normal(size=(2, 3, 3)), rng.normal(size=(2, 1, 3)), rng.normal(size=3)
+    columns = [ca.SX.sym("R", R.size), ca.SX.sym("p", p.size), ca.SX.sym("x", 3)]
+    S, s, y = (unpack(column).reshape(of.shape) for column, of in zip(columns, (R, p, x), strict=True))
+    for function, numbers, symbols in (
+        (compose, (R, R), (S, S)),
+        (rotate, (R[:, None], p), (S[:, None], s)),
+        (rotate_back, (R, x), (S, y)),
+        (cross, (p, x), (s, y)),
+    ):
+        found = ca.Function("found", columns, [pack(function(*symbols))])
+        right = function(*numbers)
+        close_to(np.array(found(*(of.ravel() for of in (R, p, x)))).reshape(right.shape), right, ROUNDING)
+    assert rotate(np.diag([1.0, 0.0, 1.0]), y)[1] == 0.0

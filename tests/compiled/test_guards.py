@@ -15,7 +15,7 @@ from hybridyn.compiled.code.kernels import operations_of
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.chains import point_acceleration, point_velocity
 from hybridyn.compiled.equations.core import write_core
-from hybridyn.compiled.equations.expressions import dot, numbers, pack, plain
+from hybridyn.compiled.equations.expressions import numbers, pack, plain
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import load
@@ -23,6 +23,7 @@ from hybridyn.compiled.program import Call, GivenPlace, Kernel, Program, ResultP
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.effects.choice import choose
 from hybridyn.structure.building import build_robot
+from hybridyn.symbols import dot
 from tests.compiled.toys import inputs, single, toy
 from tests.robots.mechanisms import random_mechanism
 from tests.robots.shipped import ROBOTS

@@ -16,9 +16,10 @@ from ...errors import ModelError
 from ...spatial import Array
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
+from ...symbols import dot
 from .arguments import ModuleArguments
 from .chains import sweep
-from .expressions import dot, pack, symbols, zeros
+from .expressions import pack, symbols, zeros
 from .rigid import links_of, to_parent
 
 

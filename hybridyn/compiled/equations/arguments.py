@@ -22,7 +22,8 @@ from ...structure.graph import find_modules
 from ...structure.module_spec import ModuleSpec, module_spec
 from ...structure.parameters.slots import Slot, values_of, with_values
 from ...structure.robot import HybridRobot
-from .expressions import Expression, filled, settled, unpack
+from ...symbols import Expression
+from .expressions import filled, settled, unpack
 from .rigid import ten_expressions
 
 

@@ -19,7 +19,9 @@ import casadi as ca
 import numpy as np
 
 from ...linkage.joints import TreeJoint
-from .expressions import Expression, cross, dot, eye, hat, is_zero, numbers, plain, plus, times, zeros
+from ...spatial import cross, hat
+from ...symbols import Expression, dot, is_zero, plus, times
+from .expressions import eye, numbers, plain, zeros
 from .rigid import (
     LinkNumbers,
     crf,

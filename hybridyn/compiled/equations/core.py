@@ -12,9 +12,10 @@ import numpy as np
 from ...assembly.free_motions import IDLE
 from ...linkage.reduction import RANK_TOLERANCE
 from ...spatial import Index
+from ...symbols import Expression, dot, is_zero
 from .chains import Chain, Placed, split_positions, sweep
 from .core_rows import CoreRows, write_rows
-from .expressions import Expression, dot, is_zero, plain, scalar, zeros
+from .expressions import plain, scalar, zeros
 from .leg_groups import Leg
 from .legs import PlatformMotion, WrittenLeg
 from .module_plan import ModulePlan

@@ -13,9 +13,10 @@ import numpy as np
 
 from ...linkage.closures import TreeClosure
 from ...linkage.couplings import TreeCoupling
-from ...spatial import Array
+from ...spatial import Array, cross, hat
+from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, motion_map, point_acceleration, point_map, point_velocity
-from .expressions import Expression, along, cross, dot, hat, minus, numbers, plus, zeros
+from .expressions import along, numbers, zeros
 from .legs import turned_apart
 from .parts import Parts
 from .rigid import to_parent

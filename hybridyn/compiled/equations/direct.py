@@ -13,23 +13,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ...spatial import hat
+from ...symbols import Expression, dot, plus, times
 from .chains import forces, mass_matrix, motion_map
 from .core import Core, motions_of, own_inertia, rank_guard
 from .direct_legs import LEG_SUMS
 from .direct_outwards import accelerations_outwards, add_wrists, legs_on_paths
-from .expressions import (
-    Expression,
-    congruence,
-    dot,
-    hat,
-    pack,
-    plus,
-    symmetric,
-    symmetric_product,
-    times,
-    upper,
-    zeros,
-)
+from .expressions import congruence, pack, symmetric, symmetric_product, upper, zeros
 from .guarded_elimination import solve_definite
 from .least_inertia import NEARLY_NO_INERTIA, least_inertia, unforced_spins
 from .module_plan import ModulePlan

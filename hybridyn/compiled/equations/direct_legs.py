@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...spatial import Array
+from ...symbols import dot, plus, times
 from .core import leg_guard, spins_of_legs
-from .expressions import along, dot, pack, plus, times, zeros
+from .expressions import along, pack, zeros
 from .least_inertia import unforced_spins
 from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
 from .module_plan import ModulePlan

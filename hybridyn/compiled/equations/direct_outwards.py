@@ -8,9 +8,10 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Index
+from ...symbols import Expression
 from .chains import motion_map, sweep
 from .core import Core, core_body, whole
-from .expressions import Expression, numbers, pack
+from .expressions import numbers, pack
 from .guarded_elimination import solve
 from .module_plan import ModulePlan
 from .options import Options

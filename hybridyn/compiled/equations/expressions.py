@@ -1,13 +1,8 @@
-"""Linear algebra on expressions: NumPy object arrays of floats and CasADi scalars.
-
-Products with zeros and ones are simplified, so that unit axes and empty blocks generate no code.
-"""
+"""Arrays of expressions, see `symbols`: built from numbers, packed to columns, folded to one for many."""
 
 from __future__ import annotations
 
-import functools
-import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -15,49 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...spatial import Array
-
-Expression = NDArray[Any]  # of float or casadi.SX scalars
+from ...symbols import Expression, dot
 
 #: Entries of constant rotations below this are rounding errors of cosines and sines.
 ROTATION_ROUNDING = 4e-16
-
-
-def is_zero(x: Any) -> bool:
-    """Return whether a scalar is known to be zero."""
-    return bool(x.is_zero()) if isinstance(x, ca.SX) else x == 0
-
-
-def times(x: Any, y: Any) -> Any:
-    """Multiply two scalars; the product is the float 0 if a factor is known to be zero."""
-    return 0.0 if is_zero(x) or is_zero(y) else _times(x, y)
-
-
-def _operator(of_symbols: int, of_numbers: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return an operator of two scalars; CasADi's own takes eight times longer, to find out what they are."""
-
-    def apply(x: Any, y: Any) -> Any:
-        """Apply the operator."""
-        known = not (isinstance(x, ca.SX) or isinstance(y, ca.SX))
-        return of_numbers(x, y) if known else ca.SX.binary(of_symbols, x, y)
-
-    return apply
-
-
-_times = _operator(ca.OP_MUL, operator.mul)
-_plus, _minus = _operator(ca.OP_ADD, operator.add), _operator(ca.OP_SUB, operator.sub)
-
-
-def plus(x: Any, y: Any) -> Any:
-    """Add two scalars or two arrays; the operator of CasADi's scalars takes eight times longer."""
-    return _added(x, y) if isinstance(x, np.ndarray) else _plus(x, y)
-
-
-def minus(x: Any, y: Any) -> Any:
-    """Subtract two scalars or two arrays, as `plus` adds them."""
-    return _subtracted(x, y) if isinstance(x, np.ndarray) else _minus(x, y)
-
-
-_added, _subtracted = np.frompyfunc(_plus, 2, 1), np.frompyfunc(_minus, 2, 1)
 
 
 def plain(values: Any) -> Expression:
@@ -124,22 +80,6 @@ def along(n: Expression, x: Expression) -> Any:
     return dot(n, x[:, None])[0]
 
 
-def dot(A: Expression, B: Expression) -> Expression:
-    """Multiply matrices or vectors, shapes as for `A @ B`."""
-    left = A if A.ndim == 2 else A[None]
-    right = B if B.ndim == 2 else B[:, None]
-    out = np.empty((left.shape[0], right.shape[1]), dtype=object)
-    columns = [{k: y for k, y in enumerate(right[:, j]) if not is_zero(y)} for j in range(out.shape[1])]
-    for i in range(out.shape[0]):
-        row = [(k, x) for k, x in enumerate(left[i]) if not is_zero(x)]
-        for j, column in enumerate(columns):
-            products = [_times(x, column[k]) for k, x in row if k in column]
-            out[i, j] = functools.reduce(_plus, products) if products else 0.0
-    if A.ndim == 1:
-        out = out[0]
-    return out[..., 0] if B.ndim == 1 else out
-
-
 def congruence(B: Expression, M: Expression) -> Expression:
     """Compute B^T M B for symmetric M from one triangle."""
     return symmetric_product(B, dot(M, B))
@@ -151,20 +91,6 @@ def symmetric_product(A: Expression, B: Expression) -> Expression:
     for i in range(len(out)):
         for j in range(i, len(out)):
             out[i, j] = out[j, i] = along(A[:, i], B[:, j])
-    return out
-
-
-def cross(a: Expression, b: Expression) -> Expression:
-    """Compute the vector product a x b, shape (3,)."""
-    pairs = (1, 2), (2, 0), (0, 1)
-    return np.array([_minus(times(a[i], b[j]), times(a[j], b[i])) for i, j in pairs], dtype=object)
-
-
-def hat(a: Expression) -> Expression:
-    """Return the matrix of a x, shape (3, 3)."""
-    out = zeros(3, 3)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        out[i, j], out[j, i] = -a[k], a[k]
     return out
 
 

@@ -11,7 +11,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from .expressions import Expression, along, is_zero, minus, pack, symbols, times, zeros
+from ...symbols import Expression, is_zero, minus, times
+from .expressions import along, pack, symbols, zeros
 from .guarded_elimination import Pivots, eliminate
 
 

@@ -21,7 +21,8 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Array, Mask
-from .expressions import Expression, along, dot, eye, is_zero, minus, plus, times, zeros
+from ...symbols import Expression, dot, is_zero, minus, plus, times
+from .expressions import along, eye, zeros
 
 #: Least pivot relative to its usual size at which the choice of pivots is trusted. Rounding errors grow with
 #: the inverse square of this ratio (inertias are congruences): 5e-16 / ratio^2 was measured, so 1e-10 is

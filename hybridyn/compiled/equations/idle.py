@@ -15,7 +15,8 @@ from ...assembly.free_motions import DRIVEN, IDLE, effects
 from ...spatial import Array, Mask
 from ...structure.mechanism import Mechanism
 from ...structure.module import Module
-from .expressions import Expression, along, minus, times
+from ...symbols import Expression, minus, times
+from .expressions import along
 from .guarded_elimination import Pivots
 from .states import generic_positions
 

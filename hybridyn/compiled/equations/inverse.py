@@ -12,9 +12,10 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Array
+from ...symbols import Expression, dot, plus, times
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, leg_guard, motions_of, own_inertia, pick, rank_guard, spins_of_legs
-from .expressions import Expression, along, dot, pack, plus, times, zeros
+from .expressions import along, pack, zeros
 from .guarded_elimination import Pivots
 from .legs import PlatformMotion, write_leg
 from .module_plan import ModulePlan

@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Index
-from .expressions import Expression, along, is_zero, plus, times, zeros
+from ...symbols import Expression, is_zero, plus, times
+from .expressions import along, zeros
 from .module_plan import ModulePlan
 from .scales import size_of, squares
 from .spins import AMPLIFIED, CERTAIN, without_forces

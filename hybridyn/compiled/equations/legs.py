@@ -19,27 +19,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Array
+from ...spatial import Array, cross, hat
+from ...symbols import Expression, dot, minus, plus, times
 from .chains import Chain, forces, mass_matrix, own_columns, point_acceleration, point_velocity, sweep
-from .expressions import (
-    Expression,
-    Folding,
-    along,
-    congruence,
-    cross,
-    dot,
-    hat,
-    minus,
-    numbers,
-    pack,
-    plain,
-    plus,
-    sampled,
-    symbols,
-    times,
-    upper,
-    zeros,
-)  # fmt: skip
+from .expressions import Folding, along, congruence, numbers, pack, plain, sampled, symbols, upper, zeros
 from .guarded_elimination import Pivots, choose_pivots, solve
 from .leg_groups import Leg
 from .rigid import LinkNumbers, matrix_moved, to_parent

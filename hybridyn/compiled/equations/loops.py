@@ -15,8 +15,9 @@ from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
+from ...symbols import Expression, dot
 from .chains import Chain, sweep
-from .expressions import Expression, Folding, dot, sampled, scalar, symbols, zeros
+from .expressions import Folding, sampled, scalar, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots
 from .legs import fold_links
 from .rigid import links_of

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ...structure.mechanism import Mechanism
-from .expressions import Expression
+from ...symbols import Expression
 from .guarded_elimination import Pivots, balanced, solve
 from .leg_groups import Leg
 from .parts import Parts

@@ -12,9 +12,10 @@ import numpy as np
 from ...dynamics.guards import SINGULAR_MOTOR_MAP, UNDRIVEN
 from ...spatial import Array
 from ...structure.module import Module
+from ...symbols import Expression, dot, is_zero, times
 from ..code.scalars import GUARD_LIMIT
 from .core import motions_of, write_core
-from .expressions import Expression, along, dot, is_zero, pack, symbols, times, zeros
+from .expressions import along, pack, symbols, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, choose_pivots, solve
 from .legs import write_leg
 from .module_plan import ModulePlan

@@ -17,9 +17,10 @@ from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
+from ...symbols import Expression
 from .acting import Acting, acting_on
 from .arguments import ChosenNumbers, Inertias, ModuleArguments
-from .expressions import Expression, settled
+from .expressions import settled
 from .module_plan import ModulePlan
 from .parts import Parts, parts_of
 from .planning import plan_module

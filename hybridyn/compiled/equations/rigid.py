@@ -16,26 +16,11 @@ import numpy as np
 
 from ...joints.kinds import JointKind
 from ...linkage.joints import TreeJoint
-from ...spatial import Array
+from ...spatial import Array, cross, hat
 from ...structure.bodies import Body
 from ...structure.wrists import axis_frame
-from .expressions import (
-    ROTATION_ROUNDING,
-    Expression,
-    congruence,
-    cross,
-    dot,
-    hat,
-    numbers,
-    plain,
-    plus,
-    settled,
-    snap,
-    symmetric,
-    times,
-    upper,
-    zeros,
-)
+from ...symbols import Expression, dot, plus, times
+from .expressions import ROTATION_ROUNDING, congruence, numbers, plain, settled, snap, symmetric, upper, zeros
 
 
 def ten_numbers(body: Body | None) -> Array:

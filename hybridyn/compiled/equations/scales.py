@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from .expressions import Expression, is_zero, plus, times
+from ...symbols import Expression, is_zero, plus, times
 
 #: Largest closure residual relative to the module's length (or a radian), and of rates relative to their
 #: size: ten thousand roundings of the model's arithmetic.

@@ -10,8 +10,10 @@ import numpy as np
 from ...joints.kinds import RotationKind
 from ...linkage.closures import TURNING, TreeClosure, normals
 from ...linkage.couplings import TreeCoupling
+from ...spatial import cross
+from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, own_columns, point_acceleration, point_velocity
-from .expressions import Expression, along, cross, dot, minus, plus, zeros
+from .expressions import along, zeros
 from .rigid import motion_to_parent
 
 #: Frames of a closure on its bodies: axes and origin of A, axes and origin of B.

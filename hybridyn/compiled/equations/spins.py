@@ -25,8 +25,9 @@ from ...assembly.free_motions import IDLE, effects
 from ...dynamics.guards import FORCED
 from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
+from ...symbols import Expression, dot, is_zero, minus, times
 from .chains import motion_subspace
-from .expressions import Expression, along, dot, is_zero, minus, numbers, scalar, snap, times
+from .expressions import along, numbers, scalar, snap
 from .rigid import LinkNumbers, momentum, to_child
 from .scales import Scale, squares
 

@@ -13,8 +13,9 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Index
+from ...symbols import Expression
 from .core import Core, write_core
-from .expressions import Expression, pack, plain, symbols, zeros
+from .expressions import pack, plain, symbols, zeros
 from .module_plan import ModulePlan
 from .options import Options
 

@@ -10,8 +10,9 @@ from ...spatial import Array, Index
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import Wrist
+from ...symbols import Expression
 from .chains import Chain, own_columns, sweep
-from .expressions import Expression, sampled, symbols, zeros
+from .expressions import sampled, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots
 from .rigid import LinkNumbers, links_of
 

@@ -12,10 +12,12 @@ from ...effects.bodies import GravityCompensation, LineSprings
 from ...effects.bushings import Bushings, Moving
 from ...effects.catalogue import OfMotion
 from ...effects.links import GroundContact
+from ...spatial import cross
 from ...structure.robot import HybridRobot
+from ...symbols import Expression, dot
 from ..equations.acting import Acting, along_path
 from ..equations.arguments import ChosenNumbers
-from ..equations.expressions import Expression, cross, dot, numbers, pack, symbols, zeros
+from ..equations.expressions import numbers, pack, symbols, zeros
 from ..equations.request import Request
 from ..equations.rigid import to_parent
 from ..program import Shared, Source

@@ -28,8 +28,9 @@ from ...joints import displacement
 from ...linkage.tree import Tree
 from ...spatial import Index
 from ...structure.robot import HybridRobot
+from ...symbols import Expression, dot, is_zero
 from ..equations.arguments import OTHER_STRUCTURE, ChosenNumbers
-from ..equations.expressions import Expression, dot, is_zero, pack, symbols, unpack
+from ..equations.expressions import pack, symbols, unpack
 from ..equations.guarded_elimination import TRUSTED_PIVOT, solve
 from ..equations.loops import LoopRows
 from ..equations.request import Request

@@ -9,12 +9,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Index
+from ...spatial import Index, cross
 from ...structure.module import Module
 from ...structure.samples import UNIT
+from ...symbols import Expression, dot
 from ..equations.arguments import ModuleArguments
 from ..equations.chains import sweep
-from ..equations.expressions import Expression, cross, dot, eye, pack, symbols, unpack, zeros
+from ..equations.expressions import eye, pack, symbols, unpack, zeros
 from ..equations.request import Request
 from ..equations.rigid import links_of, quaternion_matrix
 from ..program import Constants, Program, ResultPlace, Shared, Source, Target, Worst

@@ -12,8 +12,9 @@ from ...errors import SingularityError
 from ...spatial import Array, Mask
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
+from ...symbols import Expression, dot, plus
 from ..equations.arguments import ChosenNumbers
-from ..equations.expressions import Expression, Folding, dot, plus
+from ..equations.expressions import Folding
 from ..equations.guarded_elimination import Pivots, solve
 from ..equations.idle import cut_weights, idle_freedoms, least_norm
 from ..equations.loops import LoopRows, dependent_pivots, generic_rows, shape_of, spanning_closures

@@ -23,7 +23,8 @@ from ...linkage.tree import Tree
 from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
-from ..equations.expressions import Expression, pack, symbols, zeros
+from ...symbols import Expression
+from ..equations.expressions import pack, symbols, zeros
 from ..equations.loops import LoopRows
 from ..equations.request import Request
 from ..equations.scales import GUARD_CLOSED, largest, squares

@@ -12,8 +12,9 @@ import numpy as np
 
 from ...spatial import Index
 from ...structure.module import Module
+from ...symbols import dot
 from ..equations.arguments import ChosenNumbers, decided_alike
-from ..equations.expressions import dot, pack, plain, symbols
+from ..equations.expressions import pack, plain, symbols
 from ..equations.leg_groups import Leg
 from ..equations.request import Request
 from ..equations.rigid import classical, quaternion_matrix

@@ -24,20 +24,9 @@ import numpy as np
 
 from ....joints import displacement
 from ....spatial import Array
+from ....symbols import Expression, dot, is_zero, times
 from ...equations.chains import own_columns
-from ...equations.expressions import (
-    Expression,
-    Folding,
-    dot,
-    is_zero,
-    pack,
-    symbols,
-    symmetric_product,
-    times,
-    unpack,
-    upper,
-    zeros,
-)
+from ...equations.expressions import Folding, pack, symbols, symmetric_product, unpack, upper, zeros
 from ...equations.factors import Definite, Handed, Triangular
 from ...equations.guarded_elimination import TRUSTED_PIVOT, Pivots
 from ...equations.idle import least_norm

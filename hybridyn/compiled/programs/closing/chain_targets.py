@@ -13,21 +13,9 @@ from ....assembly.chain.bodies import CarriedFrame
 from ....assembly.chain.problem import Relative
 from ....linkage.pointing import DirectionTarget, DistanceTarget
 from ....linkage.targets import CoordinateTarget, PoseTarget, TurnTarget
-from ....spatial import Array
-from ...equations.expressions import (
-    Expression,
-    dot,
-    hat,
-    is_zero,
-    numbers,
-    pack,
-    plain,
-    plus,
-    symbols,
-    symmetric,
-    unpack,
-    zeros,
-)
+from ....spatial import Array, hat
+from ....symbols import Expression, dot, is_zero, plus
+from ...equations.expressions import numbers, pack, plain, symbols, symmetric, unpack, zeros
 from ...equations.factors import Definite, Handed
 from ...equations.rigid import quaternion_matrix
 from ...equations.scales import largest

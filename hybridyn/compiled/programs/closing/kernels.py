@@ -24,8 +24,9 @@ from ....linkage.newton import LONGEST_STEP
 from ....linkage.reduction import LegBlock
 from ....spatial import Array, Index
 from ....structure.module import Module
+from ....symbols import Expression, dot, is_zero
 from ...equations.arguments import ModuleArguments
-from ...equations.expressions import Expression, Folding, dot, is_zero, pack, symbols, zeros
+from ...equations.expressions import Folding, pack, symbols, zeros
 from ...equations.guarded_elimination import Pivots, choose_pivots, largest_solutions, solve
 from ...equations.idle import least_norm
 from ...equations.scales import GUARD_CLOSED, Scale, largest, squares, weighed

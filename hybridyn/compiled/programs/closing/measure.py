@@ -10,7 +10,8 @@ import numpy as np
 
 from ....linkage.pointing import DirectionTarget
 from ....linkage.targets import COORDINATES, SAME_ANGLE, CoordinateTarget, PoseTarget, TurnTarget
-from ...equations.expressions import Expression, filled, minus, pack, symbols, zeros
+from ....symbols import Expression, minus
+from ...equations.expressions import filled, pack, symbols, zeros
 from .chain_targets import ChainTargets, wrapped
 from .pointing_rows import length_of
 from .rows import coordinate_rows, quaternion_of

@@ -8,10 +8,11 @@ import numpy as np
 from ....linkage.motion import Motion
 from ....linkage.newton import LoopProblem
 from ....linkage.reduction import decide_rank
-from ....spatial import Array, quaternion_from_rotation
+from ....spatial import Array, cross, quaternion_from_rotation
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
-from ...equations.expressions import Expression, cross, dot, pack, symbols
+from ....symbols import Expression, dot
+from ...equations.expressions import pack, symbols
 from ...equations.request import Request
 from ...equations.rigid import quaternion_matrix
 from ...equations.scales import GUARD_CLOSED

@@ -8,7 +8,9 @@ import casadi as ca
 import numpy as np
 
 from ....linkage.pointing import SMALL_SINE
-from ...equations.expressions import Expression, along, cross, dot, filled, hat, plain, plus, times
+from ....spatial import cross, hat
+from ....symbols import Expression, dot, plus, times
+from ...equations.expressions import along, filled, plain
 
 #: Added to squared lengths to avoid 0 / 0.
 NO_LENGTH = 1e-300

@@ -12,8 +12,9 @@ from ....linkage.closures import TreeClosure
 from ....linkage.tree import Tree
 from ....spatial import Array
 from ....structure.robot import HybridRobot
+from ....symbols import Expression, dot
 from ...equations.chains import Chain, sweep
-from ...equations.expressions import Expression, Folding, dot, pack, plain, symbols, zeros
+from ...equations.expressions import Folding, pack, plain, symbols, zeros
 from ...equations.legs import fold_links
 from ...equations.loops import LoopRows, folded
 from ...equations.rigid import links_of, quaternion_matrix

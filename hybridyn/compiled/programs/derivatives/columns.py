@@ -18,7 +18,8 @@ from ....joints.displacement import rate
 from ....joints.kinds import JointKind
 from ....spatial import Index, Mask
 from ....structure.robot import HybridRobot
-from ...equations.expressions import Expression, dot, eye, pack, symbols, zeros
+from ....symbols import Expression, dot
+from ...equations.expressions import eye, pack, symbols, zeros
 from ...program import Each, Own, Shared, Source, Target
 from ..writer import Writer
 from .nodes import Number

@@ -24,9 +24,11 @@ import numpy as np
 
 from ....errors import SingularityError
 from ....joints.kinds import JointKind
+from ....spatial import cross
+from ....symbols import Expression, dot
 from ...equations.direct import write_direct
 from ...equations.direct_legs import write_direct_legs
-from ...equations.expressions import Expression, cross, dot, eye, pack, symbols, zeros
+from ...equations.expressions import eye, pack, symbols, zeros
 from ...equations.guarded_elimination import Pivots, solve
 from ...equations.motor_balance import motor_pivots
 from ...equations.scales import squares

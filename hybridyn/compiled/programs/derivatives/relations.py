@@ -21,7 +21,8 @@ import casadi as ca
 import numpy as np
 
 from ....spatial import Index, Mask
-from ...equations.expressions import Expression, dot, pack
+from ....symbols import Expression, dot
+from ...equations.expressions import pack
 from ...program import Constants, Each, Own, Shared, Source, Target
 from ..module_calls import ModuleCalls
 from ..writer import Writer
