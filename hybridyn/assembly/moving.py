@@ -12,6 +12,7 @@ from .assemble import assemble_modules
 from .chain.coupling import chains_of
 from .chain.solve import assemble_chain
 from .module_request import module_request
+from .redundancy import LEAST
 from .requests import gather_requests, in_root
 
 
@@ -41,7 +42,13 @@ def move_module(robot: HybridRobot, number: int, joints: Mapping[str, float], gu
     return out
 
 
-def move_link(robot: HybridRobot, link: str, way: Mapping[str, Array] | Array, guess: Array) -> Array:
+def move_link(
+    robot: HybridRobot,
+    link: str,
+    way: Mapping[str, Array] | Array,
+    guess: Array,
+    redundancy: str = LEAST,
+) -> Array:
     """Move a link along a path of closed loops; modules that do not move it keep their positions.
 
     Args:
@@ -50,16 +57,16 @@ def move_link(robot: HybridRobot, link: str, way: Mapping[str, Array] | Array, g
         way: Its present and its new pose in the other link, shape (2, 7), or some coordinates, shape (2,)
             each [m or rad].
         guess: Initial posture of the robot with closed loops, shape (nq,).
+        redundancy: The rule for freedoms that the pose leaves, as in `assemble`.
 
     Returns:
-        Posture of the robot on the same assembly branch, shape (nq,). Freedoms that the pose leaves move
-        least.
+        Posture of the robot on the same assembly branch, shape (nq,).
 
     Raises:
         AssemblyError: As in `assemble`.
         TrajectoryError: As in `assemble`.
     """
-    requests = in_root(robot, gather_requests(robot, {}, {link: (way,)}), guess)
+    requests = in_root(robot, gather_requests(robot, {}, {link: (way,)}, redundancy=redundancy), guess)
     q, still = np.tile(np.asarray(guess, dtype=float), (2, 1)), np.zeros((2, 2, robot.nv))
     alone, chains = chains_of(robot, requests)
     for chain in chains:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 from ..description.names import did_you_mean, listed
 from ..errors import TrajectoryError
 
-LEAST, MIDDLE, AWAY = "least motion", "middle of ranges", "away from singular"
+Rule = Literal["least motion", "middle of ranges", "away from singular"]
+LEAST, MIDDLE, AWAY = get_args(Rule)
 #: All rules, and what is told of each.
 RULES = {
     LEAST: "the motors move least from row to row, each measured by its range",

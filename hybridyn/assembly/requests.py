@@ -75,6 +75,7 @@ def gather_requests(
     motors: Mapping[str, object] | ArrayLike | None,
     platforms: Mapping[str, object] | None,
     nearest: bool = False,
+    redundancy: str = LEAST,
 ) -> Requests:
     """Check the caller's input, see `assemble`, and build the requests.
 
@@ -82,6 +83,7 @@ def gather_requests(
         TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or a quaternion is not
             of unit length.
     """
+    check_rule(redundancy)
     motors, platforms = motors_by_name(robot, motors), by_name(platforms)
     for name in motors:
         _single(robot, name)
@@ -112,7 +114,10 @@ def gather_requests(
     accelerations = [levels[2] for one in triples for levels in one.values()]
     accelerations += [one[2] for one in given.values() if isinstance(one, list)]
     unchecked = MOTIONS if nearest else () if any(map(np.any, accelerations)) else MOTIONS[1:]  # none given
-    return Requests(T, not sizes, for_all(joints, T), tuple(poses), base, quaternion, nearest=unchecked)
+    return Requests(
+        T, not sizes, for_all(joints, T), tuple(poses), base, quaternion, nearest=unchecked,
+        redundancy=redundancy,
+    )  # fmt: skip
 
 
 def asked_requests(
@@ -128,10 +133,9 @@ def asked_requests(
     """Check the caller's input, and build the requests; arguments and errors are those of `assemble`."""
     given = motors_by_name(robot, motors)
     given = {**given, **held(robot, hold, given, first_guess(robot, guess))}
-    requests = gather_requests(robot, given, platforms, nearest)
-    check_rule(redundancy)
+    requests = gather_requests(robot, given, platforms, nearest, redundancy)
     weights = checked_weights(robot, weights or {})
-    return requests._replace(strict=guess is not None, weights=weights, redundancy=redundancy)
+    return requests._replace(strict=guess is not None, weights=weights)
 
 
 def held(robot: HybridRobot, hold: Iterable[str], given: Collection[str], guess: Array) -> dict[str, float]:

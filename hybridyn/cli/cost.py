@@ -14,6 +14,7 @@ from typing import Any
 
 import click
 
+from ..assembly.redundancy import LEAST
 from ..description.shipped import own_trajectory
 from ..errors import TrajectoryError
 from ..studies.cost.points import (
@@ -75,7 +76,7 @@ def run(
 
 def _refuse_misuse(
     load: RobotChoice, trajectory: str | None, *, quantity: str, until: float | None, allow_python: bool,
-    **_: object,
+    redundancy: str, **_: object,
 ) -> None:  # fmt: skip
     """Refuse options that do not belong together, in words that say what to type."""
     source, scene = load.robot, load.robot.endswith(".toml")
@@ -93,6 +94,7 @@ def _refuse_misuse(
             "give a robot and a trajectory, or a scene alone (a .toml file)",
         ),
         (scene and load != RobotChoice(source), "the robot's options stand in the scene: leave them out"),
+        (scene and redundancy != LEAST, "--redundancy is for a trajectory: write the rule in the scene"),
         (not scene and (until or allow_python), "--until and --allow-python are for scenes"),
         (
             scene and quantity != "idm",
@@ -118,7 +120,7 @@ def _show(study: CostStudy, started: float, result: CostPoint | Worth) -> None:
 
 def _measure(
     study: CostStudy, load: RobotChoice, trajectory: str | None, target: float, *, quantity: str,
-    engines: list[str] | None, until: float | None, seconds: float, allow_python: bool,
+    engines: list[str] | None, until: float | None, seconds: float, allow_python: bool, redundancy: str,
 ) -> None:  # fmt: skip
     """Measure a scene, or a robot on a trajectory: every effect of its files, or those that engines have."""
     from ..effects.choice import choose, stated_names
@@ -143,7 +145,7 @@ def _measure(
         quantity, states = "ddm", states_of(ready, duration, choose(robot, ["default"]))
     else:
         robot = load()
-        layout, (motion, q, v, a) = read_postures(robot, trajectory)
+        layout, (motion, q, v, a) = read_postures(robot, trajectory, redundancy)
         if motion.wrenches:
             raise TrajectoryError(
                 f"has wrenches ({', '.join(map(repr, motion.wrenches))}), which 'cost' does not measure: "
@@ -151,7 +153,7 @@ def _measure(
                 file=trajectory,
             )
         table = None if layout.full_state or motion.time is None else motion
-        states = Trajectory(q, v, a, motion.time, table)
+        states = Trajectory(q, v, a, motion.time, table, redundancy)
     study_models(
         robot, states, choose(robot, ["default", *(() if engines else stated_names(robot))]), show, study,
         quantity=quantity, engines=engines or (), target=target,

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import click
 import numpy as np
 
+from ..assembly.redundancy import check_rule
 from ..description.writing import appearing
 from ..effects import choose
 from ..errors import HybridynError, required
@@ -37,6 +38,7 @@ def run(
     size: tuple[int, int],
     colours: str,
     effects: tuple[str, ...],
+    redundancy: str,
     host: str,
     port: int,
     no_browser: bool,
@@ -46,11 +48,12 @@ def run(
         required(package, "view", "this")  # before any work is done
     robot = load()
     picture = _picture(robot, load)
-    run = None if motion is None else _run(robot, motion, effects)
+    check_rule(redundancy)
+    run = None if motion is None else _run(robot, motion, effects, redundancy)
     if plot:
         _write(Shot(robot, picture, size, colours == "file"), run, at, plot)
         return
-    _serve(robot, picture, run, host, port, browser=not no_browser)
+    _serve(robot, picture, run, redundancy, host, port, browser=not no_browser)
 
 
 def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:
@@ -61,9 +64,9 @@ def _picture(robot: HybridRobot, choice: RobotChoice) -> Picture:
     return draw(robot, visuals, notes)
 
 
-def _run(robot: HybridRobot, file: str, effects: tuple[str, ...]) -> ShownMotion:
+def _run(robot: HybridRobot, file: str, effects: tuple[str, ...], redundancy: str) -> ShownMotion:
     """Read a motion, and read or compute the efforts along it."""
-    found = read_postures(robot, file)[1]
+    found = read_postures(robot, file, redundancy)[1]
     tau, origin = _efforts(robot, file, found, effects)
     step, time = -(-len(found.q) // MOST), found.motion.time
     shown = np.arange(1.0, len(found.q) + 1) if time is None else time
@@ -123,12 +126,13 @@ def _write(shot: Shot, run: ShownMotion | None, at: float | None, target: str) -
 
 
 def _serve(
-    robot: HybridRobot, picture: Picture, run: ShownMotion | None, host: str, port: int, *, browser: bool
-) -> None:
+    robot: HybridRobot, picture: Picture, run: ShownMotion | None, redundancy: str, host: str, port: int, *,
+    browser: bool,
+) -> None:  # fmt: skip
     """Serve the page until Ctrl-C."""
     from ..view.page import Page  # pictures need no viser
 
-    page = Page(robot, picture, run, host=host, port=port)
+    page = Page(robot, picture, run, redundancy=redundancy, host=host, port=port)
     try:
         click.echo(f"{robot.name}: {page.url} (Ctrl-C ends it)")
         if browser:

@@ -1,33 +1,23 @@
-"""Reference motions of the motors over time, from a table or from point to point; and their efforts."""
+"""Reference motions of the motors over time, from a table or from point to point."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from functools import cached_property
 
 import numpy as np
 
 from ..assembly.assemble import assemble
-from ..assembly.task import closure_residual
+from ..assembly.redundancy import LEAST
 from ..compiled.library.laws import Pieces
-from ..dynamics.energy import energy
-from ..dynamics.inverse import idm
-from ..effects import Effects
 from ..errors import AssemblyError, ModelError, TrajectoryError
 from ..simulation.events import QUINTIC
-from ..simulation.result import Counters, Origin, SimulationResult
-from ..simulation.system import State
 from ..spatial import Array, Index, Mask
-from ..streams.one_pass import rows_at_once, samples_counted_from
 from ..structure.robot import HybridRobot
 from ..tables.columns import read_layout
 from ..tables.opening import open_table
 from ..tables.trajectory import TableMotion, read_motions
-
-if TYPE_CHECKING:
-    from ..compiled.model import CompiledRobot
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,13 +137,16 @@ class RestPosture:
     platforms: Mapping[str, object]
 
 
-def from_points(robot: HybridRobot, points: Sequence[RestPosture], start: Array) -> Reference:
+def from_points(
+    robot: HybridRobot, points: Sequence[RestPosture], start: Array, redundancy: str = LEAST
+) -> Reference:
     """Build a motion from point to point in the motors' coordinates, at rest in each point.
 
     Args:
         points: The points, at increasing times, with names of motors; unless the first is at 0, the motion
             starts at `start`.
         start: Posture at time 0, shape (nq,).
+        redundancy: The rule for freedoms that poses leave, as in `assemble`.
 
     Raises:
         AssemblyError: A point is out of reach.
@@ -164,7 +157,7 @@ def from_points(robot: HybridRobot, points: Sequence[RestPosture], start: Array)
         times, rows = [], []
     for point in points:
         try:
-            q, row = _posture(robot, axes, point, q)
+            q, row = _posture(robot, axes, point, q, redundancy)
         except AssemblyError as error:
             error.within(f"the point at {point.time:g} s")
             raise
@@ -175,10 +168,13 @@ def from_points(robot: HybridRobot, points: Sequence[RestPosture], start: Array)
     return Reference(np.array(times), x, True, start)
 
 
-def _posture(robot: HybridRobot, axes: MotorAxes, point: RestPosture, q: Array) -> tuple[Array, Array]:
+def _posture(
+    robot: HybridRobot, axes: MotorAxes, point: RestPosture, q: Array, redundancy: str
+) -> tuple[Array, Array]:
     """Compute a point's posture near q and its motor positions; without platforms, only motors move."""
     if point.platforms:
-        out = assemble(robot, motors=dict(point.joints), platforms=dict(point.platforms), guess=q)[0]
+        motors, platforms = dict(point.joints), dict(point.platforms)
+        out = assemble(robot, motors=motors, platforms=platforms, guess=q, redundancy=redundancy)[0]
         return out, axes.positions(out)
     row = axes.positions(q)
     for name, value in point.joints.items():
@@ -189,8 +185,11 @@ def _posture(robot: HybridRobot, axes: MotorAxes, point: RestPosture, q: Array) 
     return out, row
 
 
-def from_table(robot: HybridRobot, path: str) -> Reference:
+def from_table(robot: HybridRobot, path: str, redundancy: str = LEAST) -> Reference:
     """Build a motion from a table of motors, platforms or a mixture, as `hybridyn idm` reads it.
+
+    Args:
+        redundancy: The rule for freedoms that poses leave, as in `assemble`.
 
     Raises:
         TrajectoryError: The table is wrong, or has no time.
@@ -206,7 +205,9 @@ def from_table(robot: HybridRobot, path: str) -> Reference:
         x = np.stack([np.stack(motion.joints[name]) for name in robot.motors], axis=2)
         return Reference(motion.time, x, False, robot.home)
     try:
-        q, v, a = TableAssembler(robot)(motors=motion.joints, platforms=motion.platforms)
+        q, v, a = TableAssembler(robot)(
+            motors=motion.joints, platforms=motion.platforms, redundancy=redundancy
+        )
     except AssemblyError as error:
         error.within(path)
         raise
@@ -228,69 +229,3 @@ def read_motion(robot: HybridRobot, path: str) -> TableMotion:
             base=robot.base if posed else "fixed", file=table.file,
         )  # fmt: skip
         return TableMotion.joined([*read_motions(table, layout)])
-
-
-def follow_motion(
-    robot: HybridRobot,
-    reference: Reference,
-    times: Array,
-    effects: Effects,
-    guess: Array,
-    compiled: CompiledRobot | None = None,
-) -> SimulationResult:
-    """Compute the motion of a robot whose motors follow a reference exactly, and the efforts, block by block.
-
-    Args:
-        robot: The robot; its motors must determine its posture.
-        reference: The motion of the motors.
-        times: Times of the samples, shape (T,), [s].
-        effects: The effects that are computed.
-        guess: Posture near the start, shape (nq,).
-        compiled: The robot's compiled models with these effects; None for the general path.
-
-    Raises:
-        AssemblyError: A posture is out of reach, or motors do not determine the motion.
-        ActuationError: A passive motion would need an effort.
-    """
-    rows = rows_at_once(robot)
-    blocks: list[tuple[Array, ...]] = []
-    for first in range(0, len(times), rows):
-        with samples_counted_from(first):
-            posture, *found = _block(robot, reference, times[first : first + rows], effects, guess, compiled)
-        guess = posture[-1]
-        blocks.append(tuple(found))
-    q, v, a, tau, kinetic, potential, residual = map(np.concatenate, zip(*blocks, strict=True))
-    return SimulationResult(
-        origin=Origin(robot.name, "prescribed"), t=times, q=q, v=v, a=a, tau=tau, kinetic=kinetic,
-        potential=potential, residual=residual, pivot=np.zeros(0), events=(), status="finished", message="",
-        counters=Counters(), state=State(float(times[-1]), q[-1], v[-1], a[-1]), next_step=0.0, on_grid=0,
-        start=float(times[0]),
-    )  # fmt: skip
-
-
-def _block(
-    robot: HybridRobot,
-    reference: Reference,
-    times: Array,
-    effects: Effects,
-    guess: Array,
-    compiled: CompiledRobot | None,
-) -> tuple[Array, ...]:
-    """Compute some samples.
-
-    Returns:
-        The assembled positions, shape (T, nq); those with a prescribed base's pose, rates, accelerations,
-        efforts, kinetic and potential energy, and residuals.
-    """
-    x = reference.rows(times)
-    motors = {name: tuple(level[:, i] for level in x) for i, name in enumerate(robot.motors)}
-    close = partial(assemble, robot) if compiled is None else compiled.assemble
-    closed, v, a = close(motors=motors, guess=guess)
-    q = closed
-    if effects.base is not None:
-        q, v, a = effects.base.into(robot, times, q, v, a)
-    model = partial(idm, robot, effects=effects, time=times) if compiled is None else compiled.idm
-    tau = model(q, v, a)
-    stored = energy(robot, q, v, effects=effects)
-    residual = np.asarray(closure_residual(robot, q))
-    return closed, q, v, a, tau, stored.kinetic, stored.potential, residual

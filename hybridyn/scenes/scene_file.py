@@ -24,6 +24,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, FiniteFloat, model_validator
 
+from ..assembly.redundancy import LEAST, Rule
 from ..description.shipped import find_robot
 from ..description.side_cars.tables import EffectTables, Schema, table
 from ..errors import TrajectoryError
@@ -181,6 +182,7 @@ class Scene(Schema):
 
     robot: RobotTable
     duration: Positive
+    redundancy: Rule = LEAST
     initial: InitialTable = Field(default_factory=InitialTable)
     motion: ReferenceTable | None = None
     controller: (

@@ -26,7 +26,8 @@ from ..structure.robot import HybridRobot
 from . import controllers
 from .controller_tables import EffortsTable, PdTable, PythonTable, ReferenceTable, TorqueTable
 from .effects import check_covers, events, read_rows, units
-from .references import Reference, RestPosture, follow_motion, from_points, from_table
+from .prescribed import follow_motion
+from .references import Reference, RestPosture, from_points, from_table
 from .scene_file import SceneFile, read_scene
 from .start import initial_state
 from .toml_source import naming
@@ -193,10 +194,10 @@ def _reference(
                 RestPosture(p.time, p.joints, {k: (pose,) for k, pose in p.platforms.items()})
                 for p in table.points
             ]
-            return from_points(robot, points, start)
+            return from_points(robot, points, start, source.scene.redundancy)
     assert table.table is not None
     with naming(source, (*keys, "table")):
-        out = from_table(robot, source.beside(table.table))
+        out = from_table(robot, source.beside(table.table), source.scene.redundancy)
     check_covers(source, (*keys, "table"), out.time)
     return out
 

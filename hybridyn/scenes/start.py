@@ -53,7 +53,7 @@ def initial_state(source: SceneFile, robot: HybridRobot, reference: Reference | 
     with naming(source, ("initial",)):
         if not joints and not platforms:
             return robot.home.copy(), np.zeros(robot.nv)
-        requests = gather_requests(robot, joints, platforms, nearest=True)
+        requests = gather_requests(robot, joints, platforms, True, source.scene.redundancy)
         requests = requests._replace(strict=guess is not None)
         q, v, _ = assemble_requests(robot, requests, first_guess(robot, guess))
     if not initial.project:

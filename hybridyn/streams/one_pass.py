@@ -161,17 +161,17 @@ class Pass:
                     part = motion.part(start, start + rows)
                     block = postures(self.robot, part, self.layout, guess, assemble)
                 if part.first_row == 1 and part.platforms and not self.layout.full_state:
-                    requests = gather_requests(self.robot, part.joints, part.platforms)
-                    requests = requests._replace(redundancy=self._redundancy)
+                    given = self.robot, part.joints, part.platforms
+                    requests = gather_requests(*given, redundancy=self._redundancy)
                     self.left = left_to_rule(self.robot, requests, block.q[0])
                 yield block
                 guess = block.q[-1] if connected else None
 
 
-def read_postures(robot: HybridRobot, file: str) -> tuple[Layout, TreeSamples]:
+def read_postures(robot: HybridRobot, file: str, redundancy: str = LEAST) -> tuple[Layout, TreeSamples]:
     """Read a whole table and compute its postures, as `Pass` does; also return the meaning of its columns."""
     with open_table(file) as table:
-        whole = Pass(robot, table)
+        whole = Pass(robot, table, redundancy=redundancy)
         return whole.layout, TreeSamples.joined([*whole.postures()])
 
 

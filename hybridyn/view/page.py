@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ..assembly.redundancy import LEAST
 from ..assembly.task import closure_residual
 from ..errors import HybridynError
 from ..spatial import Array
@@ -62,6 +63,7 @@ class Page:
         picture: Picture,
         run: ShownMotion | None = None,
         *,
+        redundancy: str = LEAST,
         host: str = "127.0.0.1",
         port: int = 8080,
     ) -> None:
@@ -71,13 +73,14 @@ class Page:
             robot: The robot.
             picture: The robot's shapes.
             run: A motion to play, or None.
+            redundancy: The rule for freedoms that a dragged link leaves, as in `hybridyn.assemble`.
             host: Address to listen on. The default is reachable only from this machine.
             port: Port to listen on; the next free one is used if it is taken.
         """
         self.robot, self.run = robot, run
         self.q: Array = robot.home if run is None else run.q[0]
         self.playing = False
-        self.poser = Poser(robot)
+        self.poser = Poser(robot, redundancy)
         self.server = start_server(host, port, f"hybridyn: {robot.name}")
         self.url = f"http://{host}:{self.server.get_port()}"
         self._requests: dict[str, Any] = {}

@@ -4,7 +4,7 @@ A drag sets the position of one joint. The other joints that determine its modul
 positions: the other motors, except redundant ones, and passive joints if there are too few motors.
 
 A drag of a link moves all modules that carry it. A link with six freedoms takes the whole pose, another one
-those coordinates that it can move independently, and keeps its angles. Further freedoms move least.
+those coordinates that it can move independently, and keeps its angles. A rule takes further freedoms.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from ..assembly.chain.between import Between, end_link, moving, tools_of
 from ..assembly.chain.coordinates import coordinates_at, independent_coordinates
 from ..assembly.moving import move_link, move_module
+from ..assembly.redundancy import LEAST
 from ..errors import AssemblyError, HybridynError
 from ..joints.kinds import JointKind
 from ..linkage.targets import COORDINATES
@@ -33,7 +34,6 @@ LEAST_SHARE = 1e-3
 STROKE = 1.0
 #: Range of a hinge without limits to either side of home [rad].
 TURN = np.pi
-#: Kinds of joints that can be moved.
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,11 @@ class Poser:
         robot: The robot.
         levers: The joints that can be moved.
         links: The links that can be moved: the tools, or platforms, of modules that carry no other module.
+        redundancy: The rule for freedoms that a dragged link leaves, as in `hybridyn.assemble`.
     """
 
-    def __init__(self, robot: HybridRobot) -> None:
-        self.robot = robot
+    def __init__(self, robot: HybridRobot, redundancy: str = LEAST) -> None:
+        self.robot, self.redundancy = robot, redundancy
         movable = [name for name in robot.motors if self._kind(name).single]
         joints = movable or [*self._independent_joints()]
         self.levers = tuple(self._lever(name) for name in joints)
@@ -141,7 +142,8 @@ class Poser:
 
         def moved(q: Array, part: float) -> Array:
             axes = R0 @ rotation_from_vector(part * turn)[0]
-            out = move_link(self.robot, link, self._way(q, link, p0 + part * (p - p0), axes), q)
+            way = self._way(q, link, p0 + part * (p - p0), axes)
+            out = move_link(self.robot, link, way, q, self.redundancy)
             self._check_ranges(q, out)
             return out
 

@@ -14,7 +14,8 @@ from hybridyn.compiled.library.steps import Steps, Taken
 from hybridyn.compiled.programs.control import closing_of_motors
 from hybridyn.effects import Limits
 from hybridyn.scenes import controllers
-from hybridyn.scenes.references import MotorAxes, Reference, RestPosture, follow_motion, from_points
+from hybridyn.scenes.prescribed import follow_motion
+from hybridyn.scenes.references import MotorAxes, Reference, RestPosture, from_points
 from hybridyn.simulation import stepping
 from hybridyn.simulation.result import SimulationResult
 from hybridyn.simulation.runge_kutta import RK4, Explicit

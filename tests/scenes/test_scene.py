@@ -227,7 +227,7 @@ def test_a_prescribed_motion_does_not_depend_on_blocks(
 ) -> None:
     ready = to_point(tmp_path, 20)
     whole = play(ready)
-    monkeypatch.setattr("hybridyn.scenes.references.rows_at_once", lambda robot: 6)
+    monkeypatch.setattr("hybridyn.scenes.prescribed.rows_at_once", lambda robot: 6)
     parts = play(ready)
     for name in ("q", "v", "a", "tau", "kinetic", "potential"):
         expected = getattr(whole, name)

@@ -149,7 +149,7 @@ def tell_effects(
     """
     robot = load()
     on = choose(robot, effects)
-    layout, (motion, q, v, a) = read_postures(robot, tables.source)
+    layout, (motion, q, v, a) = read_postures(robot, tables.source, tables.redundancy)
     obstacles = {"wrenches in the table": bool(motion.wrenches)}
     chosen = choose_engine(engine, robot, on, len(q), WORTH_OF_EFFECTS, obstacles)
     sets = None if chosen.model is None else EffectSets(chosen.model)

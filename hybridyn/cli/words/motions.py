@@ -8,7 +8,17 @@ from ...description.shipped import own_trajectory
 from ..common.figures import plot_option
 from ..common.files import complete_robot, result_file, scene_file
 from ..common.options import STRICT, Command, RobotCommand, numbers_by_name, split_names
-from .shared import ENGINE, PYTHON, QUIET, effects_option, jobs_option, one_or_several, option, run_module
+from .shared import (
+    ENGINE,
+    PYTHON,
+    QUIET,
+    RULE,
+    effects_option,
+    jobs_option,
+    one_or_several,
+    option,
+    run_module,
+)
 
 
 def _own_table(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
@@ -31,10 +41,7 @@ def _table_options(plot: str) -> list[click.Parameter]:
             help="Write internal wrenches, too, .csv or .parquet.",
         ),
         plot_option(plot, page=True),
-        option(
-            "--redundancy", metavar="RULE", default="least motion", show_default=True,
-            help="Rule for freedoms that poses leave: also 'middle of ranges', 'away from singular'.",
-        ),
+        RULE,
         QUIET,
         jobs_option("1; one per core for long tables"),
         option("--resume", is_flag=True, help="Several tables: Continue an earlier run."),

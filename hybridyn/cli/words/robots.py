@@ -16,7 +16,7 @@ from ..common.options import (
     numbers_by_name,
     split_names,
 )
-from .shared import effects_option, one_or_several, option, run_module
+from .shared import RULE, effects_option, one_or_several, option, run_module
 
 #: Number of findings of one code that `info` prints; the rest are counted.
 PRINTED = 12
@@ -152,6 +152,7 @@ view = RobotCommand(
         option(
             "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="Port of the page."
         ),
+        RULE,
         option("--no-browser", is_flag=True, help="Do not open the browser; the address is printed."),
     ],
 )  # fmt: skip

@@ -47,4 +47,8 @@ ENGINE = option(
     help="Models in Python or in C.  [default: C where it pays]",
 )  # fmt: skip
 PYTHON = option("--allow-python", is_flag=True, help="Let the scene run the Python controller that it names.")
+RULE = option(
+    "--redundancy", metavar="RULE", default="least motion", show_default=True,
+    help="Rule for freedoms that poses leave: also 'middle of ranges', 'away from singular'.",
+)  # fmt: skip
 QUIET = option("-q", "--quiet", is_flag=True, help="No summary.")

@@ -24,7 +24,7 @@ from ..common.options import (
     parse_grid,
     split_names,
 )
-from .shared import ENGINE, PYTHON, jobs_option, option, run_module
+from .shared import ENGINE, PYTHON, RULE, jobs_option, option, run_module
 
 
 def _robot_or_scene(ctx: click.Context, param: click.Parameter, value: str) -> str:
@@ -71,6 +71,7 @@ cost = RobotCommand(
             "--until", type=click.FloatRange(0, min_open=True),
             help="Simulate a scene to this time [s] only.",
         ),
+        RULE,
         PYTHON,
         option(
             "-o", "--output", metavar="FILE", callback=report_file,

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.assemble import assemble_requests
+from ...assembly.redundancy import LEAST
 from ...assembly.requests import Requests, gather_requests
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
@@ -93,6 +94,7 @@ class DesignEvaluator:
         parameters: ArrayLike,
         motors: Mapping[str, object],
         platforms: Mapping[str, object],
+        redundancy: str = LEAST,
         *,
         doubtful: bool = True,
     ) -> DesignTable:
@@ -102,13 +104,14 @@ class DesignEvaluator:
             parameters: Numbers of each design, shape (designs, k).
             motors: As in `hybridyn.assemble`.
             platforms: As in `hybridyn.assemble`.
+            redundancy: As in `hybridyn.assemble`.
             doubtful: Whether the general path computes the designs of which the C is not certain; if not,
                 they have an error.
         """
         robot = self.designs.robot
         p = np.atleast_2d(np.asarray(parameters, dtype=float))
         numbers, refused = self.designs.possible(p)
-        requests = gather_requests(robot, motors, platforms)
+        requests = gather_requests(robot, motors, platforms, redundancy=redundancy)
         T, D = requests.samples, len(p)
         chunk = max(LEAST_DESIGNS, AT_ONCE // (T * (robot.nq + 2 * robot.nv + numbers.shape[1])))
         widths = (robot.nq, robot.nv, robot.nv, len(robot.motors))

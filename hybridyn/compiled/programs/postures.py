@@ -91,6 +91,7 @@ class Postures:
         *,
         motors: Mapping[str, object] | ArrayLike | None = None,
         platforms: Mapping[str, object] | None = None,
+        redundancy: str = LEAST,
     ) -> DesignTable:
         """Compute the motion and the efforts of many designs along one table, each from its home posture.
 
@@ -101,6 +102,7 @@ class Postures:
             parameters: Numbers of each design in the order of `parameters.labels`, shape (designs, k).
             motors: As in `hybridyn.assemble`.
             platforms: As in `hybridyn.assemble`.
+            redundancy: As in `assemble`.
 
         Returns:
             States, efforts, and the errors of designs that cannot make the motion; none is raised.
@@ -108,7 +110,9 @@ class Postures:
         Raises:
             TrajectoryError: The table or the parameters are wrong.
         """
-        found = self._evaluator.table(parameters, motors_by_name(self.robot, motors), by_name(platforms))
+        found = self._evaluator.table(
+            parameters, motors_by_name(self.robot, motors), by_name(platforms), redundancy
+        )
         self.hand_over("designs", found.recomputed * found.q.shape[1])
         return found
 

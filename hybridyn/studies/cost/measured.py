@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...assembly.assemble import assemble
+from ...assembly.redundancy import LEAST
 from ...compiled.compiling import compile
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
@@ -43,6 +44,7 @@ class Trajectory(NamedTuple):
         a: Accelerations, shape (T, nv).
         time: Times, shape (T,), [s], or None.
         motion: Rows of the table from which the postures were assembled; None if it states every joint.
+        redundancy: The rule for freedoms that their poses leave, as in `hybridyn.assemble`.
     """
 
     q: Array
@@ -50,6 +52,7 @@ class Trajectory(NamedTuple):
     a: Array
     time: Array | None
     motion: TableMotion | None = None
+    redundancy: str = LEAST
 
 
 class Measured:
@@ -138,7 +141,10 @@ class Measured:
         part = self.trajectory.motion.part(0, CLOSED_SLOWLY if stage == GENERAL else CLOSED)
         model = None if stage == GENERAL else compile(self.robot, self.effects, wait=True)
         close: Any = model.assemble if model else partial(assemble, self.robot)
-        call = partial(close, motors=part.joints, platforms=part.platforms, guess=self.trajectory.q[0])
+        call = partial(
+            close, motors=part.joints, platforms=part.platforms, guess=self.trajectory.q[0],
+            redundancy=self.trajectory.redundancy,
+        )  # fmt: skip
         state = call()
         if model and model.recomputed:
             self.study.remarks.append(

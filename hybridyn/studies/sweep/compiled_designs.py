@@ -99,7 +99,8 @@ class _Task(NamedTuple):
 
     def artifacts(self) -> list[Artifact]:
         """Return the libraries: of the inverse model, and of what closes the loops, if it is compiled."""
-        requests = gather_requests(self.evaluator.designs.robot, self.motion.joints, self.motion.platforms)
+        given = self.evaluator.designs.robot, self.motion.joints, self.motion.platforms
+        requests = gather_requests(*given, redundancy=self.stated.redundancy)
         closing = self.evaluator.libraries.artifact(requests)
         return [self.artifact, closing] if closing else [self.artifact]
 
@@ -202,7 +203,9 @@ class CompiledDesigns:
             p: Numbers in the slots of each design, shape (designs, slots).
         """
         return [
-            task.evaluator.table(p, task.motion.joints, task.motion.platforms, doubtful=False)
+            task.evaluator.table(
+                p, task.motion.joints, task.motion.platforms, task.stated.redundancy, doubtful=False
+            )
             for task in self.tasks
         ]
 
@@ -238,9 +241,11 @@ class CompiledDesigns:
 
     def _from_built(self, robot: HybridRobot, task: _Task, ours: Sequence[Array]) -> float:
         """Return the largest relative difference of a motion and its efforts to those of a robot."""
-        effects = choose(robot, task.evaluator.effects.names)
+        effects, stated = choose(robot, task.evaluator.effects.names), task.stated
         try:
-            ((at, tau),) = follow(robot, self.designer.tracks[task.name], task.stated.passive, effects)
+            ((at, tau),) = follow(
+                robot, self.designer.tracks[task.name], stated.passive, effects, stated.redundancy
+            )
         except HybridynError:
             return math.inf
         return _difference(robot, ours, (*at[1:], tau))

@@ -128,7 +128,8 @@ class Designer:
             return _in_workspace(robot, task, self.functions)
         if task.scene is not None:
             return self.players[name](robot, self.functions)
-        blocks = [*follow(robot, self.tracks[name], task.passive, effects_of(robot, task))]
+        effects = effects_of(robot, task)
+        blocks = [*follow(robot, self.tracks[name], task.passive, effects, task.redundancy)]
         return measured(robot, task.wanted, blocks, self.functions)
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
+from ...assembly.assemble import assemble
 from ...dynamics.inverse import inverse_model
 from ...effects import Effects
 from ...spatial import Array
@@ -48,13 +50,14 @@ class Track:
 
 
 def follow(
-    robot: HybridRobot, track: Track, passive: str, effects: Effects
+    robot: HybridRobot, track: Track, passive: str, effects: Effects, redundancy: str
 ) -> Iterator[tuple[TreeSamples, Array]]:
     """Yield the postures of each block of a trajectory, and the efforts of the motors, shape (T, motors).
 
     Args:
         passive: As in `hybridyn.idm`.
         effects: The effects that are computed.
+        redundancy: The rule for freedoms that poses leave, as in `hybridyn.assemble`.
 
     Raises:
         HybridynError: The table does not belong to this robot, or the robot cannot make the motion.
@@ -63,7 +66,7 @@ def follow(
     last: Array | None = None
     for motion in motions:
         guess = last if layout.time is not None and not layout.full_state else None
-        block = postures(robot, motion, layout, guess)
+        block = postures(robot, motion, layout, guess, partial(assemble, robot, redundancy=redundancy))
         with rows_named(layout, motion):
             found = inverse_model(
                 robot, block.q, block.v, block.a, wrenches=motion.wrenches or None, passive=passive,

@@ -22,6 +22,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat, model_validator
 
+from ...assembly.redundancy import LEAST, Rule
 from ...description.shipped import find_robot
 from ...description.side_cars.tables import Schema
 from ...scenes.controller_tables import exactly_one
@@ -106,6 +107,7 @@ class TaskTable(Schema):
     scene: str | None = None
     effects: str | list[str] = "model"
     passive: Literal["given", "solved"] = "given"
+    redundancy: Rule = LEAST
     measure: Annotated[list[str], Field(min_length=1)] | dict[Name, str]
 
     @model_validator(mode="after")
@@ -114,6 +116,8 @@ class TaskTable(Schema):
         for key in ("effects", "passive"):
             if key in self.model_fields_set and self.trajectory is None:
                 raise ValueError(f"'{key}' belongs to a trajectory; a {self.kind} has none")
+        if "redundancy" in self.model_fields_set and self.scene is not None:
+            raise ValueError("a scene states its own 'redundancy': write it there")
         return self
 
     @property

@@ -44,8 +44,8 @@ class TableAssembler:
         redundancy: str = LEAST,
     ) -> tuple[Array, Array, Array]:
         """Compute postures; arguments, results and errors are those of `hybridyn.assemble`."""
-        requests = gather_requests(self._robot, motors, platforms, nearest)
-        requests = requests._replace(strict=guess is not None, redundancy=redundancy)
+        requests = gather_requests(self._robot, motors, platforms, nearest, redundancy)
+        requests = requests._replace(strict=guess is not None)
         start = first_guess(self._robot, guess)
         self.rows += requests.samples
         if self.rows < LONG_TABLE:

@@ -1,0 +1,155 @@
+"""The rule for freedoms that poses leave stands wherever poses stand: an arm whose tool has two coordinates.
+
+Each case is given once by the tool and a rule, once by the motors' motion that `assemble` finds by this rule.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn import HybridRobot
+from hybridyn.cli import main
+from hybridyn.cli.view import _run
+from hybridyn.scenes.stage import play, stage
+from hybridyn.spatial import Array
+from hybridyn.studies.sweep.compiled_chunks import evaluate_chunk
+from hybridyn.studies.sweep.designs import designs_of
+from hybridyn.studies.sweep.evaluation import Chunk
+from hybridyn.studies.sweep.reading import read_study
+from hybridyn.view.posing import Poser
+from tests.assembly.test_second_tasks import MIDDLE, limited, waves
+from tests.command_line import call
+from tests.comparing import close_to
+from tests.files import save
+
+TIME = np.linspace(0.0, 1.0, 7)
+X, Z = waves(1.1, 0.05, 1.0)(TIME), waves(0.2, 0.05, 2.0)(TIME)
+LEVELS = ("position", "velocity", "acceleration")
+EXACT = 1e-9  # of postures, relative to the largest
+
+
+class Ruled(NamedTuple):
+    """The arm, and the postures along its tool's motion by the rule; tables of both stand in the folder."""
+
+    robot: HybridRobot
+    q: Array
+
+
+def write(folder: Path, name: str, columns: list[str], values: tuple[Array, ...]) -> None:
+    """Write a table of columns over time."""
+    header, rows = ",".join(["time", *columns]), np.column_stack([TIME, *values])
+    np.savetxt(folder / f"{name}.csv", rows, "%.17g", ",", header=header, comments="")
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ruled]:
+    folder = tmp_path_factory.mktemp("arm")
+    robot = limited(folder)
+    names = [f"l3/{level}/{axis}" for axis in "xz" for level in ("pose", *LEVELS[1:])]
+    write(folder, "tool", names, (*X, *Z))
+    levels = tuple({"x": x, "z": z} for x, z in zip(X, Z, strict=True))
+    states = hybridyn.assemble(robot, platforms={"l3": levels}, redundancy=MIDDLE)
+    each = [(f"{name}/{LEVELS[k]}", states[k][:, i]) for i, name in enumerate(robot.motors) for k in range(3)]
+    write(folder, "motors", [name for name, _ in each], tuple(x for _, x in each))
+    return folder, Ruled(robot, states[0])
+
+
+@pytest.fixture
+def arm(found: tuple[Path, Ruled], monkeypatch: pytest.MonkeyPatch) -> Ruled:
+    monkeypatch.chdir(found[0])
+    return found[1]
+
+
+def scene(text: str) -> Path:
+    head = f"duration = 1.0\nredundancy = '{MIDDLE}'\n[robot]\nfile = 'arm.urdf'\n"
+    return save(Path(), f"{head}{text}\n", "scene.toml")
+
+
+def tool_at(row: int) -> str:
+    """Return the keys of a scene for the tool in a row."""
+    return f"platforms = {{ l3 = {{ x = {float(X[0][row])!r}, z = {float(Z[0][row])!r} }} }}\n"
+
+
+def of_sweep(arm: Ruled) -> None:
+    means = ", ".join(f'{name} = "mean {name}/position"' for name in arm.robot.motors)
+    study = '[robot]\nfile = "arm.urdf"\n[designs]\nmethod = "grid"\n'
+    study += '[parameters]\nmass = { scale_inertia = "l1", values = [0.9] }\n'
+    for name, rule in (("motors", ""), ("tool", f"redundancy = '{MIDDLE}'\n")):
+        study += f"[tasks.{name}]\ntrajectory = '{name}.csv'\n{rule}measure = {{ {means} }}\n"
+    source = read_study(save(Path(), study, "study.toml"))
+    (row,) = evaluate_chunk(source, Chunk(0, designs_of(source)), None).rows
+    assert row.status == "ok", row.message
+    wanted, ours = np.reshape(row.measures, (2, -1))
+    close_to(ours, wanted, EXACT)
+
+
+def of_start(arm: Ruled) -> None:
+    close_to(stage(scene("[initial]\n" + tool_at(3))).q0, arm.q[3], EXACT)
+
+
+def of_motion(arm: Ruled) -> None:
+    close_to(play(stage(scene("[motion]\ntable = 'tool.csv'\n[output]\nrate = 6.0"))).q, arm.q, EXACT)
+
+
+def of_points(arm: Ruled) -> None:
+    points = "".join(f"[[motion.points]]\ntime = {TIME[k]}\n{tool_at(k)}" for k in (3, 6))
+    motion = stage(scene(f"[initial]\n{tool_at(0)}{points}")).motion
+    assert motion is not None
+    close_to(motion.x[0], arm.q[[0, 3, 6]], EXACT)
+
+
+def of_view(arm: Ruled) -> None:
+    close_to(_run(arm.robot, "tool.csv", ("default",), MIDDLE).q, arm.q, EXACT)
+
+
+def of_drag(arm: Ruled) -> None:
+    """A planar arm of four joints keeps x, z and the pitch of its tool."""
+    start, poser = arm.q[0], Poser(arm.robot, MIDDLE)
+    moved = poser.drag(start, "l3", poser.pose(arm.q[3], "l3")[0])
+    pose = {"x": X[0][3], "z": Z[0][3], "pitch": np.sum(start)}
+    given = hybridyn.assemble(arm.robot, platforms={"l3": (pose,)}, guess=start, redundancy=MIDDLE)
+    assert not moved.message
+    close_to(moved.q, given[0], EXACT)
+
+
+def of_effects(arm: Ruled) -> None:
+    peaks = []
+    for name, more in (("motors", ()), ("tool", ("--redundancy", MIDDLE))):
+        assert main(["idm", "arm.urdf", f"{name}.csv", "--by-effect", "-o", f"{name}_e.csv", *more]) == 0
+        peaks.append(np.loadtxt(f"{name}_e.csv", delimiter=",", skiprows=1, usecols=(3, 4)))
+    close_to(peaks[1], peaks[0], EXACT)
+
+
+@pytest.mark.parametrize(
+    "case", [of_sweep, of_start, of_motion, of_points, of_view, of_drag, of_effects], ids=lambda f: f.__name__
+)
+def test_tools_with_a_rule_move_as_the_motors_that_it_finds(
+    case: Callable[[Ruled], None], arm: Ruled
+) -> None:
+    case(arm)
+
+
+@pytest.mark.slow
+def test_cost_follows_the_rule(arm: Ruled, capsys: pytest.CaptureFixture[str]) -> None:
+    given = "cost", "arm.urdf", "tool.csv", "--redundancy", MIDDLE
+    assert "closing: 7 of 7 samples are closed in Python" in call(capsys, *given).out
+
+
+@pytest.mark.parametrize("command", ["idm", "ddm", "cost", "view", "idm --by-effect"])
+def test_commands_refuse_unknown_rules(command: str, arm: Ruled, capsys: pytest.CaptureFixture[str]) -> None:
+    name, *more = command.split()
+    assert main([name, "arm.urdf", "tool.csv", *more, "--redundancy", "middle"]) == 1
+    assert "unknown redundancy 'middle'" in capsys.readouterr().err
+
+
+def test_scenes_and_studies_refuse_unknown_rules(arm: Ruled, capsys: pytest.CaptureFixture[str]) -> None:
+    text = scene("").read_text().replace(MIDDLE, "middle")
+    assert main(["simulate", str(save(Path(), text, "wrong.toml"))]) == 1
+    known = "should be 'least motion', 'middle of ranges' or 'away from singular'"
+    assert f"wrong.toml:2: 'redundancy': {known}" in capsys.readouterr().err
+    assert main(["cost", "scene.toml", "--redundancy", MIDDLE]) == 2
+    assert "write the rule in the scene" in capsys.readouterr().err
