@@ -12,7 +12,7 @@ Rule = Literal["least motion", "middle of ranges", "away from singular"]
 LEAST, MIDDLE, AWAY = get_args(Rule)
 #: All rules, and what is told of each.
 RULES = {
-    LEAST: "the motors move least from row to row, each measured by its range",
+    LEAST: "the motors move least from each posture to the next, measured by their ranges",
     MIDDLE: "the motors are as near to the middle of their ranges as the targets allow",
     AWAY: "the posture is as far from singular ones, and from limits, as the targets allow",
 }

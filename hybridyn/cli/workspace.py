@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import click
 import numpy as np
 
+from ..assembly.redundancy import LEAST, RULES
 from ..figures.workspace import figure_of_workspace
 from ..streams.workers import Workers, keep_freed_memory
 from ..structure.robot import HybridRobot
@@ -24,10 +25,10 @@ BLOCKS = 6
 def run(
     load: RobotChoice, module: str | None, link: str | None, sweep: Sequence[str] | None,
     at: dict[str, float], steps: dict[str, float], no_limits: bool, output: str | None, plot: str | None,
-    jobs: int | None, outputs: Sequence[str] | None, grid: Grid | None,
+    jobs: int | None, redundancy: str, outputs: Sequence[str] | None, grid: Grid | None,
 ) -> None:  # fmt: skip
     """Find the poses that a link reaches, or the map over a grid."""
-    others = any((module, link, sweep, at, steps, no_limits, plot, jobs))
+    others = any((module, link, sweep, at, steps, no_limits, plot, jobs, redundancy != LEAST))
     refuse(
         (
             (outputs is None) != (grid is None),
@@ -44,7 +45,7 @@ def run(
     with Workers(0 if jobs in (None, 1) else jobs) as workers, progress("poses") as show:
         found = workspace(
             robot, module, link=link, axes=sweep, at=at, steps=steps, limits=not no_limits,
-            spread=workers.over, progress=lambda poses: show(poses, None),
+            redundancy=redundancy, spread=workers.over, progress=lambda poses: show(poses, None),
         )  # fmt: skip
     _write(found, output)
     if plot:
@@ -97,7 +98,7 @@ def _summary(robot: HybridRobot, found: Workspace, seconds: float) -> list[str]:
     stopped = f"steps stopped by: {', '.join(named) or 'nothing'}{more}"
     if found.spare:
         lines.append(
-            f"{counted(found.spare, 'further freedom')} of the motors: these move least from pose to "
-            "pose, and another motion may reach more"
+            f"{counted(found.spare, 'further freedom')} of the motors: {RULES[found.redundancy]}; another "
+            "motion may reach more"
         )
     return [*lines, stopped, f"wall time {seconds:.2f} s"]

@@ -139,10 +139,11 @@ def test_cost_follows_the_rule(arm: Ruled, capsys: pytest.CaptureFixture[str]) -
     assert "closing: 7 of 7 samples are closed in Python" in call(capsys, *given).out
 
 
-@pytest.mark.parametrize("command", ["idm", "ddm", "cost", "view", "idm --by-effect"])
+@pytest.mark.parametrize("command", ["idm", "ddm", "cost", "view", "idm --by-effect", "workspace"])
 def test_commands_refuse_unknown_rules(command: str, arm: Ruled, capsys: pytest.CaptureFixture[str]) -> None:
     name, *more = command.split()
-    assert main([name, "arm.urdf", "tool.csv", *more, "--redundancy", "middle"]) == 1
+    table = ("tool.csv",) if name != "workspace" else ()
+    assert main([name, "arm.urdf", *table, *more, "--redundancy", "middle"]) == 1
     assert "unknown redundancy 'middle'" in capsys.readouterr().err
 
 

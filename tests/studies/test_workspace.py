@@ -7,6 +7,7 @@ import pytest
 from scipy.ndimage import label
 
 import hybridyn
+from hybridyn.assembly.redundancy import LEAST
 from hybridyn.spatial import Array
 from hybridyn.studies.map_table import postures_on_grid
 from hybridyn.studies.sweep.evaluation import status_of
@@ -180,7 +181,7 @@ def test_no_step_changes_the_branch() -> None:
     sweep = find_sweep(robot, None, "m1_tool", None, robot.home)
     inner = robot.home[robot.modules[0].q_index]
     far = sweep.home + np.array([0.0, 1.1])  # above the motors: the legs pass their dead centres on the way
-    _, state = PoseClosing(robot, sweep, limits=False)(1, sweep.home[None], far[None], inner[None])
+    _, state = PoseClosing(robot, sweep, False, LEAST)(1, sweep.home[None], far[None], inner[None])
     assert state[0] == OUT_OF_REACH
 
 

@@ -9,6 +9,7 @@ from scipy.ndimage import label
 
 import hybridyn
 from hybridyn import HybridRobot
+from hybridyn.assembly.redundancy import LEAST, MIDDLE
 from hybridyn.spatial import Array
 from hybridyn.studies.workspace.link_sweep import find_sweep
 from hybridyn.studies.workspace.workspace import Workspace, workspace
@@ -35,6 +36,7 @@ from tests.support.files import save
 from tests.support.samples import slow
 
 EXACT = 1e-9
+STEPPED = 1e-2  # of postures whose rule goes from pose to pose, on ways of other steps
 BOUNDARY = 1e-6  # m, rad: nearer to an edge, rounding decides
 DIFFERENCE = 1e-5  # rad: step of the central differences; their error is its square
 DIFFERENCED = 1e-7  # relative
@@ -211,6 +213,17 @@ def test_the_modules_between_two_links_move(
     assert (sweep.modules, sweep.base) == (modules, base)
 
 
+def test_a_link_that_one_of_two_motors_moves_leaves_the_other_to_the_rule() -> None:
+    """The other motor of a five-bar stays, or goes to where `assemble` has it by the same rule."""
+    robot, link = hybridyn.load("five_bar"), "m1_left_upper"
+    for rule in (LEAST, MIDDLE):
+        found = workspace(robot, link=link, redundancy=rule, steps={"pitch": 0.4})
+        assert (found.sweep.names, found.spare, len(found.index)) == (("pitch",), 1, 7)
+        given = {link: ({"pitch": found.coordinates[:, 0]},)}
+        q = hybridyn.assemble(robot, platforms=given, guess=found.q[0], redundancy=rule)[0]
+        close_to(found.q, q, STEPPED if rule == LEAST else EXACT)
+
+
 def test_the_command_says_what_moves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine(tmp_path, STROKE)
     path = tmp_path / "excavator.urdf"
@@ -221,4 +234,4 @@ def test_the_command_says_what_moves(tmp_path: Path, capsys: pytest.CaptureFixtu
     said = call(
         capsys, "workspace", "scara_delta", "--link", "m1_platform", "--sweep", "y", "--step", "y=0.6"
     )
-    assert "3 further freedoms of the motors: these move least from pose to" in said.err
+    assert "3 further freedoms of the motors: the motors move least from " in said.err

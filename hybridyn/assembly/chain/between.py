@@ -12,8 +12,9 @@ from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..module_request import module_request
 from ..poses import PoseRequest
+from ..redundancy import LEAST
 from ..requests import Requests
-from ..task import Task, module_task
+from ..task import Task, left_open, module_task
 from .bodies import ChainMotion
 from .coupling import CoupledModules, is_own, own_requests, ways_between
 from .problem import ChainProblem, Relative
@@ -22,6 +23,7 @@ from .solve import (
     chain_task,
     cut_positions,
     generic_motion,
+    lowest_task,
 )
 from .task import ChainTask
 
@@ -142,7 +144,7 @@ class Between:
 
 
 def pose_task(robot: HybridRobot, modules: tuple[int, ...], requests: Requests, q: Array) -> Task | ChainTask:
-    """Build the task of one pose at postures of the robot.
+    """Build the task of one pose at postures of the robot; a rule takes the freedoms that it leaves.
 
     Args:
         robot: The robot.
@@ -153,9 +155,13 @@ def pose_task(robot: HybridRobot, modules: tuple[int, ...], requests: Requests, 
     Raises:
         AssemblyError: As in `assemble`.
     """
-    (pose,) = requests.poses
+    (pose,), number = requests.poses, modules[0]
     if is_own(pose, ways_between(robot, pose)) and len(modules) == 1:
-        module = robot.modules[modules[0]]
-        return module_task(robot, module, module_request(requests, robot, modules[0], {}))
+        request = module_request(requests, robot, number, {})
+        if not left_open(robot, robot.modules[number], request):
+            return module_task(robot, robot.modules[number], request)
     chain, rest = CoupledModules(modules, requests.poses), np.zeros((2, len(q), robot.nv))
-    return chain_task(robot, chain, own_requests(robot, requests, chain), (q, *rest))
+    task = chain_task(robot, chain, own_requests(robot, requests, chain), (q, *rest))
+    if task.redundant and requests.redundancy != LEAST:
+        return lowest_task(robot, modules, requests, task, q[0])
+    return task

@@ -81,21 +81,31 @@ def _lowest(
     robot: HybridRobot, chain: CoupledModules, requests: Requests, task: ChainTask, guess: Array
 ) -> tuple[LowestTask, Array]:
     """Return the task of a second rule, and its first posture, shape (1, nq), from a guess (nq,)."""
-    modules, problem, first = [robot.modules[k] for k in chain.modules], task.problem, np.zeros(1, dtype=int)
-    generic = generic_motion(problem, robot, chain.modules, guess[None])
-    value = second_task(requests.redundancy, robot, modules, problem, generic, requests.weights)
-    freedoms = np.split(np.arange(problem.tree.nv), [at.start for at in problem.tree.v_of[1:]])
-    motors = np.concatenate([at[module.motor_columns] for module, at in zip(modules, freedoms, strict=True)])
-    motors = motors[problem.free[motors]]
-    start = cut_positions(robot, chain.modules, guess[None])
+    first, start = np.zeros(1, dtype=int), cut_positions(robot, chain.modules, guess[None])
     plain = task.headed(start, first)
     q = first_postures(plain, start, first, requests.strict)
-    plain = plain.headed(q, first)
-    lowest = LowestTask(plain.problem, plain.parts, plain.left, None, value, motors, requests.redundancy)
+    lowest = lowest_task(robot, chain.modules, requests, plain.headed(q, first), guess)
     q, found = lowest.lowered(q, first)
     if not found[0]:
         raise lowest.lost(0, "from the guess")
     return lowest, q
+
+
+def lowest_task(
+    robot: HybridRobot, numbers: Sequence[int], requests: Requests, task: ChainTask, guess: Array
+) -> LowestTask:
+    """Return the task in which a second rule takes what is left of a chain's; `guess` is a posture, (nq,).
+
+    Raises:
+        AssemblyError: As in `second_task`.
+    """
+    modules, problem = [robot.modules[k] for k in numbers], task.problem
+    generic = generic_motion(problem, robot, numbers, guess[None])
+    value = second_task(requests.redundancy, robot, modules, problem, generic, requests.weights)
+    freedoms = np.split(np.arange(problem.tree.nv), [at.start for at in problem.tree.v_of[1:]])
+    motors = np.concatenate([at[module.motor_columns] for module, at in zip(modules, freedoms, strict=True)])
+    motors = motors[problem.free[motors]]
+    return LowestTask(problem, task.parts, task.left, None, value, motors, requests.redundancy)
 
 
 def left_to_rule(robot: HybridRobot, requests: Requests, q: Array) -> list[LeftToRule]:

@@ -165,6 +165,7 @@ workspace = RobotCommand(
             help="Steps of the lattice [m, rad].  [default: parts of the module's size]",
         ),
         option("--no-limits", is_flag=True, help="Ignore the joints' position limits."),
+        RULE,
         option(
             "-o", "--output", metavar="FILE", callback=result_file,
             help="All poses, .csv or .parquet.  [default: stdout]",

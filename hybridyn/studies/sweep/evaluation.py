@@ -159,6 +159,7 @@ def _in_workspace(
         at=stated.at,
         steps=stated.steps,
         limits=stated.limits,
+        redundancy=task.redundancy,
     )
     return {
         name: OF_WORKSPACE[word](found) if word in OF_WORKSPACE else call(functions, word, robot, found)

@@ -8,13 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...assembly.chain.between import pose_task
+from ...assembly.chain.lowest import LowestTask
 from ...assembly.chain.solve import cut_positions
 from ...assembly.chain.task import ChainTask
 from ...assembly.follow import SAME_BRANCH, SMALL_STEP
 from ...assembly.requests import gather_requests
 from ...assembly.spanning import settled, spanning_positions
 from ...assembly.task import Task
-from ...linkage.newton import Closed, Problem, close
+from ...linkage.newton import Problem, close
 from ...spatial import Array, Index, Mask
 from ...streams.departures import position_limits
 from ...structure.robot import HybridRobot
@@ -27,10 +28,16 @@ REACHED, OUT_OF_REACH = -1, -2
 
 
 class PoseClosing:
-    """Closes the loops of modules at poses near known postures. Pickled for other processes."""
+    """Closes the loops of modules at poses near known postures. Pickled for other processes.
 
-    def __init__(self, robot: HybridRobot, sweep: LinkSweep, limits: bool) -> None:
-        self.robot, self.sweep = robot, sweep
+    Attributes:
+        robot: The robot.
+        sweep: Links and coordinates.
+        redundancy: The rule for freedoms that the poses leave, as in `hybridyn.assemble`.
+    """
+
+    def __init__(self, robot: HybridRobot, sweep: LinkSweep, limits: bool, redundancy: str) -> None:
+        self.robot, self.sweep, self.redundancy = robot, sweep, redundancy
         modules = [robot.modules[k] for k in sweep.modules]
         self.names = [name for module in modules for name in module.joints]
         self.q_index = np.concatenate([module.q_index for module in modules])
@@ -80,26 +87,30 @@ class PoseClosing:
     def _once(self, here: Array, values: Array, q: Array) -> tuple[Array, Mask]:
         """Close the loops at coordinates near those `here`; return postures, and which are on the branch."""
         robot, numbers = self.robot, self.sweep.modules
-        requests = gather_requests(robot, {}, {self.sweep.key: pose_of(self.sweep, values)})
+        pose = {self.sweep.key: pose_of(self.sweep, values)}
+        requests = gather_requests(robot, {}, pose, redundancy=self.redundancy)
         whole = np.tile(robot.home, (len(q), 1))
         whole[:, self.q_index] = q
         start = cut_positions(robot, numbers, whole)
         task = pose_task(robot, numbers, requests, whole)
-        result, good = _step(task, start, here)
+        there, good = _step(task, start, here)
         out = q.copy()
         if good.any():
             found = np.flatnonzero(good)
             for k, own, cut in zip(numbers, self.own, self.cut, strict=True):
                 module = robot.modules[k]
-                m, x = module.mechanism, settled(module.mechanism, result.q[found, cut])
+                m, x = module.mechanism, settled(module.mechanism, there[found, cut])
                 out[found, own] = spanning_positions(module, x, m.tree.sweep(x), q[found, own])
                 residual = m.residual(out[found, own], m.spanning.sweep(out[found, own]))
                 good[found] &= np.abs(residual).max(axis=1, initial=0.0) <= task.tolerance
         return out, good
 
 
-def _step(task: Task | ChainTask, start: Array, here: Array) -> tuple[Closed, Mask]:
-    """Close the loops near postures at coordinates `here`; return whether the step is as predicted, too."""
+def _step(task: Task | ChainTask, start: Array, here: Array) -> tuple[Array, Mask]:
+    """Close the loops near postures at coordinates `here`; return where the step is as predicted, too.
+
+    A second rule then takes what is left from there.
+    """
     task, samples = task.headed_at(start, here), np.arange(len(start))
     problem: Problem = task.problem
     tree, known = problem.tree, task.with_known(start, samples)
@@ -110,7 +121,10 @@ def _step(task: Task | ChainTask, start: Array, here: Array) -> tuple[Closed, Ma
     result = close(problem, known, samples, iterations=MOST_NEWTON_STEPS)
     off = np.abs(tree.difference(predicted, result.q) / problem.col_scale).max(axis=1, initial=0.0)
     good = off <= SAME_BRANCH * np.abs(dx).max(axis=1, initial=0.0) + SMALL_STEP
-    return result, task.closed(result) & good
+    q, good = result.q, task.closed(result) & good
+    if isinstance(task, LowestTask):
+        q[good], good[good] = task.lowered(q[good], samples[good])
+    return q, good
 
 
 def _after(sizes: Sequence[int]) -> list[slice]:

@@ -1,7 +1,8 @@
 """Compute the workspace of a link: every pose on a lattice that it can reach from home.
 
 All modules between the link and the one in which its pose is measured move. Where they have more freedoms
-than the pose, each step from a pose to the next is the least motion of the motors (`assembly.chain`).
+than the pose, a rule takes them: by default, each step from a pose to the next is the least motion of the
+motors (`assembly.chain`).
 
 The origin of the lattice is the home pose, or a pose that can be reached from it. The neighbours of each
 reached pose are assembled starting from its posture. Every posture is therefore on home's assembly branch,
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...assembly.assemble import assemble_home
+from ...assembly.redundancy import LEAST, check_rule
 from ...assembly.task import closure_residual
 from ...errors import AssemblyError, ModelError, TrajectoryError
 from ...linkage.targets import COORDINATES
@@ -52,8 +54,9 @@ class Workspace:
         measures: Measures of the postures by name, shape (n,) each (see `Measures`).
         blocked: Number of rejected steps by the joint whose limit was exceeded; "reach" for steps at which
             the loops do not close or the branch ends.
-        spare: Number of freedoms beyond those of the link. They move least from each pose to the next; poses
-            that are not among these may then be reached by another motion.
+        spare: Number of freedoms beyond those of the link, which the rule takes; poses that are not among
+            these may then be reached by another motion.
+        redundancy: The rule.
     """
 
     sweep: LinkSweep
@@ -66,6 +69,7 @@ class Workspace:
     measures: dict[str, Array]
     blocked: dict[str, int]
     spare: int
+    redundancy: str = LEAST
 
     @property
     def size(self) -> float:
@@ -77,8 +81,8 @@ class Workspace:
 def workspace(
     robot: HybridRobot, module: int | str | None = None, *, link: str | None = None,
     axes: Sequence[str] | None = None, at: Mapping[str, float] | None = None,
-    steps: Mapping[str, float] | None = None, limits: bool = True, spread: Spread = itertools.starmap,
-    progress: Callable[[int], None] | None = None,
+    steps: Mapping[str, float] | None = None, limits: bool = True, redundancy: str = LEAST,
+    spread: Spread = itertools.starmap, progress: Callable[[int], None] | None = None,
 ) -> Workspace:  # fmt: skip
     """Find every pose on a lattice that a link reaches from home.
 
@@ -94,6 +98,7 @@ def workspace(
         at: Values of coordinates that are not swept, or of the lattice's origin [m, rad]; default home.
         steps: Steps of swept coordinates [m, rad]; by default parts of the modules' lengths, or fixed angles.
         limits: Whether joint limits are respected.
+        redundancy: The rule for freedoms that the pose leaves, as in `hybridyn.assemble`.
         spread: Distributes the chunks of work, for example to other processes.
         progress: Called with the number of poses reached.
 
@@ -102,16 +107,17 @@ def workspace(
         ModelError: There are too many poses.
         AssemblyError: The origin cannot be reached, or is outside the limits.
     """
+    check_rule(redundancy)
     home = _closed_home(robot)
     sweep = find_sweep(robot, module, link, axes, home)
     start, step = values_at(sweep, at or {}), _steps(robot, sweep, steps or {})
-    close, measures = PoseClosing(robot, sweep, limits), Measures(robot, sweep)
+    close, measures = PoseClosing(robot, sweep, limits, redundancy), Measures(robot, sweep)
     flood = Flood(close, start, step, _at_start(close, start, home))
     flood.run(spread, progress)
     index, q = _postures(flood, home)
     return Workspace(
         sweep, step, start, index, flood.values(index), q, _motors(robot, sweep, q),
-        _measured(measures, q, spread), dict(flood.blocked), measures.spare,
+        _measured(measures, q, spread), dict(flood.blocked), measures.spare, redundancy,
     )  # fmt: skip
 
 
@@ -186,7 +192,7 @@ def _stepped(close: PoseClosing, start: Array, home: Array) -> Array:
     """Step from home to the lattice's origin and return the modules' posture there, shape (their nq,)."""
     sweep = close.sweep
     q: Array = home[close.q_index]
-    if (start == sweep.home).all():
+    if (start == sweep.home).all() and close.redundancy == LEAST:
         return q
     for parts in WALK:
         reached, state = close(parts, sweep.home[None], start[None], q[None])
