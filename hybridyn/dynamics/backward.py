@@ -60,7 +60,7 @@ def backward(
             tau[:, module.motor_index] = _efforts(robot, s, needed, size, rounding, sharing)  # Eq. (33)
         if result is not None:
             efforts = tau[:, module.motor_index]
-            module_reactions(result, s, loads.modules[k], needed.F, needed.H, efforts)  # Eq. (52)
+            module_reactions(result, s, loads.modules[k], loads.on, needed, efforts)  # Eq. (52)
         if module.parent < 0:
             root += needed.F
     if result is not None:

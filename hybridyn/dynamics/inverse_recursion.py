@@ -26,6 +26,7 @@ class ModuleForces:
         legs: Part of H that the legs need, shape (T, n).
         F_p: Wrench that each output needs for its own motion, shape (T, outputs, 6), output frames.
         F_e: Wrench of the loads on each output, shape (T, outputs, 6), output frames: minus the paper's F_e.
+        W: Wrench that each output needs from its own module, shape (T, outputs, 6), output frames.
     """
 
     basis: Basis
@@ -35,6 +36,7 @@ class ModuleForces:
     legs: Array
     F_p: Array
     F_e: Array
+    W: Array
 
 
 def needed_forces(
@@ -76,7 +78,7 @@ def module_forces(s: ModuleState, loads: Loads, k: int, basis: Basis, received: 
     H = legs + np.einsum("toij,toi->tj", J, W)
     Q = np.einsum("tij,ti->tj", basis.Psi, H)  # Eqs. (16), (17), (33) before the motors
     F = F_b - f_base + wrench_to_base(*s.placements, W).sum(axis=1)  # Eq. (32)
-    return ModuleForces(basis, H, Q, F, legs, F_p, F_e)
+    return ModuleForces(basis, H, Q, F, legs, F_p, F_e, W)
 
 
 def output_jacobians(s: ModuleState) -> Array:

@@ -60,16 +60,25 @@ class ModuleLoad:
         return base, along
 
     def through_wrist(self, state: ModuleState, number: int) -> Array:
-        """Compute the wrench of a cut wrist's links on the wrist's target.
+        """Compute the wrench of a cut wrist's links, its end among them, on the wrist's target.
+
+        Returns:
+            Shape (T, 6), in the axes of the wrist's end, at its origin.
+        """
+        out = self.inside_wrist(state, number)
+        for end, wrench in self.wrist_ends:
+            if end == number:
+                out += wrench
+        return out
+
+    def inside_wrist(self, state: ModuleState, number: int) -> Array:
+        """Compute the wrench on a cut wrist's target of the links between the wrist's joints.
 
         Returns:
             Shape (T, 6), in the axes of the wrist's end, at its origin.
         """
         m, s = state.mechanism, state.whole
         out = np.zeros_like(state.V)
-        for end, wrench in self.wrist_ends:
-            if end == number:
-                out += wrench
         for body, wrench in self.bodies:
             if body - 1 in m.spec.wrists[number].joints and body not in m.spec.tree_body:
                 own = m.wrists.of_link(s, number, m.cut.whole_body(body))

@@ -4,11 +4,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..linkage.closures import TreeClosure, normals
-from ..linkage.motion import Motion
-from ..spatial import Array, Mask, hat, rotate_back, wrench_to_base
+from ..effects.choice import Effects
+from ..linkage.closures import TreeClosure
+from ..spatial import Array, Mask, rotate_back, wrench_to_base
 from ..structure.module import ModuleState
 from .guards import LOST_PIVOT
+from .inverse_recursion import ModuleForces
+from .joint_wrenches import (
+    closure_frames,
+    joint_wrenches,
+    needed_by_bodies,
+    needed_of_closures,
+    unit_wrenches,
+)
 from .loads import ModuleLoad
 
 #: A component of a closure wrench is undetermined if a unit self-stress has more than this part along it.
@@ -35,6 +43,11 @@ class Reactions:
             module's length.
         determined: For each closure name, True for each component of the wrench that the motion determines,
             shape (T, 6), or (T, 1) for a coupling. In a planar loop these are the forces in its plane.
+        joints: For each joint name, the wrench that the joint exerts ON its child, shape (T, 6), in the
+            child's frame, at the joint. Along the joint's freedom it is the effort of the motor and of the
+            joint's laws. A wrench that redundant rows share is that of the smallest closure wrenches.
+        joints_determined: For each joint name, True for each component of the wrench that the motion
+            determines, shape (T, 6).
     """
 
     base: Array
@@ -42,6 +55,8 @@ class Reactions:
     closures: dict[str, Array] = field(default_factory=dict)
     unique: dict[str, bool] = field(default_factory=dict)
     determined: dict[str, Mask] = field(default_factory=dict)
+    joints: dict[str, Array] = field(default_factory=dict)
+    joints_determined: dict[str, Mask] = field(default_factory=dict)
 
     def sample(self, t: int) -> "Reactions":
         """Return the reactions at one sample."""
@@ -51,11 +66,13 @@ class Reactions:
             {name: w[t] for name, w in self.closures.items()},
             {name: bool(d[t].all()) for name, d in self.determined.items()},
             {name: d[t] for name, d in self.determined.items()},
+            {name: w[t] for name, w in self.joints.items()},
+            {name: d[t] for name, d in self.joints_determined.items()},
         )
 
 
 def module_reactions(
-    result: Reactions, state: ModuleState, load: ModuleLoad, F: Array, force: Array, tau: Array
+    result: Reactions, state: ModuleState, load: ModuleLoad, on: Effects, needed: ModuleForces, tau: Array
 ) -> None:
     """Compute the reactions of one module and add them to `result`.
 
@@ -63,17 +80,36 @@ def module_reactions(
         result: Reactions of the robot, changed in place.
         state: State of the module.
         load: Wrenches on its bodies.
-        F: Wrench of the base on the module, shape (T, 6), base frame.
-        force: Generalised force that the motion needs along x, shape (T, n).
+        on: The effects that are computed.
+        needed: Forces that its motion needs.
         tau: Efforts of the module's motors, shape (T, motors).
     """
+    module = state.module
+    result.modules[module.name] = needed.F
+    left = needed.H.copy()
+    left[:, module.motor_columns] -= tau
+    multipliers, idle = _multipliers(state, left)
+    _of_joints(result, state, needed_by_bodies(state, load, on, needed.W), multipliers, idle)
+    _of_closures(result, state, load, multipliers, idle)
+
+
+def _of_joints(result: Reactions, state: ModuleState, needed: Array, multipliers: Array, idle: Array) -> None:
+    """Compute the wrench of each joint from what the bodies beyond it need, and add it to `result`."""
+    m, names = state.mechanism, state.module.joints
+    wrenches = joint_wrenches(state, needed + needed_of_closures(state, multipliers[..., None])[..., 0])
+    free = joint_wrenches(state, needed_of_closures(state, idle)) * m.length_of_wrench[:, None]
+    determined = np.abs(free).max(axis=3, initial=0.0) <= UNDETERMINED
+    for i, source in enumerate(m.cut.source):
+        if source is not None:  # else a platform, which its wrist carries
+            result.joints[names[source]] = wrenches[:, i]
+            result.joints_determined[names[source]] = determined[:, i]
+
+
+def _of_closures(
+    result: Reactions, state: ModuleState, load: ModuleLoad, multipliers: Array, idle: Array
+) -> None:
+    """Compute the wrench of each closure and the multiplier of each coupling, and add them to `result`."""
     module, m = state.module, state.mechanism
-    result.modules[module.name] = F
-    if not m.closures.rows:
-        return
-    needed = force.copy()
-    needed[:, module.motor_columns] -= tau
-    multipliers, idle = _multipliers(state, needed)
     authors = len(m.spec.closures)
     for i, (name, at) in enumerate(module.named_rows()):
         lam, free = multipliers[:, at], idle[:, at]
@@ -82,7 +118,7 @@ def module_reactions(
             wrenches = _closure_wrenches(state, m.closures.closures[i], author)
             lam = np.einsum("tij,tj->ti", wrenches, lam) + _from_cut_wrists(state, load, author)
             free = np.matmul(wrenches, free)
-            free[:, :3] *= m.length
+            free *= m.length_of_wrench[:, None]
         elif i < len(m.closures.closures):
             continue  # a wrist that carries a platform is a joint of the file, not a closure
         else:
@@ -107,6 +143,8 @@ def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
     """
     m, reduction = state.mechanism, state.mechanism.reduction
     rows, rank = len(reduction.row_scale), reduction.rank
+    if not rows:
+        return np.zeros((len(needed), 0)), np.zeros((len(needed), 0, 0))
     U, s, Vt = np.linalg.svd(reduction.scaled(state.K), full_matrices=rank < rows)
     keep = (np.arange(s.shape[1]) < rank) & (s > LOST_PIVOT * s[:, :1])
     y = np.einsum("tij,tj->ti", Vt[:, : s.shape[1]], needed * reduction.col_scale)
@@ -133,15 +171,12 @@ def _closure_wrenches(state: ModuleState, cut: TreeClosure, author: TreeClosure)
     Returns:
         Shape (T, 6, rows of the closure), in the frame of `_wrench_frame`.
     """
-    A, _, B, pb = _frames(state.motion, cut)
-    turns = np.swapaxes(normals(cut.rotation, A, B[:, :, 2]), 1, 2)
-    force = np.concatenate([A[:, :, cut.translations], np.zeros_like(turns)], axis=2)
     A_out, p_out = _wrench_frame(state, author)
-    moment = np.matmul(hat(pb - p_out), force)
-    moment[:, :, len(cut.translations) :] = turns
+    wrenches = unit_wrenches(state.motion, cut, p_out)
     # The closure that replaces a wrist may have predecessor and successor exchanged.
     sign = 1.0 if cut.body_b == author.body_b or cut.body_a == author.body_a else -1.0
-    return sign * np.concatenate([np.matmul(np.swapaxes(A_out, 1, 2), x) for x in (force, moment)], axis=1)
+    parts = (wrenches[:, :3], wrenches[:, 3:])
+    return sign * np.concatenate([np.matmul(np.swapaxes(A_out, 1, 2), x) for x in parts], axis=1)
 
 
 def _from_cut_wrists(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Array:
@@ -169,11 +204,5 @@ def _wrench_frame(state: ModuleState, author: TreeClosure) -> tuple[Array, Array
     The axes are those of the predecessor's closure frame as placed by the author. (Frame A differs from it,
     because z of frame A is the axis of the closure.) The origin is that of the successor's closure frame.
     """
-    A, _, _, p = _frames(state.whole, author)
+    A, _, _, p = closure_frames(state.whole, author)
     return A @ author.turn.T, p
-
-
-def _frames(motion: Motion, c: TreeClosure) -> tuple[Array, Array, Array, Array]:
-    """Return axes (T, 3, 3) and origin (T, 3) of a closure's frame A, then of frame B, in the base frame."""
-    Ra, Rb = motion.R[:, c.body_a], motion.R[:, c.body_b]
-    return Ra @ c.R_a, motion.p[:, c.body_a] + Ra @ c.p_a, Rb @ c.R_b, motion.p[:, c.body_b] + Rb @ c.p_b

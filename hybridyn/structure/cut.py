@@ -31,6 +31,7 @@ class Cut:
         spanning: Tree of every joint of the module, wrists included, as in the user's q, v, a.
         wrists: The wrists that were cut.
         welds: For each wrist, the closure from its end to its target, with bodies of `whole`.
+        wrist_ends: The bodies of `whole` of each weld: the end of the wrist's branch, and its target.
         bodies: For each body of `tree`, its number in `spanning`, shape (bodies,).
         whole_bodies: For each body of `whole`, its number in `spanning`.
         source: For each joint of `whole`, its number in `spanning`, or None for a platform.
@@ -46,6 +47,7 @@ class Cut:
         self.source = [*spec.tree_joint, *(joint for wrist in spec.wrists for joint in wrist.joints)]
         self.whole_bodies = np.array([*spec.tree_body, *(j + 1 for w in spec.wrists for j in w.joints)])
         joints, self.welds = self._with_wrists()
+        self.wrist_ends = [(weld.body_a, weld.body_b) for weld in self.welds]
         self.whole = Tree(joints) if spec.wrists else self.tree
         at = {joint: i for i, joint in enumerate(self.source) if joint is not None}
         in_order = [at[joint] for joint in range(len(spec.spanning))]

@@ -80,6 +80,7 @@ class Mechanism:
         closures: Closures on `tree`.
         spanning_closures: The author's closures, on `spanning`.
         length: Length of the module [m], a power of two.
+        length_of_wrench: What makes each component of a wrench a moment, shape (6,): forces times length.
         unit: Unit of each freedom of the whole tree, shape (its nv,).
         legs: Model of the legs: `LegModel`, or `LongLegs` for hundreds of freedoms.
         inertias: 6-D inertias of the outputs, shape (outputs, 6, 6), body frames.
@@ -115,6 +116,7 @@ class Mechanism:
         self.spanning_closures = Closures(self.spanning, list(spec.closures), list(spec.couplings))
         self.closures = Closures(self.tree, list(spec.cut_closures), list(spec.cut_couplings))
         self.length = module_length(spec, self.spanning, robot_size)
+        self.length_of_wrench = np.array([self.length] * 3 + [1.0] * 3)
         inertias = [spatial_inertia(b.mass, b.com, b.inertia) for b in spec.outputs_inertia]
         self.inertias = np.array(inertias).reshape(-1, 6, 6)
         model = LegModel if self.tree.nv <= MOST_PINOCCHIO_FREEDOMS else LongLegs

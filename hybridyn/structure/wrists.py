@@ -46,6 +46,7 @@ class Wrist(NamedTuple):
         R: Axes of `end` in `target`, shape (3, 3).
         p: Origin of `end` in `target`, shape (3,), [m].
         carries: Whether the end is a platform.
+        closure: Number of the closure that replaces the chain, among the closures after the cuts.
     """
 
     joints: tuple[int, ...]
@@ -54,6 +55,7 @@ class Wrist(NamedTuple):
     R: Array
     p: Array
     carries: bool
+    closure: int
 
 
 @dataclass(eq=False)
@@ -90,7 +92,7 @@ class Cutting:
             self._cut_terminal_wrists()
         for body in range(1, len(self.bodies)) if self.closures else ():
             if self._is_platform(body) and (found := self._chain(self.closures, body)):
-                wrist = Wrist(found[0], body, body, np.eye(3), np.zeros(3), carries=True)
+                wrist = Wrist(found[0], body, body, np.eye(3), np.zeros(3), True, len(self.closures))
                 self.platforms.append(body)
                 self.wrists.append(wrist)
                 self.closures.append(self._equivalent(wrist, *found[1]))
@@ -108,7 +110,7 @@ class Cutting:
                 rest = [c for c in self.closures if c is not closure]
                 found = self._chain(rest, end) if self._is_free_end(rest, end) else None
                 if found and other not in [j + 1 for j in found[0]]:
-                    wrist = Wrist(found[0], end, other, *_weld(closure, end), carries=False)
+                    wrist = Wrist(found[0], end, other, *_weld(closure, end), False, at)
                     self.wrists.append(wrist)
                     self.closures[at] = self._equivalent(wrist, *found[1])
                     break

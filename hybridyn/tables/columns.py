@@ -36,6 +36,7 @@ model). Reactions, forces [N] and moments [N m]:
                                              about the origin of the successor's closure frame, in the axes of
                                              the predecessor's
     <coupling>/multiplier                    multiplier of a coupling's equation as written in the file
+    <joint>/transmitted/fx ... mz            of a joint on its child, at the joint, in the child's axes
 """
 
 from __future__ import annotations

@@ -232,7 +232,9 @@ def test_reactions_are_a_second_table(run, tmp_path: Path, five_bar: FiveBar, co
         close_to(wrench(table, f"{name}/reaction"), inner.modules[name], ROUND_TRIP)
     for name in inner.closures:
         close_to(wrench(table, f"{name}/wrench"), inner.closures[name], ROUND_TRIP)
-    assert len(table) == 1 + 6 * (1 + len(inner.modules) + len(inner.closures))
+    for name in inner.joints:
+        close_to(wrench(table, f"{name}/transmitted"), inner.joints[name], ROUND_TRIP)
+    assert len(table) == 1 + 6 * (1 + len(inner.modules) + len(inner.closures) + len(inner.joints))
     assert "share 3 redundant rows" in said.err
 
 

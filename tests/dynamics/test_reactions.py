@@ -1,5 +1,6 @@
 """Wrenches inside the robot against balances written elsewhere: Pinocchio's tree, and the oracle's bodies."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
+from hybridyn.description.records import Closure
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.oracle import Base, Oracle
@@ -35,9 +37,9 @@ def solved(kind: str, base: Base, count: int = 2) -> Case:
     return robot, q, v, a, wrenches, tau, reactions
 
 
-def left_over(case: Case, t: int) -> tuple[Array, float]:
-    """Return what the tree still needs once motors, closures and outer wrenches have acted, shape (nv,)."""
-    robot, q, v, a, wrenches, tau, reactions = case
+def outer_forces(case: Case, t: int) -> tuple[pin.Model, pin.Data, pin.StdVec_Force]:
+    """Return what wrenches on links and closures exert on the joints' children of the spanning tree."""
+    robot, q, _, _, wrenches, _, reactions = case
     model, data = robot.model, robot.model.createData()
     pin.forwardKinematics(model, data, q[t])
     pin.updateFramePlacements(model, data)
@@ -55,6 +57,13 @@ def left_over(case: Case, t: int) -> tuple[Array, float]:
         on_b = pin.SE3(A.rotation, B.translation).act(pin.Force(reactions.closures[closure.name][t]))
         push(closure.link_b, on_b)
         push(closure.link_a, -on_b)
+    return model, data, force
+
+
+def left_over(case: Case, t: int) -> tuple[Array, float]:
+    """Return what the tree still needs once motors, closures and outer wrenches have acted, shape (nv,)."""
+    robot, q, v, a, _, tau, reactions = case
+    model, data, force = outer_forces(case, t)
     needed = pin.rnea(model, data, q[t], v[t], a[t], force)
     size = np.abs(pin.rnea(model, data, q[t], v[t], a[t])).max()
     column = {name: at.start for name, at in zip(robot.joints, robot.v_slices, strict=True)}
@@ -66,6 +75,23 @@ def left_over(case: Case, t: int) -> tuple[Array, float]:
             needed[column[joint]] -= coefficient * multiplier
     largest = max([size, *(np.abs(w[t]).max() for w in reactions.closures.values())])
     return needed, float(largest)
+
+
+def joints_differ(case: Case, t: int) -> float:
+    """Return by how much the wrenches of joints differ from those of Pinocchio's tree, of the largest."""
+    _, q, v, a, _, _, reactions = case
+    model, data, force = outer_forces(case, t)
+    pin.rnea(model, data, q[t], v[t], a[t], force)
+    expected = {name: data.f[model.getJointId(name)].vector for name in reactions.joints}
+    size = max(np.abs(f).max() for f in expected.values())
+    return max(float(np.abs(reactions.joints[name][t] - f).max()) for name, f in expected.items()) / size
+
+
+@pytest.mark.parametrize(("kind", "base"), in_turn([*LOOPED, "serial", "serial_all"], BASES))
+def test_joints_transmit_what_the_tree_beyond_them_needs(kind: str, base: Base) -> None:
+    case = solved(kind, base)
+    assert {*case[-1].joints} == {name for module in case[0].modules for name in module.joints}
+    assert max(joints_differ(case, t) for t in range(2)) < BALANCED
 
 
 @pytest.mark.parametrize(("kind", "base"), in_turn(LOOPED, BASES))
@@ -98,8 +124,10 @@ def test_wrenches_on_links_of_cut_wrists_reach_the_closures() -> None:
     for link in links:
         wrenches = {link: np.array([3.0, -1.0, 2.0, 0.5, 1.5, -0.7])}
         tau, reactions = hybridyn.idm(robot, q, v, a, wrenches=wrenches, reactions=True)
-        needed, size = left_over((robot, q, v, a, wrenches, tau, reactions), 0)
+        case = robot, q, v, a, wrenches, tau, reactions
+        needed, size = left_over(case, 0)
         assert np.abs(needed).max() < BALANCED * size
+        assert joints_differ(case, 0) < BALANCED
 
 
 @pytest.mark.parametrize(("kind", "base"), in_turn([*LOOPED, "serial", "serial_all"], BASES))
@@ -155,6 +183,17 @@ def test_a_base_body_gives_its_module_what_everything_on_it_needs(kind: str, bas
             close_to(reactions.modules[module.name][t], M.actInv(total).vector, BALANCED)
 
 
+def unmoved(robot: hybridyn.HybridRobot, data: pin.Data, closure: Closure) -> list[Array]:
+    """Return the axes about which a closure exerts no moment, in its frame on the predecessor."""
+    A, B = (
+        data.oMf[robot.model.getFrameId(link, pin.BODY)].rotation @ frame[:3, :3]
+        for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b))
+    )
+    z = (A.T @ B)[:, 2]
+    axes = {"free": [*np.eye(3)], "parallel": [z], "perpendicular": [z, np.array([0.0, 0.0, 1.0])]}
+    return axes.get(closure.rotation, [])
+
+
 @pytest.mark.parametrize("kind", some(LOOPED))
 def test_closures_do_not_act_where_they_leave_freedom(kind: str) -> None:
     """No force along a free slide and no moment about a free axis, in the closure's own frames."""
@@ -163,24 +202,12 @@ def test_closures_do_not_act_where_they_leave_freedom(kind: str) -> None:
     for closure in robot.description.closures:
         for t in range(2):
             pin.framesForwardKinematics(robot.model, data, q[t])
-            A, B = (
-                data.oMf[robot.model.getFrameId(link, pin.BODY)].rotation @ frame[:3, :3]
-                for link, frame in ((closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b))
-            )
             wrench = reactions.closures[closure.name][t]
             size = max(np.abs(wrench).max(), 1e-9)
             free = [i for i in range(3) if i not in closure.translations]
             assert np.abs(wrench[free]).max(initial=0.0) < SOLVED * size
-            z = (A.T @ B)[:, 2]
-            moment = wrench[3:]
-            idle = {
-                "free": np.eye(3),
-                "parallel": z[None],
-                "perpendicular": np.stack([z, [0.0, 0, 1]]),
-                "fixed": [],
-            }
-            for axis in idle[closure.rotation]:
-                assert abs(axis @ moment) < SOLVED * size
+            for axis in unmoved(robot, data, closure):
+                assert abs(axis @ wrench[3:]) < SOLVED * size
 
 
 @pytest.mark.parametrize(
@@ -205,6 +232,42 @@ def test_redundant_closures_are_flagged(kind: str, unique: bool) -> None:
     if kind == "rps3":
         return  # depends on how its legs' wrists were drawn
     assert all(flags) if unique else not any(flags)
+
+
+@pytest.mark.parametrize("kind", ["four_bar", "planar_rpr", "delta_bars", "rps3", "gough", "loop_revolute"])
+def test_self_stresses_reach_the_joints_that_are_not_determined(kind: str) -> None:
+    """Closure wrenches without effect on the motion, found in Pinocchio's tree, against what is told."""
+    robot, q, v, a, _, tau, reactions = solved(kind, "fixed", 1)
+    closures = [c.name for c in robot.description.closures]
+    assert not robot.description.couplings
+
+    def tree(wrenches: Array) -> tuple[Array, dict[str, Array]]:
+        """Return the efforts and the joints' wrenches of the tree at rest under closure wrenches alone."""
+        given = dict(zip(closures, wrenches.reshape(-1, 1, 6), strict=True))
+        case = robot, q, v, a, {}, tau, replace(reactions, closures=given)
+        model, data, force = outer_forces(case, 0)
+        model.gravity.linear = np.zeros(3)
+        rest = np.zeros(robot.nv)
+        efforts = pin.rnea(model, data, q[0], rest, rest, force)
+        return efforts, {name: data.f[model.getJointId(name)].vector.copy() for name in reactions.joints}
+
+    units = np.eye(6 * len(closures))
+    idle = np.zeros((0, len(units)))
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q[0])
+    for i, closure in enumerate(robot.description.closures):
+        rows = [units[6 * i + k] for k in range(3) if k not in closure.translations]
+        rows += [np.concatenate([[0.0] * (6 * i + 3), x, [0.0] * (len(units) - 6 * i - 6)])
+                 for x in unmoved(robot, data, closure)]  # fmt: skip
+        idle = np.concatenate([idle, np.reshape(rows, (-1, len(units)))])
+    length = np.tile([robot.modules[0].mechanism.length] * 3 + [1.0] * 3, len(closures))
+    every = np.array([tree(unit)[0] for unit in units]).T / length
+    _, s, Vt = np.linalg.svd(np.concatenate([every, idle / length]))
+    stresses = Vt[(np.append(s, np.zeros(len(Vt) - len(s))) < 1e-9 * s[0])] / length
+    moved = [tree(stress)[1] for stress in stresses]
+    for name, told in reactions.joints_determined.items():
+        most = np.max([np.abs(wrenches[name]) for wrenches in moved] or [np.zeros(6)], axis=0)
+        assert told[0].tolist() == (most < 1e-7).tolist(), name
 
 
 def test_every_module_and_closure_has_its_reaction() -> None:

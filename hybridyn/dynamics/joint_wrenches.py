@@ -1,0 +1,135 @@
+"""Compute the wrenches that the joints of a module transmit, by balances of the bodies beyond each joint.
+
+The sum of what these bodies need runs over the whole tree from its ends to the base. Closures act on two of
+its bodies; the weld of a wrist that was cut acts on the wrist's end and on its target.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..effects.choice import Effects
+from ..linkage.closures import TreeClosure, normals
+from ..linkage.motion import Motion
+from ..spatial import Array, crm, hat, motion_to_body, rotate_back, spatial_inertia, wrench_to_base
+from ..structure.module import ModuleState
+from .loads import ModuleLoad
+
+
+def joint_wrenches(state: ModuleState, needed: Array) -> Array:
+    """Compute the wrench that each joint of the whole tree exerts on its child.
+
+    Args:
+        state: State of the module.
+        needed: Wrench that each body needs of its joints, shape (T, bodies, 6) or, of many columns,
+            (T, bodies, 6, k), base axes, about the base's origin.
+
+    Returns:
+        Shape (T, joints, 6) or (T, joints, 6, k), in the child's frame, at its origin.
+    """
+    whole, total = state.whole, needed.copy()
+    for i, joint in reversed([*enumerate(state.mechanism.cut.whole.joints)]):
+        total[:, joint.parent] += total[:, i + 1]
+    columns = np.moveaxis(total[:, 1:].reshape(*total[:, 1:].shape[:3], -1), 3, 1)  # (T, k, joints, 6)
+    R, p = whole.R[:, None, 1:], whole.p[:, None, 1:]
+    force, moment = columns[..., :3], columns[..., 3:]
+    moment = moment - np.cross(np.broadcast_to(p, force.shape), force)
+    out = np.concatenate([rotate_back(R, force), rotate_back(R, moment)], axis=-1)
+    return np.moveaxis(out, 1, 3).reshape(total[:, 1:].shape)
+
+
+def needed_by_bodies(state: ModuleState, load: ModuleLoad, on: Effects, W: Array) -> Array:
+    """Compute the wrench that each body of the whole tree needs of joints and closures.
+
+    Args:
+        state: State of the module.
+        load: Wrenches on its bodies.
+        on: The effects that are computed.
+        W: Wrench that each output needs, shape (T, outputs, 6), output frames.
+
+    Returns:
+        Shape (T, bodies, 6), base axes, about the base's origin.
+    """
+    m, whole = state.mechanism, state.whole
+    out = np.zeros((len(state.V), len(m.cut.whole_bodies), 6))
+    outputs = list(m.spec.outputs)
+    out[:, outputs] = wrench_to_base(*state.placements, W)
+    heavy, own = _of_leg_bodies(state, on)
+    out[:, heavy] += wrench_to_base(whole.R[:, heavy], whole.p[:, heavy], own)
+    for body, wrench in load.bodies:
+        if (at := m.cut.whole_body(body)) not in outputs:
+            out[:, at] -= wrench_to_base(whole.R[:, at], whole.p[:, at], wrench)
+    for number, wrist in enumerate(m.spec.wrists):
+        at = m.cut.whole_body(wrist.end)
+        through = load.inside_wrist(state, number)
+        _act(out, m.cut.wrist_ends[number], wrench_to_base(whole.R[:, at], whole.p[:, at], through))
+    return out
+
+
+def _of_leg_bodies(state: ModuleState, on: Effects) -> tuple[list[int], Array]:
+    """Return the leg bodies that have mass, and the wrench that each needs for its own motion, own frame."""
+    bodies = [i for i, body in enumerate(state.mechanism.spec.leg_bodies, 1) if body and not body.massless]
+    if on.leg_inertia is None or not bodies:
+        return [], np.zeros((len(state.V), 0, 6))
+    legs = [state.mechanism.spec.leg_bodies[i - 1] for i in bodies]
+    inertias = np.array([spatial_inertia(b.mass, b.com, b.inertia) for b in legs if b])
+    V, v = on.velocity.twists(state) if on.velocity else (np.zeros_like(state.V), np.zeros_like(state.v))
+    motion = state.mechanism.tree.sweep(state.q, v, state.a, state.motion)
+    motion = Motion(*(x[:, bodies] for x in motion.arrays))
+    relative = motion.twist()
+    twist = motion_to_body(motion.R, motion.p, V[:, None]) + relative  # Eq. (25)
+    twist_dot = motion_to_body(motion.R, motion.p, state.V_dot[:, None]) + motion.acceleration()
+    twist_dot += crm(twist, relative)  # Eq. (28)
+    return bodies, np.einsum("tbi,bij->tbj", twist_dot, inertias) + on.body_bias(twist, inertias)
+
+
+def needed_of_closures(state: ModuleState, multipliers: Array) -> Array:
+    """Compute the wrench that bodies of the whole tree need because closures act on them.
+
+    Args:
+        state: State of the module.
+        multipliers: Those of its closure rows, columns of shape (T, rows, k).
+
+    Returns:
+        Shape (T, bodies, 6, k), base axes, about the base's origin.
+    """
+    m = state.mechanism
+    out = np.zeros((len(state.V), len(m.cut.whole_bodies), 6, multipliers.shape[2]))
+    between = {wrist.closure: ends for wrist, ends in zip(m.spec.wrists, m.cut.wrist_ends, strict=True)}
+    for i, closure in enumerate(m.closures.closures):
+        unit = unit_wrenches(state.motion, closure, np.zeros(3))
+        ends = between.get(i, (closure.body_a, closure.body_b))
+        _act(out, ends, np.matmul(unit, multipliers[:, m.closures.row_slices[i]]))
+    return out
+
+
+def unit_wrenches(motion: Motion, closure: TreeClosure, about: Array) -> Array:
+    """Compute the wrench on a closure's second body per unit of each multiplier of its rows.
+
+    Args:
+        motion: Motion of the tree of the closure.
+        closure: The closure.
+        about: Point about which moments are taken, shape (T, 3) or (3,), [m], base frame.
+
+    Returns:
+        Shape (T, 6, rows of the closure), base axes.
+    """
+    A, _, B, pb = closure_frames(motion, closure)
+    turns = np.swapaxes(normals(closure.rotation, A, B[:, :, 2]), 1, 2)
+    force = np.concatenate([A[:, :, closure.translations], np.zeros_like(turns)], axis=2)
+    moment = np.matmul(hat(pb - about), force)
+    moment[:, :, len(closure.translations) :] = turns
+    return np.concatenate([force, moment], axis=1)
+
+
+def closure_frames(motion: Motion, c: TreeClosure) -> tuple[Array, Array, Array, Array]:
+    """Return axes (T, 3, 3) and origin (T, 3) of a closure's frame A, then of frame B, in the base frame."""
+    Ra, Rb = motion.R[:, c.body_a], motion.R[:, c.body_b]
+    return Ra @ c.R_a, motion.p[:, c.body_a] + Ra @ c.p_a, Rb @ c.R_b, motion.p[:, c.body_b] + Rb @ c.p_b
+
+
+def _act(needed: Array, ends: tuple[int, int], wrench: Array) -> None:
+    """Let a wrench act on the second body of two, and its opposite on the first, in place."""
+    first, second = ends
+    needed[:, first] += wrench
+    needed[:, second] -= wrench
