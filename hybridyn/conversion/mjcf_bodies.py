@@ -14,11 +14,12 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from ..description.joint_words import WORDS
 from ..description.names import unique
 from ..description.placement import inverse, motion_of
 from ..description.records import Array, Description, Joint, Link
 from ..errors import ModelError
-from ..joints.kinds import JointKind
+from ..joints.kinds import JointKind, Turn
 from .as_text import add, numeral, principal, put, quaternion_of
 from .parts import AXES
 from .renamed import held_links
@@ -33,11 +34,6 @@ MOMENT_ROUNDING = 1e-12
 MOST_FREEDOMS = 6
 #: Name of MuJoCo's own body, which does not move.
 WORLD = "world"
-#: MuJoCo's words for kinds of joints in a body.
-WORDS: dict[JointKind, str] = {
-    JointKind.REVOLUTE: "hinge", JointKind.CONTINUOUS: "hinge",
-    JointKind.PRISMATIC: "slide", JointKind.SPHERICAL: "ball",
-}  # fmt: skip
 
 #: A joint whose body is still to come, and the body's frame at `qpos0` in the joint's frame.
 Carried = tuple[Joint, Array]
@@ -96,7 +92,7 @@ class MjcfTree:
                     element=joint.child,
                 )
             step = joint.placement
-            if joint.kind in WORDS and joint.kind != "spherical":
+            if joint.kind.single:
                 step = step @ motion_of(joint, {joint.name: home_of(self._d, joint)})
             at, here = M @ step, tuple((j, frame @ step) for j, frame in carried)
             if joint.kind != "fixed":
@@ -110,7 +106,7 @@ class MjcfTree:
             todo += [(body, depth + 1, child, np.eye(4), ()) for child in reversed(children)]
 
     def _add_body(self, parent: ET.Element, link: str, at: Array, carried: tuple[Carried, ...]) -> ET.Element:
-        free = carried and carried[0][0].kind == "floating"
+        free = carried and carried[0][0].kind is JointKind.FLOATING
         name = unique(f"{WORLD}_", {*self._links}) if link == WORLD else link
         if name != link:
             self._losses.add("names that MuJoCo keeps for itself: written with an underscore", link)
@@ -135,10 +131,10 @@ class MjcfTree:
 
     def _add_joint(self, body: ET.Element, joint: Joint, frame: Array) -> None:
         """Add a joint with its positions; `frame` is its frame in the body at `qpos0`."""
-        home, word, turn = home_of(self._d, joint), WORDS[joint.kind], frame[:3, :3]
-        place = frame[:3, 3] if word != "slide" and frame[:3, 3].any() else None
+        home, word, turn = home_of(self._d, joint), WORDS[joint.kind].mjcf, frame[:3, :3]
+        place = frame[:3, 3] if not joint.kind.slides and frame[:3, 3].any() else None
         out = add(body, "joint", name=joint.name, type=word, pos=place)
-        if word == "ball":
+        if joint.kind.ball:
             self.turns[joint.name] = turn
             self.qpos += [home[3], *(turn @ np.array(home[:3]))]
             if not np.array_equal(turn, np.eye(3)):
@@ -152,14 +148,15 @@ class MjcfTree:
 def _fits(before: list[Joint], joint: Joint) -> bool:
     """Say whether MuJoCo takes a joint in a body behind others."""
     kinds = [one.kind for one in before]
-    turns = joint.kind in ("revolute", "continuous", "spherical")
+    turns = joint.kind.turn is not Turn.NONE
     freedoms = sum(one.kind.nv for one in (*before, joint))
-    return freedoms <= MOST_FREEDOMS and not ("spherical" in kinds and turns) and "floating" not in kinds
+    behind_ball = turns and JointKind.SPHERICAL in kinds
+    return freedoms <= MOST_FREEDOMS and not behind_ball and JointKind.FLOATING not in kinds
 
 
 def _last_free(joints: list[Joint]) -> list[Joint]:
     """Return joints in their order, but free ones last."""
-    return sorted(joints, key=lambda joint: joint.kind == "floating")
+    return sorted(joints, key=lambda joint: joint.kind is JointKind.FLOATING)
 
 
 def _add_inertial(body: ET.Element, link: Link, sizes: Sizes, moving: bool, losses: Losses) -> None:

@@ -62,7 +62,7 @@ def add_forces(root: ET.Element, d: Description, tree: MjcfTree) -> None:
             tree.joints[joint.name], damping=joint.damping or None, armature=joint.armature or None,
             frictionloss=joint.friction or None,
         )  # fmt: skip
-        if joint.kind == "spherical":
+        if joint.kind is JointKind.SPHERICAL:
             continue
         bounds, effort, spring = (joint.lower, joint.upper), limits[joint.name], springs.get(joint.name)
         limited = joint.lower < joint.upper and np.isfinite(bounds).any()
@@ -85,7 +85,7 @@ def list_losses(d: Description, tree: MjcfTree, losses: Losses) -> None:
     """List what MuJoCo cannot say of the joints of a robot as it is, without its effects."""
     springs = {spring.name for spring in d.springs if spring.stiffness}
     for old, joint in zip(d.joints, with_effects(d).joints, strict=True):
-        freedoms, endless = joint.kind.nv, joint.kind == "continuous"
+        freedoms, endless = joint.kind.nv, joint.kind.endless
         lost = {
             "dampers are read back as viscous friction, to which they are added": old.damping - joint.damping,
             "damping of free joints": joint.damping
@@ -104,7 +104,7 @@ def list_losses(d: Description, tree: MjcfTree, losses: Losses) -> None:
         for reason, is_lost in lost.items():
             if is_lost:
                 losses.add(reason, joint.name)
-        forces = () if joint.kind == "spherical" else FORCES[1:3]
+        forces = () if joint.kind is JointKind.SPHERICAL else FORCES[1:3]
         add_of_several(old, losses, ("lower", "upper", "effort_limit"), forces)
 
 

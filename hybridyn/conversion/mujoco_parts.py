@@ -12,10 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..description.joint_words import WORDS
 from ..description.loop_signs import WeldedBodies
 from ..description.names import unique
 from ..description.records import Closure, Description
-from .parts import FULL, PARTS, RobotParts
+from ..joints.kinds import JointKind
+from .parts import FULL, RobotParts
 from .renamed import held_links
 from .request import Losses
 from .small_bodies import Sizes, is_solid, is_weightless
@@ -46,8 +48,9 @@ def of_mujoco(d: Description, sizes: Sizes, losses: Losses) -> Description:
         link = joint.child
         is_body = not is_weightless(parts.links[link]) or carrying[link] != 1 or link in ending
         hangs_free = joint.parent == d.root and np.array_equal(joint.placement, np.eye(4))
-        is_free = joint.kind == "floating" and hangs_free and d.base == "fixed" and is_body
-        if joint.kind in PARTS and not is_free:
+        is_free = hangs_free and d.base == "fixed" and is_body
+        has = is_free if joint.kind is JointKind.FLOATING else WORDS[joint.kind].mjcf
+        if joint.kind.nv and not has:
             parts.split(joint)
         else:
             parts.joints.append(joint)

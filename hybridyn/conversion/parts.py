@@ -17,7 +17,7 @@ from ..description.closure_forms import SIDEWAYS
 from ..description.names import unique
 from ..description.placement import inverse, placement_from, poses_at
 from ..description.records import Array, Closure, Coupling, Description, Joint, massless
-from ..joints.kinds import JointKind, RotationKind
+from ..joints.kinds import JointKind, RotationKind, Turn
 from .as_text import quaternion_of
 from .renamed import effects_on
 from .request import Losses, home_of
@@ -25,22 +25,11 @@ from .request import Losses, home_of
 FULL, AXES = (0, 1, 2), np.eye(3)
 
 
-#: The joints that stand for a joint, by its kind: in words, and the ending and the kind of each.
-PARTS: dict[JointKind, tuple[str, dict[str, JointKind]]] = {
-    JointKind.PLANAR: (
-        "two slides and a hinge",
-        {"_x": JointKind.PRISMATIC, "_y": JointKind.PRISMATIC, "_turn": JointKind.REVOLUTE},
-    ),
-    JointKind.FLOATING: (
-        "three slides and a ball",
-        {
-            "_x": JointKind.PRISMATIC,
-            "_y": JointKind.PRISMATIC,
-            "_z": JointKind.PRISMATIC,
-            "_turn": JointKind.SPHERICAL,
-        },
-    ),
-}
+def in_words(kind: JointKind) -> str:
+    """Return what becomes of joints that are written as their parts: "two slides and a hinge"."""
+    slides = ("", "a slide", "two slides", "three slides")[kind.shift]
+    turn = {Turn.NONE: "", Turn.BALL: "a ball"}.get(kind.turn, "a hinge")
+    return f"{kind} joints are {' and '.join(filter(None, (slides, turn)))}"
 
 
 class _ChainJoint(NamedTuple):
@@ -62,7 +51,7 @@ def in_parts(
     Args:
         d: The robot.
         losses: Receives what is changed.
-        kinds: Kinds of joints that the format does not have, keys of `PARTS`.
+        kinds: Kinds of joints that the format does not have, and whose parts it has.
         behind: Returns the rotation that a closure locks behind a chain, "parallel" of a universal one; None
             for a closure that the format has.
     """
@@ -124,12 +113,11 @@ class RobotParts:
         return {"fraction": own | {name: own[link] for name, link in pairs if link in own}}
 
     def split(self, joint: Joint) -> None:
-        """Add the chain that stands for a planar or floating joint."""
-        words, parts = PARTS[joint.kind]
-        self.losses.add(f"{joint.kind} joints are {words}", joint.name)
+        """Add the chain of parts that stands for a joint."""
+        self.losses.add(in_words(joint.kind), joint.name)
         home, steps = home_of(self.d, joint), {}
-        for i, (ending, kind) in enumerate(parts.items()):
-            at = home[i:] if kind == "spherical" else home[i : i + 1]
+        for i, (ending, kind) in enumerate(joint.kind.parts.items()):
+            at = home[i : i + kind.nq]
             steps[joint.name + ending] = _ChainJoint(kind, AXES[i % 3], at)
         self.home.pop(joint.name, None)
         ends = joint.parent, joint.child

@@ -97,9 +97,8 @@ def home_of(d: Description, joint: Joint) -> tuple[float, ...]:
         joint: One of its joints, not fixed.
     """
     at = d.home.get(joint.name) or joint.kind.zero
-    if joint.kind == "planar":
-        return (*at[:2], angle_of(at[2:]))
-    return at if joint.kind in ("spherical", "floating") else (angle_of(at),)
+    n = joint.kind.shift
+    return at if joint.kind.ball or not at[n:] else (*at[:n], angle_of(at[n:]))
 
 
 def add_of_several(

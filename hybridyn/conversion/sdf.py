@@ -15,25 +15,28 @@ from typing import Any
 
 import numpy as np
 
+from ..description.closure_forms import FORMS, PERPENDICULAR
+from ..description.joint_words import WORDS
 from ..description.names import noted, unique
 from ..description.placement import free_pose, inverse, poses_at, turned
 from ..description.records import Array, Closure, Coupling, Description, Joint, Link
 from ..description.rows import to_state
 from ..description.sdf.elements import NUMBERS
+from ..description.sdf.stated import SDF
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
-from ..joints.kinds import RotationKind
+from ..joints.kinds import JointKind, RotationKind
 from ..linkage.closures import residual_of
 from .as_text import Content, angles_of, document
 from .from_home import counted_from_home
-from .parts import FULL, in_parts
+from .parts import in_parts
 from .renamed import allowed, without_joints
 from .request import FORCES, FREED, ConversionRequest, Losses, Written, add_of_several, followers_of
 
-#: Types of joints that lock every translation, by the locked part of the rotation.
-POINTS: dict[RotationKind, str] = {
-    "fixed": "fixed", "parallel": "revolute", "perpendicular": "universal", "free": "ball",
-}  # fmt: skip
+#: Joints by the translations and the part of the rotation that they lock; of a hinge the one with limits.
+TYPES = {FORMS[joint.closure][:2]: joint for joint in reversed(SDF.values()) if joint.closure}
+#: Joints that SDF does not have; free ones are its free bodies.
+LACKING = [kind for kind, words in WORDS.items() if not words.sdf and kind is not JointKind.FLOATING]
 
 #: Opening of a closure in the posture of the file [m, or between unit axes] that is rounding.
 OPEN_AT_HOME = 1e-9
@@ -59,7 +62,7 @@ def _joint(joint: Joint, spring: tuple[float, float], mimic: tuple[str, float, f
         spring: Stiffness and rest position of its spring; stiffness 0 for none.
         mimic: Leader, factor and offset, where it follows another joint.
     """
-    kind = "ball" if joint.kind == "spherical" else joint.kind
+    kind = WORDS[joint.kind].sdf
     if not joint.kind.single:
         return joint_of(joint.name, kind, joint.parent, joint.child)
     leader, *numbers = mimic or ("", 1.0, 0.0)
@@ -82,8 +85,7 @@ def _joint(joint: Joint, spring: tuple[float, float], mimic: tuple[str, float, f
 
 def behind(closure: Closure) -> RotationKind | None:
     """Return the rotation that a closure locks behind slides, None for a type of SDF."""
-    is_type = closure.translations == FULL or (closure.translations, closure.rotation) == ((0, 1), "fixed")
-    return None if is_type else closure.rotation
+    return None if (closure.translations, closure.rotation) in TYPES else closure.rotation
 
 
 def _loop_joint(closure: Closure, poses: Mapping[str, Array], losses: Losses) -> Content:
@@ -95,7 +97,8 @@ def _loop_joint(closure: Closure, poses: Mapping[str, Array], losses: Losses) ->
         losses: Receives what SDF cannot say.
     """
     parent, child = closure.link_a, closure.link_b
-    kind = POINTS[closure.rotation] if closure.translations == FULL else "prismatic"
+    kind = TYPES[closure.translations, closure.rotation]
+    has_axis = any(one.single for one in kind.chain)
     at_a, at_b = poses[parent] @ closure.frame_a, poses[child] @ closure.frame_b
     ends = ((M[:3, :3], M[:3, 3]) for M in (at_a, at_b))
     if np.abs(residual_of(closure.translations, closure.rotation, *ends)).max() > OPEN_AT_HOME:
@@ -105,9 +108,9 @@ def _loop_joint(closure: Closure, poses: Mapping[str, Array], losses: Losses) ->
         parent, child = child, parent
     at = turned(at_a, closure.turn.T)
     return joint_of(
-        closure.name, kind, parent, child, pose=pose(inverse(poses[child]) @ at),
-        axis=None if kind in ("fixed", "ball") else {"xyz": closure.turn[:, 2]},
-        axis2={"xyz": at[:3, :3].T @ at_b[:3, 2]} if kind == "universal" else None,
+        closure.name, kind.sdf, parent, child, pose=pose(inverse(poses[child]) @ at),
+        axis={"xyz": closure.turn[:, 2]} if has_axis else None,
+        axis2={"xyz": at[:3, :3].T @ at_b[:3, 2]} if closure.rotation == PERPENDICULAR else None,
         physics={"simbody": {"must_be_loop_joint": "true"}},
     )  # fmt: skip
 
@@ -123,11 +126,11 @@ def write_sdf(request: ConversionRequest, losses: Losses) -> Written:
     """Write a robot as SDF."""
     d = counted_from_home(allowed(request.description, losses, "SDF", _name), losses)
     d = without_joints(d, [joint.name for joint in d.joints if joint.kind == "floating"], losses)
-    parts = in_parts(d, losses, ("planar",), behind)
+    parts = in_parts(d, losses, LACKING, behind)
     for joint in d.joints:
         if joint.kind == "floating":
             losses.add(FREED, joint.name)
-        add_of_several(joint, losses, forces=FORCES[1:] if joint.kind == "planar" else FORCES)
+        add_of_several(joint, losses, forces=FORCES[1:] if joint.kind in LACKING else FORCES)
     d = _with_free_bodies(counted_from_home(parts, Losses()))
     poses, above = poses_at(d, {}), {joint.child: joint for joint in d.joints}
     links = {link.name: link for link in d.links}

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..description.closure_forms import FORMS
 from ..description.followers import followers_at_home
+from ..description.joint_words import WORDS
 from ..description.placement import turned
 from ..description.records import Array, Closure, Coupling, Description, Joint, Link
 from ..description.rows import to_state
@@ -20,6 +21,7 @@ from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
 from ..description.urdf.loops import DYNAMICS
 from ..description.urdf.urdf import INERTIA_ATTRIBUTES, LIMIT, UNLIMITED
+from ..joints.kinds import JointKind
 from .as_text import Content, angles_of, document, numerals
 from .parts import without_screws
 from .request import (
@@ -97,11 +99,9 @@ def _joint(joint: Joint, endless: bool, mimic: tuple[str, float, float] | None) 
         endless: Whether it is a gear that turns without limits, which URDF calls continuous.
         mimic: Leader, factor and offset, where it follows another joint.
     """
-    kind = "continuous" if endless else "revolute" if joint.kind == "spherical" else joint.kind
-    required = kind in (
-        "revolute",
-        "prismatic",
-    )  # other readers require all of their limits, as finite numbers
+    kind = JointKind.REVOLUTE if joint.kind is JointKind.SPHERICAL else joint.kind
+    kind = JointKind.CONTINUOUS if endless else kind
+    required = kind.additive  # other readers require all of their limits, as finite numbers
     bounds = {word: getattr(joint, word) for word in LIMIT}
     limit = {
         f"@{word}": np.clip(bound, -UNLIMITED, UNLIMITED)
@@ -110,11 +110,11 @@ def _joint(joint: Joint, endless: bool, mimic: tuple[str, float, float] | None) 
     forces = to_state(DYNAMICS, {"damping": joint.damping, "friction": joint.friction})
     return {
         "@name": joint.name,
-        "@type": kind,
+        "@type": WORDS[kind].urdf,
         "origin": _origin(joint.placement),
         "parent": {"@link": joint.parent},
         "child": {"@link": joint.child},
-        "axis": {"@xyz": joint.axis} if joint.kind.single or joint.kind == "planar" else None,
+        "axis": {"@xyz": joint.axis} if joint.kind.single or joint.kind is JointKind.PLANAR else None,
         "limit": limit if required or to_state(LIMIT, bounds) else None,
         "dynamics": {f"@{word}": force for word, force in forces.items()} or None,
         "rotor_inertia": {"@value": joint.rotor_inertia} if joint.rotor_inertia else None,
@@ -144,7 +144,7 @@ def _loop(closure: Closure, losses: Losses) -> Content:
 
 def _add_losses(d: Description, losses: Losses) -> None:
     for joint in d.joints:
-        add_of_several(joint, losses, LIMITS if joint.kind == "spherical" else LIMITS[:2], ())
+        add_of_several(joint, losses, LIMITS if joint.kind is JointKind.SPHERICAL else LIMITS[:2], ())
     if d.base == "floating":
         losses.add("the base floats, which URDF cannot say: load the file with base='floating'")
         if d.base_home is not None:
@@ -164,8 +164,8 @@ def _beside(d: Description, couplings: list[Coupling]) -> tuple[tuple[str, ...],
     files = {".model.toml": model} if model else {}
     if d.closures:
         notes.append("<loop> is read by hybridyn; most other URDF readers skip it")
-    if balls := [joint.name for joint in d.joints if joint.kind == "spherical"]:
+    if balls := [joint.name for joint in d.joints if joint.kind is JointKind.SPHERICAL]:
         notes.append("ball joints are hinges in the URDF, which the .yaml beside it makes balls again")
-        types = json.dumps(["SPHERICAL"] * len(balls))
+        types = json.dumps([WORDS[JointKind.SPHERICAL].gepetto] * len(balls))
         files[".yaml"] = f"joint_name: {json.dumps(balls)}\njoint_type: {types}\n"
     return tuple(notes), files

@@ -12,9 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..description.joint_words import WORDS
 from ..description.placement import free_pose, poses_at
 from ..description.records import Array, Coupling, Description, Joint, Link
 from ..description.side_cars.model_toml import model_file
+from ..joints.kinds import JointKind
 from .as_text import principal, quaternion_of
 from .parts import in_parts, without_screws
 from .renamed import allowed, without_joints
@@ -45,7 +47,7 @@ def write_usd(request: ConversionRequest, losses: Losses) -> Written:
     """Write a robot as USD."""
     d = without_screws(allowed(request.description, losses, "USD", valid_name), losses)
     d = _with_inertias(d, losses)
-    gone = [joint.name for joint in d.joints if joint.kind in ("planar", "floating")]
+    gone = [joint.name for joint in d.joints if joint.kind.nv > 1 and not WORDS[joint.kind].usd]
     d = in_parts(without_joints(d, gone, losses), losses, (), behind)
     top = UsdPrim("", "", "")
     robot = top.child("Xform", valid_name(d.name))
@@ -131,7 +133,7 @@ def _model_file(d: Description, couplings: list[Coupling]) -> str:
     numbers: dict[str, dict[str, float]] = {}
     for joint in d.joints:
         geared = joint.kind.single and joint.gear_ratio != 1
-        words = FORCES if joint.kind == "spherical" else FORCES[2:] if geared else ()
+        words = FORCES if joint.kind is JointKind.SPHERICAL else FORCES[2:] if geared else ()
         stated = {word: getattr(joint, word) for word in words}
         numbers[joint.name] = {word: x for word, x in stated.items() if x != getattr(PLAIN, word)}
     joints = {name: table for name, table in numbers.items() if table}

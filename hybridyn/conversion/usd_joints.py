@@ -8,34 +8,21 @@ from typing import NamedTuple
 import numpy as np
 
 from ..description.closure_forms import ROWS
+from ..description.joint_words import WORDS
 from ..description.placement import angle_of, rotation_to_axis, turned
 from ..description.records import Array, Closure, Joint
 from ..description.rows import to_state
-from ..description.usd.schema import AXES, DEGREES, NUMBERS
-from ..joints.kinds import RotationKind
+from ..description.usd.schema import AXES, DEGREES, GENERIC, KINDS, NUMBERS, ONE_AXIS, free_axes
+from ..joints.kinds import JointKind, RotationKind
 from .as_text import quaternion_of
+from .parts import in_words
 from .request import FORCES, FREED, Losses, add_of_several, rows_of
 from .usd_prim import UsdPrim
 
-#: What becomes of joints that are no type of USD.
-REPLACED = {
-    "floating": FREED,
-    "continuous": "continuous joints, which USD does not have: read back as hinges",
-    "planar": "planar joints are two slides and a hinge",
-}
-
-#: Free axes of joints without an axis of their own.
-FREE: dict[str, tuple[str, ...]] = {
-    "fixed": (),
-    "spherical": AXES[3:],
-    "planar": ("transX", "transY", "rotZ"),
-}
-
 #: Types of joints by their free axes; others are generic.
-KINDS: dict[tuple[str, ...], str] = {
-    (): "Fixed", AXES[3:]: "Spherical",
-    **{(axis,): "Revolute" if axis in AXES[3:] else "Prismatic" for axis in AXES},
-}  # fmt: skip
+TYPES = {free_axes(kind): word for word, kind in KINDS.items() if not kind.single} | {
+    (axis,): word for word, (start, _) in ONE_AXIS.items() for axis in AXES if axis.startswith(start)
+}
 
 
 #: Schemas that attributes need, by the beginning of their names; the axis is filled in.
@@ -66,8 +53,8 @@ def start_joint(
         ends: Its ends.
         closes: Whether it closes a loop.
     """
-    kind = KINDS.get((*free,), "")
-    out = parent.child(f"Physics{kind}Joint", name)
+    kind = TYPES.get((*free,), GENERIC)
+    out = parent.child(kind, name)
     for side, (body, frame) in enumerate(ends):
         if body is not None:
             out.line(f"rel physics:body{side} = <{body.path}>")
@@ -77,9 +64,9 @@ def start_joint(
             out.numbers("quatf", f"physics:localRot{side}", quaternion_of(frame[:3, :3]))
     if closes:
         out.line("uniform bool physics:excludeFromArticulation = true")
-    if kind in ("Revolute", "Prismatic"):
+    if kind in ONE_AXIS:
         out.line(f'uniform token physics:axis = "{next(iter(free))[-1]}"')
-    for axis in AXES if not kind else ():
+    for axis in AXES if kind == GENERIC else ():
         if axis not in free:
             out.apply(f"PhysicsLimitAPI:{axis}")
             out.line(f"float limit:{axis}:physics:low = 1")
@@ -101,31 +88,36 @@ def add_joint(
         home: Its position at home, None for zero.
         losses: Receives what USD cannot say.
     """
-    if joint.kind in REPLACED:
-        losses.add(REPLACED[joint.kind], joint.name)
-    add_of_several(joint, losses, forces=() if joint.kind == "spherical" else FORCES)
-    if joint.kind == "floating":
+    if not WORDS[joint.kind].usd:
+        losses.add(_replaced(joint.kind), joint.name)
+    add_of_several(joint, losses, forces=() if joint.kind is JointKind.SPHERICAL else FORCES)
+    if joint.kind is JointKind.FLOATING:
         return None
-    free, turn = FREE.get(joint.kind), np.eye(3)
-    if free is None:
-        free, turn = ("transZ" if joint.kind == "prismatic" else "rotZ",), rotation_to_axis(joint.axis)
+    turn = rotation_to_axis(joint.axis) if joint.kind.single else np.eye(3)
     ends = End(bodies[0], turned(joint.placement, turn)), End(bodies[1], turned(np.eye(4), turn))
-    out = start_joint(parent, joint.name, free, ends)
+    out = start_joint(parent, joint.name, free_axes(joint.kind), ends)
     if joint.kind.single:
         _add_numbers(out, joint, driven, home, losses)
     return out
 
 
+def _replaced(kind: JointKind) -> str:
+    """Return what becomes of joints that are no type of USD."""
+    if kind is JointKind.FLOATING:
+        return FREED
+    return f"{kind} joints, which USD does not have: read back as hinges" if kind.hinge else in_words(kind)
+
+
 def unit_of(joint: Joint) -> float:
     """Return the unit of positions of a joint in USD [m or rad]."""
-    return 1.0 if joint.kind == "prismatic" else DEGREES
+    return 1.0 if joint.kind.slides else DEGREES
 
 
 def _add_numbers(
     prim: UsdPrim, joint: Joint, driven: bool, home: tuple[float, ...] | None, losses: Losses
 ) -> None:
     """Add limits, drive, armature, friction and position of a joint with one freedom."""
-    name, unit = "linear" if joint.kind == "prismatic" else "angular", unit_of(joint)
+    name, unit = "linear" if joint.kind.slides else "angular", unit_of(joint)
     if driven:
         prim.apply(f"PhysicsDriveAPI:{name}")
         prim.line(f'uniform token drive:{name}:physics:type = "force"')

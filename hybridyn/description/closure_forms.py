@@ -22,10 +22,13 @@ import numpy as np
 from ..errors import ModelError
 from ..joints.kinds import JointKind, RotationKind
 from .groups import Groups
+from .joint_words import CYLINDRICAL, POINT, UNIVERSAL, WORDS
 from .names import listed
 from .placement import poses_at_zero, relative, rotation_to_axis, turned
 from .records import Array, Closure, MotorStatement, RobotFile
 
+#: Every translation.
+FULL = (0, 1, 2)
 #: One side of a closure: link, and the frame placed on it by the author, shape (4, 4).
 Side = tuple[str, Array]
 
@@ -47,18 +50,24 @@ class Form(NamedTuple):
     rotation_of_frames: Array = np.eye(3)
 
 
-#: Closures by name; in this order they have 6, 5, 5, 5, 4, 4, 3, 3 and 3 rows.
-FORMS: dict[str, Form] = {
-    "fixed": Form((0, 1, 2), "fixed", has_axis=False),
-    "revolute": Form((0, 1, 2), "parallel"),
-    "continuous": Form((0, 1, 2), "parallel"),
-    "prismatic": Form((0, 1), "fixed"),
-    "cylindrical": Form((0, 1), "parallel"),
-    "universal": Form((0, 1, 2), "perpendicular"),
-    "planar": Form((2,), "parallel"),
-    "spherical": Form((0, 1, 2), "free", has_axis=False),
-    "point": Form((0, 1, 2), "free", has_axis=False),
-}
+#: How many rows lock a part of the rotation.
+TURNS_HELD: dict[RotationKind, int] = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
+
+
+def _forms() -> dict[str, Form]:
+    """Return the closures by name, those with more rows before others; a joint that holds nothing is none."""
+    held = {kind.value: form for kind in WORDS if (form := kind.closure)}
+    held |= {CYLINDRICAL: ((0, 1), "parallel"), UNIVERSAL: (FULL, "perpendicular"), POINT: (FULL, "free")}
+    rows = {name: len(axes) + TURNS_HELD[rotation] for name, (axes, rotation) in held.items()}
+    return {
+        name: Form(*held[name], has_axis=held[name] not in ((FULL, "fixed"), (FULL, "free")))
+        for name in sorted(held, key=lambda name: -rows[name])
+        if rows[name]
+    }
+
+
+#: Closures by name.
+FORMS = _forms()
 
 #: Rows of a general closure: translations along and rotations about the axes of the predecessor frame.
 ROWS = ("tx", "ty", "tz", "rx", "ry", "rz")
@@ -94,7 +103,7 @@ def closure_of(
         form: Its form, where that is not the one of its kind.
         line: Line in the file, or None.
     """
-    form = form or FORMS[kind]
+    form, kind = form or FORMS[kind], str(kind)
     (link_a, at_a), (link_b, at_b) = sides
     frames = turned(at_a, turns[0]), turned(at_b, turns[1])
     return Closure(
@@ -139,7 +148,6 @@ def words_of_rows(translations: tuple[int, ...], rotation: RotationKind) -> list
 
 #: Numbers of a joint without limits.
 FREE: dict[str, Any] = {"lower": -np.inf} | dict.fromkeys(("upper", "velocity", "effort"), np.inf)
-CLOSURE_TYPES = {"3d": FORMS["point"], "6d": FORMS["fixed"]}
 CLOSING = re.compile(r"(?P<name>closing_.+)_(?P<end>[12](?:_z)?)")
 #: Names of pairs that count where nothing else closes a loop.
 PAIRS = re.compile(r"(?P<name>loop_.+|.+_cut|(?:.+_)?cut_.+)_(?P<end>[12abAB](?:_z)?)")
@@ -192,13 +200,13 @@ def apply_welded_frames(robot: RobotFile) -> None:
         return  # nothing says which of them close a loop, which `refuse_unclosed_frames` tells
     for links in pairs.values():
         sides = [(link, np.eye(4)) for link in links]
-        robot.closures.append(closure_of("-".join(links), "6d", sides, form=CLOSURE_TYPES["6d"]))
+        robot.closures.append(closure_of("-".join(links), "6d", sides, form=FORMS["fixed"]))
     _name_balls_and_motors(robot)
 
 
 def _name_balls_and_motors(robot: RobotFile) -> None:
     """Make hinges named `spherical` balls, and joints named `motor` motors, as Gepetto's reader does."""
-    balls = {joint.name for joint in robot.joints if "spherical" in joint.name and joint.kind.hinge}
+    balls = {joint.name for joint in robot.joints if JointKind.SPHERICAL in joint.name and joint.kind.hinge}
     robot.joints = [
         replace(joint, kind=JointKind.SPHERICAL, **FREE) if joint.name in balls else joint
         for joint in robot.joints
@@ -243,8 +251,8 @@ def _mate(robot: RobotFile, title: str, ends: dict[str, str]) -> Closure:
     sides = [(ends[key], np.eye(4)) for key in ("1", "2")]
     line = next((link.line for link in robot.links if link.name == ends["1"]), None)
     if len(ends) == 2:
-        return closure_of(title, "spherical", sides, line=line)
-    return closure_of(title, "revolute", sides, _turns(robot, title, ends), line=line)
+        return closure_of(title, JointKind.SPHERICAL, sides, line=line)
+    return closure_of(title, JointKind.REVOLUTE, sides, _turns(robot, title, ends), line=line)
 
 
 def _turns(robot: RobotFile, title: str, ends: dict[str, str]) -> list[Array]:

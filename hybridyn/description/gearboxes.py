@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..joints.kinds import JointKind
+from ..joints.kinds import Turn
 from .closure_forms import LARGEST_COSINE
 from .placement import poses_at_zero
 from .records import Array, Coupling, Joint, RobotFile
@@ -77,13 +77,10 @@ def _sense(joint: Joint, about: Array, poses: Mapping[str, Array]) -> float:
     Raises:
         ValueError: The joint turns otherwise.
     """
-    if joint.kind in (JointKind.FIXED, JointKind.PRISMATIC):
+    if joint.kind.turn is Turn.NONE:
         return 0.0
     axis = poses[joint.child][:3, :3] @ joint.axis
-    if (
-        joint.kind not in (JointKind.REVOLUTE, JointKind.CONTINUOUS, JointKind.SCREW)
-        or np.linalg.norm(np.cross(axis, about)) > LARGEST_COSINE
-    ):
+    if not joint.kind.single or np.linalg.norm(np.cross(axis, about)) > LARGEST_COSINE:
         raise ValueError(
             f"joint '{joint.name}' is between the reference body and a link of the gearbox and does not turn "
             "about its axis; no sum of joint positions is the angle that the gearbox ties"

@@ -305,4 +305,4 @@ def _misses(step: Joint, far: Array) -> bool:
         return False
     axis = far[:3, :3] @ step.axis
     across = offset - axis * (axis @ offset)
-    return step.kind == "spherical" or bool(np.abs(across).max() > ON_AXIS * np.abs(offset).max())
+    return step.kind.ball or bool(np.abs(across).max() > ON_AXIS * np.abs(offset).max())

@@ -16,22 +16,13 @@ import pinocchio as pin
 
 from ..errors import ModelError
 from .closure_forms import FORMS, closure_of
+from .joint_words import ANCHORS, UNIVERSAL
 from .names import DROPS, did_you_mean, listed
 from .records import Array, Closure
 from .urdf.xml_node import LARGEST_NUMBER
 
 #: Largest difference of R^T R from the identity for a rotation that was rounded in single precision.
 ROTATION = 1e-5
-#: Kinds of closure by the names of Pinocchio's classes, those of its development branch included, and by the
-#: type of a `RigidConstraintModel`.
-ANCHORS = {
-    "PointAnchorConstraintModel": "point",
-    "FrameAnchorConstraintModel": "fixed",
-    "BilateralPointConstraintModel": "point",
-    "WeldConstraintModel": "fixed",
-    pin.ContactType.CONTACT_3D: "point",
-    pin.ContactType.CONTACT_6D: "fixed",
-}
 #: Constraints that close no loop: limits and friction are taken from the model.
 OF_JOINTS = ("JointLimitConstraintModel", "JointFrictionConstraintModel")
 #: What a constraint may state of the place and the motion of one frame relative to the other.
@@ -80,8 +71,8 @@ def closures_of(
                 f"kinds: no constraint is called {key!r}{did_you_mean(str(key), names)}; "
                 f"they are {listed(names)}"
             )
-        if kind not in FORMS or kind == "universal":
-            known = [form for form in FORMS if form != "universal"]
+        if kind not in FORMS or kind == UNIVERSAL:
+            known = [form for form in FORMS if form != UNIVERSAL]
             raise ModelError(
                 f"kinds: unknown kind {kind!r}{did_you_mean(kind, known)}; known: {listed(known)}"
             )
@@ -94,7 +85,7 @@ def closures_of(
 
 def _closure(model: pin.Model, constraint: Any, name: str, links: Sequence[str], kind: str | None) -> Closure:
     word = type(constraint).__name__
-    own = ANCHORS.get(word) or ANCHORS.get(getattr(constraint, "type", None))
+    own = ANCHORS.get(word) or ANCHORS.get(getattr(getattr(constraint, "type", None), "name", ""))
     if own is None:
         raise ModelError(
             f"constraint '{name}' is a {word}, which closes no loop; pass the point and frame constraints "

@@ -20,6 +20,7 @@ import pinocchio as pin
 from ..errors import ModelError
 from ..joints.kinds import JointKind
 from .joint_graph import add_chain, step
+from .joint_words import PINOCCHIO_CHAINS, WORDS
 from .names import counted, listed, noted, unique
 from .pin_constraints import closures_of, is_finite, is_placement, notes_on, plain_constraints
 from .placement import angle_of
@@ -27,26 +28,8 @@ from .records import Array, Coupling, Joint, Link, RobotFile, massless
 
 #: Limits of this size or more are those of a joint without limit: Pinocchio fills in the largest float.
 UNLIMITED = 1e300
-#: Kinds of joint by the start of Pinocchio's name for it.
-KINDS: dict[str, JointKind] = {
-    "JointModelRUB": JointKind.CONTINUOUS,
-    "JointModelRevoluteUnbounded": JointKind.CONTINUOUS,
-    "JointModelR": JointKind.REVOLUTE,
-    "JointModelP": JointKind.PRISMATIC,
-}
-#: How Pinocchio calls screws, and joints that mimic others.
-SCREW, MIMIC = "JointModelH", "JointModelMimic"
-#: Joints with several freedoms that the description has too.
-WHOLE: dict[str, JointKind] = {
-    "JointModelSpherical": JointKind.SPHERICAL,
-    "JointModelPlanar": JointKind.PLANAR,
-    "JointModelFreeFlyer": JointKind.FLOATING,
-}
-#: Joints that become chains of revolute or prismatic joints about or along the axes that their endings name.
-CHAINS: dict[str, tuple[JointKind, str]] = {
-    "JointModelTranslation": (JointKind.PRISMATIC, "xyz"),
-    "JointModelSphericalZYX": (JointKind.REVOLUTE, "zyx"),
-}
+#: How Pinocchio calls joints that mimic others.
+MIMIC = "JointModelMimic"
 #: Joints that the description does not have, with the reason.
 REFUSED = {
     "JointModelEllipsoid": "moves on an ellipsoid",
@@ -102,10 +85,8 @@ def _pieces(
             )  # fmt: skip
     if word == MIMIC:
         return _mimic(model, number, name, followers)
-    if word in WHOLE:
-        return [step(name, WHOLE[word], np.array([0.0, 0.0, 1.0]))]
-    if word in CHAINS:
-        kind, letters = CHAINS[word]
+    if word in PINOCCHIO_CHAINS:
+        kind, letters = PINOCCHIO_CHAINS[word]
         return [step(f"{name}_{letter}", kind, np.eye(3)["xyz".index(letter)]) for letter in letters]
     if word == "JointModelUniversal":
         universal = joint.extract()
@@ -113,12 +94,23 @@ def _pieces(
         return [step(f"{name}_{i}", JointKind.REVOLUTE, axis) for i, axis in enumerate(axes, 1)]
     if word == "JointModelComposite":
         return _composite(model, number, joint, name, followers)
-    if word.startswith(SCREW):
-        return [_screw(_axis(_alone(joint), 1, JointKind.REVOLUTE), float(joint.extract().pitch), name)]
-    for start, kind in KINDS.items():
-        if word.startswith(start):
-            return [step(name, kind, _axis(_alone(joint), 1, kind))]
-    raise joint_error(model, number, f"{word} is a kind of joint that hybridyn does not have")
+    if (known := _kind_of(word.removeprefix("JointModel"))) is None:
+        raise joint_error(model, number, f"{word} is a kind of joint that hybridyn does not have")
+    if not known.single:
+        return [step(name, known, np.array([0.0, 0.0, 1.0]))]
+    axis = _axis(_alone(joint), 1, known)
+    if known is JointKind.SCREW:
+        return [_screw(axis, float(joint.extract().pitch), name)]
+    return [step(name, known, axis)]
+
+
+def _kind_of(word: str) -> JointKind | None:
+    """Return the kind of a joint by Pinocchio's name: of those with an axis by its longest beginning."""
+    starts = {start: kind for kind, words in WORDS.items() for start in words.pinocchio}
+    fitting = [
+        start for start, kind in starts.items() if word == start or (kind.single and word.startswith(start))
+    ]
+    return starts[max(fitting, key=len)] if fitting else None
 
 
 def _alone(joint: pin.JointModel) -> pin.Model:
@@ -180,7 +172,7 @@ def _axis(model: pin.Model, number: int, kind: JointKind) -> Array:
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     S = np.array(data.joints[number].S, dtype=float).reshape(6)
-    return S[:3] if kind == "prismatic" else S[3:]
+    return S[:3] if kind.slides else S[3:]
 
 
 def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dict[str, Any]:
@@ -200,7 +192,7 @@ def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dic
     words = ("damping", "armature", "friction", "rotorInertia", "rotorGearRatio")
     numbers = {word: np.asarray(getattr(model, word))[at : at + count] for word in words}
     for word, values in list(numbers.items())[:4]:
-        if count > 1 and values.any() and word not in words[: 3 if piece.kind == "spherical" else 1]:
+        if count > 1 and values.any() and word not in words[: 3 if piece.kind is JointKind.SPHERICAL else 1]:
             raise joint_error(
                 model, joint, f"{word} of a joint with several freedoms is not read; set model.{word} to 0"
             )

@@ -113,12 +113,12 @@ def motion_of(joint: Joint, positions: Mapping[str, tuple[float, ...]]) -> Array
         return np.eye(4)
     if joint.kind.slides:
         return placement_from(np.eye(3), joint.axis * at[0])
+    n, place = joint.kind.shift, np.zeros(3)
+    place[:n], turn = at[:n], at[n:]
     if joint.kind.ball:
-        return free_pose(((0.0,) * 3 + at)[-7:])
-    place, turn = ((*at[:2], 0.0), at[2:]) if joint.kind == "planar" else ((0.0,) * 3, at)
+        return placement_from(rotation_from_quaternion(*turn), place)
     angle = angle_of(turn)
-    rotation = rotation_from_axis_angle(joint.axis, np.cos(angle), np.sin(angle))
-    return placement_from(rotation, np.array(place))
+    return placement_from(rotation_from_axis_angle(joint.axis, np.cos(angle), np.sin(angle)), place)
 
 
 def angle_of(at: tuple[float, ...]) -> float:

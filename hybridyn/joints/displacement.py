@@ -19,6 +19,7 @@ from ..spatial import (
     cross,
     rotate,
     rotate_back,
+    rotation_from_axis_angle,
     rotation_from_quaternion,
     rotation_vector,
     sin,
@@ -30,6 +31,15 @@ from .kinds import JointKind, Turn
 TINY_ANGLE = 1e-300
 #: Below this rotation [rad] the inverse of its right Jacobian is a series, exact to rounding.
 SMALL_ANGLE = 1e-4
+
+
+def placed(kind: JointKind, q: Array) -> tuple[Array, Array]:
+    """Return rotations (T, 3, 3) and shifts (T, 3) of the child of a joint with several freedoms."""
+    n, shift = kind.shift, np.zeros((len(q), 3))
+    shift[:, :n] = q[:, :n]
+    if kind.ball:
+        return rotation_from_quaternion(q[:, n:]), shift
+    return rotation_from_axis_angle(np.array([0.0, 0.0, 1.0]), q[:, n], q[:, n + 1]), shift
 
 
 def moved(kind: JointKind, q: Array, xi: Array) -> Array:

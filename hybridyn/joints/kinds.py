@@ -121,18 +121,29 @@ class JointKind(StrEnum):
 
     @property
     def columns(self) -> list[int]:
-        """Entries of the twist that are the rates, for a joint with several freedoms."""
-        return [*range(self.shift), *((5,) if self.turn is Turn.CIRCLE else (3, 4, 5))]
+        """Entries of the twist that are the rates, where the axis is z; a screw's turn."""
+        shifts = (2,) if self.shift == 1 else range(self.shift)
+        turns = {Turn.NONE: (), Turn.BALL: (3, 4, 5)}.get(self.turn, (5,))
+        return [*shifts, *turns]
+
+    @property
+    def parts(self) -> dict[str, JointKind]:
+        """Joints with its freedoms, one behind the other, by the ending of their names."""
+        out = dict.fromkeys(("_x", "_y", "_z")[: self.shift], JointKind.PRISMATIC)
+        if self.turn is not Turn.NONE:
+            out["_turn"] = JointKind.SPHERICAL if self.ball else JointKind.REVOLUTE
+        return out
 
     @property
     def places(self) -> tuple[str, ...]:
         """Names of the parts of its position in tables; one nameless number for one freedom."""
-        return ("",) if self.single else (*LENGTHS[: self.shift], *(QUATERNION if self.ball else (YAW,)))
+        turns = {Turn.NONE: (), Turn.BALL: QUATERNION}.get(self.turn, (YAW,))
+        return ("",) if self.single else (*LENGTHS[: self.shift], *turns)
 
     @property
     def rates(self) -> tuple[str, ...]:
         """Names of the parts of its velocity in tables, as `places`."""
-        return ("",) if self.single else (*LENGTHS[: self.shift], *(SPIN if self.ball else SPIN[2:]))
+        return ("",) if self.single else tuple((*LENGTHS, *SPIN)[at] for at in self.columns)
 
     @property
     def unit(self) -> str:

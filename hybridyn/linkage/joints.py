@@ -10,9 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..joints.displacement import bending, difference, moved
+from ..joints.displacement import bending, difference, moved, placed
 from ..joints.kinds import JointKind
-from ..spatial import Array, hat, rotation_from_axis_angle, rotation_from_quaternion
+from ..spatial import Array, hat
 
 #: Name of the free-flyer joint of the root link, as in Pinocchio.
 ROOT_JOINT = "root_joint"
@@ -56,11 +56,7 @@ class TreeJoint:
 
         The tree evaluates all joints with one freedom together (`Tree.sweep`).
         """
-        n, shift = self.kind.shift, np.zeros((len(q), 3))
-        shift[:, :n] = q[:, :n]
-        if self.kind.ball:
-            return rotation_from_quaternion(q[:, n:]), shift
-        return rotation_from_axis_angle(np.array([0.0, 0.0, 1.0]), q[:, n], q[:, n + 1]), shift
+        return placed(self.kind, q)
 
     @property
     def turn_parts(self) -> Array:

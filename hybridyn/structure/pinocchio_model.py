@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+from ..description.joint_words import WORDS
 from ..errors import ModelError
 from ..joints.kinds import JointKind
 from ..linkage.joints import TreeJoint
@@ -18,30 +19,14 @@ MOST_JOINTS = 10_000
 
 def pinocchio_joint(joint: TreeJoint) -> pin.JointModel:
     """Return the Pinocchio joint of a `TreeJoint`, of an axis-aligned type if the axis allows it."""
-    kind = JointKind
-    single = {
-        kind.REVOLUTE: (
-            pin.JointModelRX,
-            pin.JointModelRY,
-            pin.JointModelRZ,
-            pin.JointModelRevoluteUnaligned,
-        ),
-        kind.CONTINUOUS: (pin.JointModelRUBX, pin.JointModelRUBY, pin.JointModelRUBZ, _continuous),
-        kind.PRISMATIC: (
-            pin.JointModelPX,
-            pin.JointModelPY,
-            pin.JointModelPZ,
-            pin.JointModelPrismaticUnaligned,
-        ),
-        kind.SCREW: (pin.JointModelHX, pin.JointModelHY, pin.JointModelHZ, pin.JointModelHelicalUnaligned),
-    }
-    if joint.kind in single:
-        *aligned, along = single[joint.kind]
-        at = next((i for i in range(3) if joint.axis[i] == 1.0), None)
-        pitch = (joint.pitch,) if joint.kind is kind.SCREW else ()
-        return along(joint.axis, *pitch) if at is None else aligned[at](*pitch)
-    several = {kind.SPHERICAL: pin.JointModelSpherical, kind.PLANAR: pin.JointModelPlanar}
-    return several.get(joint.kind, pin.JointModelFreeFlyer)()
+    name, *others = WORDS[joint.kind].pinocchio
+    letter = next((letter for letter, x in zip("XYZ", joint.axis, strict=True) if x == 1.0), "")
+    numbers = (joint.pitch,) if joint.kind is JointKind.SCREW else ()
+    if not joint.kind.single or letter:
+        return getattr(pin, f"JointModel{name}{letter if joint.kind.single else ''}")(*numbers)
+    if joint.kind is JointKind.CONTINUOUS:
+        return _continuous(joint.axis)
+    return getattr(pin, f"JointModel{others[0]}")(joint.axis, *numbers)
 
 
 def _continuous(axis: Array) -> pin.JointModel:
@@ -50,9 +35,8 @@ def _continuous(axis: Array) -> pin.JointModel:
     return pin.buildModelFromXML(
         '<robot name="one"><link name="a"/><link name="b"><inertial><mass value="1"/>'
         '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        f'<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{x!r} {y!r} '
-        f'{z!r}"/>'
-        "</joint></robot>"
+        f'<joint name="j" type="{JointKind.CONTINUOUS}"><parent link="a"/><child link="b"/>'
+        f'<axis xyz="{x!r} {y!r} {z!r}"/></joint></robot>'
     ).joints[1]
 
 

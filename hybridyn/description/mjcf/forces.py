@@ -101,7 +101,7 @@ def _springs(
         if not (k or any(more)):
             continue
         rest = model.qpos_spring[part.at :]
-        if part.kind == "spherical":
+        if part.kind is JointKind.SPHERICAL:
             x, y, z, w = turn = (*map(float, rest[1:4]), float(rest[0]))
             balls["stiffness"][part.name] = k
             balls["rest"] |= {} if turn == LEVEL else {part.name: [x, y, z, w]}

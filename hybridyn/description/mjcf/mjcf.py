@@ -16,6 +16,7 @@ import numpy as np
 
 from ...joints.kinds import JointKind
 from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
+from ..joint_words import called
 from ..names import listed, noted, unique
 from ..placement import motion_of, placement_from
 from ..records import Array, Joint, Link, RobotFile
@@ -26,19 +27,13 @@ from .forces import JointPart, add_forces, bodies_of, pulling, split
 from .relations import add_actuators, add_equalities
 
 #: Kinds of joints by MuJoCo's words.
-KINDS: dict[str, JointKind] = {
-    "mjJNT_HINGE": JointKind.REVOLUTE, "mjJNT_SLIDE": JointKind.PRISMATIC, "mjJNT_BALL": JointKind.SPHERICAL,
-    "mjJNT_FREE": JointKind.FLOATING,
-}  # fmt: skip
+KINDS = {f"mjJNT_{word.upper()}": joint.chain[0] for word, joint in called("mjcf").items()}
 
 #: Endings and kinds of the joints that stand for a free joint with armature, friction or springs. MuJoCo adds
-#: armature to the
-#: diagonal of the mass matrix in its own rates: those of the body's origin along the axes of the world, and
-#: angular ones about the axes of the body. Slides along the world's axes and a ball have the same rates.
-FREE_PARTS: tuple[tuple[str, JointKind], ...] = (
-    ("_x", JointKind.PRISMATIC), ("_y", JointKind.PRISMATIC), ("_z", JointKind.PRISMATIC),
-    ("_turn", JointKind.SPHERICAL),
-)  # fmt: skip
+#: armature to the diagonal of the mass matrix in its own rates: those of the body's origin along the axes of
+#: the world, and angular ones about the axes of the body. Slides along the world's axes and a ball have the
+#: same rates.
+FREE_PARTS = JointKind.FLOATING.parts
 
 
 def find_root(robot: RobotFile, compiled: Compiled) -> int:
@@ -127,8 +122,8 @@ def _steps(
         origin = next((x for x in (*own[i:], *own[:i][::-1]) if x is not None), np.zeros(3))
         kind = next(kind for word, kind in KINDS.items() if compiled.code(word) == model.jnt_type[number])
         at, dof = int(model.jnt_qposadr[number]), int(model.jnt_dofadr[number])
-        several = kind == "floating" and split(compiled, number)
-        for k, (ending, part) in enumerate(FREE_PARTS if several else (("", kind),)):
+        several = kind is JointKind.FLOATING and split(compiled, number)
+        for k, (ending, part) in enumerate((FREE_PARTS if several else {"": kind}).items()):
             name = compiled.joints[number]
             if ending:
                 name = unique(name + ending, taken)
@@ -147,7 +142,7 @@ def _joint(
     """Return a joint with its limits and numbers, whose placement leads to position zero; it has no links."""
     model, lower, upper = compiled.model, -np.inf, np.inf
     bounds = [float(bound) for bound in model.jnt_range[number]]
-    single = kind in ("prismatic", "revolute")
+    single = kind.single
     if single and (model.jnt_limited[number] or bounds[0] > bounds[1]):
         lower, upper = bounds  # crossed ones limit nothing in MuJoCo; they are dropped with a note
     limited = model.jnt_actfrclimited[number]
@@ -198,9 +193,9 @@ def _chain(compiled: Compiled, body: int, steps: list[tuple[Joint, Array]], take
 
 def _coordinates(kind: JointKind, q: Array) -> tuple[float, ...]:
     """Return a joint's position as Pinocchio has it; `q` starts with MuJoCo's (quaternions w, x, y, z)."""
-    start = {"spherical": 0, "floating": 3}.get(kind)
-    if start is None:
+    if kind.single:
         return (float(q[0]),)
+    start = kind.shift
     turn = q[start : start + 4] / np.linalg.norm(q[start : start + 4])
     return tuple(float(x) for x in (*q[:start], *np.roll(turn, -1)))
 

@@ -19,13 +19,13 @@ from ..joint_graph import WORLD, Chain, JointGraph, span, starts, step
 from ..names import noted, unique
 from ..placement import inverse, placement_from, rotation_to_axis
 from ..plugins import refuse_holding, weld_of
-from ..records import Array, Closure, Coupling, Joint, RobotFile, StatedSpring, spring_effect
+from ..records import Array, Closure, Coupling, RobotFile, StatedSpring, spring_effect
 from ..urdf.drake import BALL, read_ball_constraint
 from ..urdf.drake_forces import BUSHING, SPRING, read_bushings, spring_effects
 from ..urdf.xml_node import XmlNode
 from .elements import Notes, flag, numbers
 from .models import Item, SdfFiles, SdfModels
-from .stated import AXES, ENDLESS, WEIGHTLESS, Stated, line_of, read_joints, read_link
+from .stated import AXES, ENDLESS, SDF, WEIGHTLESS, Stated, line_of, read_joints, read_link
 
 #: Gravity of a world that states none [m/s^2].
 GRAVITY = (0.0, 0.0, -9.8)
@@ -39,18 +39,6 @@ CLOSED = (
     "limits of closures are not read: {}; to keep them, cut another joint of the loop "
     "(<physics><simbody><must_be_loop_joint>true)"
 )
-
-#: Kinds of joints by type; those of several axes are chains.
-KINDS: dict[str, JointKind] = {
-    "revolute": JointKind.REVOLUTE, "continuous": JointKind.CONTINUOUS, "prismatic": JointKind.PRISMATIC,
-    "universal": JointKind.REVOLUTE, "revolute2": JointKind.REVOLUTE, "screw": JointKind.SCREW,
-}  # fmt: skip
-
-#: Closures by the type of the joint.
-CLOSURES = {
-    "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic",
-    "ball": "spherical", "universal": "universal",
-}  # fmt: skip
 
 #: Largest distance at which an axis still passes through an origin, and largest part of a unit axis that is
 #: rounding, relative to the coordinates: poses are products of a few matrices.
@@ -230,24 +218,22 @@ class _SdfBuilder:
         start, end = self.models.pose(above), self.models.pose(below)
         origin = placement_from(np.eye(3), _origin(joint, start, end))
         names = [joint.name]
-        if AXES[joint.kind] == 2:
+        if len(joint.chain) == 2:
             names = [self.graph.joint_name(f"{joint.name}_{number}") for number in (1, 2)]
-        steps: list[Joint] = []
-        for name, axis in zip(names, joint.axes, strict=bool(joint.axes)):
+        steps = [step(joint.name, kind) for kind in joint.chain if not kind.single]
+        for name, kind, axis in zip(names, joint.chain, joint.axes, strict=bool(joint.axes)):
             along = tidy(end[:3, :3].T @ axis.direction)
-            stated = joint.rotor | axis.numbers | (ENDLESS if joint.kind == "continuous" else {})
-            kind = KINDS[joint.kind] if joint.pitch or joint.kind != "screw" else JointKind.REVOLUTE
-            steps.append(step(name, kind, along, pitch=joint.pitch, **stated))
+            stated = joint.rotor | axis.numbers | (ENDLESS if kind.endless else {})
+            flat = kind is JointKind.SCREW and not joint.pitch
+            steps.append(step(name, JointKind.REVOLUTE if flat else kind, along, pitch=joint.pitch, **stated))
             if axis.initial and not math.isnan(axis.initial):
                 self.robot.home[name] = (axis.initial,)
-        if joint.kind == "ball":
-            steps.append(step(joint.name, JointKind.SPHERICAL))
         self.steps[joint.item] = names
         return steps if forward else steps[::-1], (inverse(start) @ end @ origin, origin)
 
     def _closing(self, joint: Stated, links: tuple[str, str]) -> Closure:
         """Return a joint as a closure between two links."""
-        kind = CLOSURES[joint.kind]
+        kind = SDF[joint.kind].closure
         along = [tidy(joint.at[:3, :3].T @ axis.direction) for axis in joint.axes]
         turns = [rotation_to_axis(axis) for axis in along if FORMS[kind].has_axis] or [np.eye(3)]
         frames = [inverse(self.models.pose(link)) @ joint.at for link in joint.links]
@@ -282,13 +268,13 @@ def tidy(axis: Array) -> Array:
 
 def _origin(joint: Stated, start: Array, end: Array) -> Array:
     """Return the joint's place in the frame of the link below, shape (3,); zeros where none matters."""
-    if joint.kind in ("fixed", "prismatic"):
+    if all(kind.slides for kind in joint.chain):
         return np.zeros(3)
     places = (start[:3, 3], end[:3, 3], joint.at[:3, 3])
     size = max(float(np.abs(place).max()) for place in places)
     origin: Array = end[:3, :3].T @ (joint.at[:3, 3] - end[:3, 3])
     across = origin
-    if joint.kind in ("revolute", "continuous", "screw"):
+    if len(joint.axes) == 1:
         axis = end[:3, :3].T @ joint.axes[0].direction
         across = origin - axis * (axis @ origin)
     return np.zeros(3) if np.abs(across).max() <= POSE_ROUNDING * size else origin

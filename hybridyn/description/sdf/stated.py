@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...joints.kinds import JointKind
 from ..closure_forms import LARGEST_COSINE
 from ..joint_graph import WORLD, StatedJoint
+from ..joint_words import WORDS, called
 from ..names import did_you_mean, listed
 from ..records import Array, Link, massless
 from ..urdf.xml_node import XmlNode
@@ -21,11 +23,15 @@ from .elements import Notes, direction, flag, numbers, pose, relative_to, screw_
 from .models import Item, SdfModels
 from .shapes import inertia_of_shapes
 
-#: How many axes each type of joint has.
+#: The joints by type.
+SDF = called("sdf")
+CONTINUOUS, SCREW = WORDS[JointKind.CONTINUOUS].sdf, WORDS[JointKind.SCREW].sdf
+
+#: How many axes each type of joint has, and a gearbox; those with fewer before others.
 AXES = {
-    "fixed": 0, "ball": 0, "revolute": 1, "continuous": 1, "prismatic": 1, "screw": 1, "universal": 2,
-    "revolute2": 2, "gearbox": 2,
-}  # fmt: skip
+    word: count for count in (0, 1, 2) for word, joint in SDF.items()
+    if sum(kind.single for kind in joint.chain) == count
+} | {"gearbox": 2}  # fmt: skip
 
 #: Types of joints that are not read, and what to write in their place.
 UNREAD = {"piston": "a revolute and a prismatic joint; programs never agreed on its meaning"}
@@ -168,17 +174,25 @@ class Stated(StatedJoint):
     rotor: dict[str, float]
     pitch: float = 0.0
 
+    @property
+    def chain(self) -> tuple[JointKind, ...]:
+        """Kinds of the joints that move, one behind the other."""
+        return tuple(kind for kind in SDF[self.kind].chain if kind.nv)
+
     def importance(self, leaders: Collection[Item]) -> int:
         """Return how much would be lost if it were only a closure. `leaders`: joints that others follow."""
         if self.kind == "fixed":
             return NEEDED + 1
-        chained = self.kind in ("screw", "revolute2")  # no closure has their freedoms
-        needed = chained or self.rotor["rotor_inertia"] or any(axis.needed for axis in self.axes)
+        needed = (
+            not SDF[self.kind].closure
+            or self.rotor["rotor_inertia"]
+            or any(axis.needed for axis in self.axes)
+        )
         if needed or self.item in leaders:
             return NEEDED
         if any(axis.limited for axis in self.axes):
             return 3
-        return 1 if self.kind == "ball" else 2
+        return 1 if self.chain == (JointKind.SPHERICAL,) else 2
 
 
 def read_joints(models: SdfModels, file: str, notes: Notes) -> tuple[list[Stated], list[Stated]]:
@@ -257,13 +271,13 @@ def _read_joint(item: Item, models: SdfModels, file: str, notes: Notes) -> State
         kind = "universal"
     if any(node.child(tag) is not None for tag in FOREIGN if kind not in FOREIGN[tag]):
         notes.setdefault(OTHERS, []).append(item.full_name)
-    if kind == "continuous" and any(math.isfinite(axes[0].numbers[word]) for word in ENDLESS):
+    if kind == CONTINUOUS and any(math.isfinite(axes[0].numbers[word]) for word in ENDLESS):
         notes.setdefault(ENDLESS_LIMITS, []).append(item.full_name)
     first, second = (WORLD if end is None else end.full_name for end in (parent, child))
     return Stated(
         item.full_name, (first, second), (), line_of(node, file), _must_close(item), False, item, kind,
         (parent, child), models.pose(item), axes, _rotor(node, kind),
-        screw_pitch(node) if kind == "screw" else 0.0,
+        screw_pitch(node) if kind == SCREW else 0.0,
     )  # fmt: skip
 
 
@@ -284,7 +298,7 @@ def _must_close(item: Item) -> bool:
 def _rotor(node: XmlNode, kind: str) -> dict[str, float]:
     stated = numbers(node, "joint")
     inertia, ratio = stated["drake:rotor_inertia"], stated["drake:gear_ratio"]
-    if inertia and kind not in ("fixed", "revolute", "continuous", "prismatic", "screw"):
+    if inertia and AXES[kind] != 1 and kind != "fixed":
         raise node.error(
             f"<drake:rotor_inertia> of {inertia:g} kg m^2 does not say which axis of a {kind} joint the "
             "rotor turns with; write it in the <axis>, or write revolute joints"

@@ -20,13 +20,18 @@ import numpy as np
 
 from ...errors import ModelError
 from ...joints.kinds import JointKind
-from ..closure_forms import CLOSURE_TYPES, FREE, closure_of
+from ..closure_forms import FORMS, FREE, closure_of
+from ..joint_words import NICKNAMES, called
 from ..names import closest, did_you_mean, listed
 from ..records import Joint, Link, MotorStatement, RobotFile
 from .tables import Schema
 from .yaml_file import Place, YamlFile, checked, read_yaml
 
+#: Joints by the type that they get.
+RETYPED = called("gepetto")
 UNIVERSAL = re.compile(r"UJOINT_([XYZ])([XYZ])")
+#: Types of closures.
+TYPES = ("3d", "6d")
 AXES = {"X": np.array([1.0, 0.0, 0.0]), "Y": np.array([0.0, 1.0, 0.0]), "Z": np.array([0.0, 0.0, 1.0])}
 
 
@@ -78,14 +83,14 @@ def _close(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
     frames = children | {link.name: link.name for link in robot.links}
     for index, (pair, stated) in enumerate(zip(pairs, types, strict=True)):
         place: Place = ("closed_loop", index)
-        if stated.lower() not in CLOSURE_TYPES:
+        if stated.lower() not in TYPES:
             raise document.error(("type", index), f"unknown type '{stated}'; known: '3d' and '6d'")
         if len(pair) != 2:
             raise document.error(place, f"{len(pair)} frames instead of a pair")
         document.refuse_unknown(place, pair, frames, "link or joint")
         sides = [(frames[name], np.eye(4)) for name in pair]
         kind, line = stated.lower(), document.lines[place][0]
-        robot.closures.append(closure_of("-".join(pair), kind, sides, form=CLOSURE_TYPES[kind], line=line))
+        robot.closures.append(closure_of("-".join(pair), kind, sides, form=FORMS[NICKNAMES[kind]], line=line))
 
 
 def _retype(robot: RobotFile, side_car: SideCar, document: YamlFile) -> None:
@@ -115,13 +120,11 @@ def _retyped(joint: Joint, kind: str, links: list[Link]) -> list[Joint]:
         ValueError: The kind is unknown; the message lists the known ones.
     """
     free = replace(joint, **FREE)
-    if kind == "SPHERICAL":
-        return [replace(free, kind=JointKind.SPHERICAL)]
-    if kind == "FIXED":
-        return [replace(free, kind=JointKind.FIXED)]
+    if kind in RETYPED:
+        return [replace(free, kind=RETYPED[kind].chain[0])]
     match = UNIVERSAL.fullmatch(kind)
     if match is None or match[1] == match[2]:
-        known = ["SPHERICAL", "FIXED", "UJOINT_XY", "UJOINT_YZ", "UJOINT_ZX", "UJOINT_ZY"]
+        known = [*reversed(RETYPED), "UJOINT_XY", "UJOINT_YZ", "UJOINT_ZX", "UJOINT_ZY"]
         raise ValueError(f"unknown type '{kind}'{did_you_mean(kind, known)}; known: {listed(known)}")
     first, second = (
         replace(free, name=f"{joint.name}_{x}", kind=JointKind.REVOLUTE, axis=AXES[x]) for x in match.groups()

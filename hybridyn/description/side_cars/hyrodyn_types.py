@@ -20,15 +20,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..closure_forms import FORMS, LARGEST_COSINE, Form, closure_of
+from ..joint_words import BALL, HINGE, UNIVERSAL
 from ..placement import relative, rotation_to_axis
 from ..records import Array, Closure, Joint
 
 #: How many legs the mechanisms have, and by which closure a leg ends.
 LEGS = {
-    "rrPr": (1, "revolute"), "2SPU+1U": (2, "spherical"), "6UPS": (6, "spherical"),
-    "2SPRR+1U": (2, "universal"),
+    "rrPr": (1, HINGE), "2SPU+1U": (2, BALL), "6UPS": (6, BALL), "2SPRR+1U": (2, UNIVERSAL),
 }  # fmt: skip
-HINGES = ("revolute", "continuous")
 
 
 class Legs(NamedTuple):
@@ -62,17 +61,17 @@ def closures_of(legs: Legs, joints: list[Joint], poses: Mapping[str, Array], lin
     count, kind = LEGS[legs.type]
     named, above = {joint.name: joint for joint in joints}, {joint.child: joint for joint in joints}
     slides = [named[name] for name in legs.active]
-    if len(slides) != count or any(joint.kind != "prismatic" for joint in slides):
+    if len(slides) != count or any(not joint.kind.slides for joint in slides):
         raise ValueError(f"has the slides of its legs as active joints, {count} of them")
     if not legs.independent:
         raise ValueError("needs jointnames_independent")
     end = max((named[name].child for name in legs.independent), key=lambda link: len([*_path(link, above)]))
     partners = [end] * count
-    if kind == "universal":
+    if kind == UNIVERSAL:
         arms = [
             named[name] for name in legs.spanning if _body(named[name].parent, above) == _body(end, above)
         ]
-        if len(arms) != count or any(arm.kind not in HINGES for arm in arms):
+        if len(arms) != count or any(not arm.kind.hinge for arm in arms):
             raise ValueError(f"has a hinge for each leg behind its independent joints, {count} of them")
         partners = [arm.child for arm in arms]
     return [
@@ -92,14 +91,14 @@ def _closure(
     Raises:
         ValueError: No hinge is above the slide.
     """
-    tip, form, turns = poses[slide.child], FORMS["spherical"], [np.eye(3)] * 2
-    if kind == "revolute":
-        hinge = next((joint for joint in _path(slide.parent, above) if joint.kind in HINGES), None)
+    tip, form, turns = poses[slide.child], FORMS[BALL], [np.eye(3)] * 2
+    if kind == HINGE:
+        hinge = next((joint for joint in _path(slide.parent, above) if joint.kind.hinge), None)
         if hinge is None:
             raise ValueError(f"has a hinge above the slide '{slide.name}'")
         axis = tip[:3, :3].T @ poses[hinge.child][:3, :3] @ hinge.axis
         form, turns = Form((0, 1), "free"), [rotation_to_axis(axis)] * 2
-    elif kind == "universal":
+    elif kind == UNIVERSAL:
         hinge = above[partner]
         across = np.cross(tip[:3, :3].T @ poses[partner][:3, :3] @ hinge.axis, slide.axis)
         if np.linalg.norm(across) < LARGEST_COSINE:
@@ -107,7 +106,7 @@ def _closure(
         form = FORMS[kind]
         turns = [rotation_to_axis(axis) for axis in (slide.axis, across / np.linalg.norm(across))]
     sides = (slide.child, np.eye(4)), (partner, relative(poses[partner], tip))
-    return closure_of(slide.name, "rows" if kind == "revolute" else kind, sides, turns, form, line)
+    return closure_of(slide.name, "rows" if kind == HINGE else kind, sides, turns, form, line)
 
 
 def _path(link: str, above: Mapping[str, Joint]) -> Iterator[Joint]:

@@ -91,12 +91,12 @@ def _closure(
 ) -> Closure:
     """Return one loop as a closure: a hinge, or a ball where no axis is stated."""
     links, axis = _ends(str(place[0]), loop), getattr(loop, "axis", None)
-    turn, kind = np.eye(3), "spherical"
+    turn, kind = np.eye(3), JointKind.SPHERICAL
     if axis is not None:
         size = float(np.linalg.norm(axis))
         if size < SMALLEST_AXIS:
             raise document.error((*place, "axis"), "is zero, so it has no direction")
-        turn, kind = rotation_to_axis(np.array(axis) / size), "revolute"
+        turn, kind = rotation_to_axis(np.array(axis) / size), JointKind.REVOLUTE
     if place[0] == "closures":
         at = placement_from(np.eye(3), np.array(loop.point))
         frames = [relative(poses[link], at) for link in links]

@@ -44,9 +44,6 @@ from ..records import (
 from ..writing import write_text
 from .toml_file import line_of, parse_toml
 
-#: Index at which the unit vector (cosine and sine, or quaternion) of a position starts; it ends with it.
-UNIT_PART = {"continuous": 0, "spherical": 0, "planar": 2, "floating": 3}
-
 #: Largest deviation of a stated unit vector from length one that counts as rounding; beyond, it is an error.
 UNIT_SLACK = 1e-4
 
@@ -158,7 +155,7 @@ def _position(kind: JointKind, value: float | list[float]) -> tuple[float, ...]:
         raise ValueError(f"{len(values)} numbers for a {kind} joint, which has {wanted}")
     if len(values) == 1:
         return tuple(values)
-    start = UNIT_PART[kind]
+    start = kind.shift  # behind it is a unit vector: cosine and sine, or quaternion
     length = math.hypot(*values[start:])
     if abs(length - 1) > UNIT_SLACK:
         raise ValueError(f"its last {len(values) - start} numbers have length {length:g} instead of 1")

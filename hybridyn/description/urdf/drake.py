@@ -19,6 +19,7 @@ from ...joints.kinds import JointKind
 from ...spatial import rotation_from_axis_angle
 from ..closure_forms import Side, closure_of
 from ..joint_graph import add_chain, step
+from ..joint_words import HINGE, WORDS, called
 from ..names import did_you_mean, listed, unique
 from ..placement import placement_from
 from ..records import Array, Closure, Coupling, Joint, RobotFile
@@ -37,8 +38,9 @@ def as_stated(_: XmlNode, name: str) -> str:
     return name
 
 
-#: Kinds of joints that `<drake:joint>` may have. Drake has the others as `<joint>`.
-KINDS = ("ball", "planar", "screw", "universal")
+#: Joints that `<drake:joint>` may have, by type. Drake has the others as `<joint>`.
+DRAKE = called("drake")
+KINDS = sorted(DRAKE)
 
 #: The pitch of a screw.
 PITCH = "drake:screw_thread_pitch"
@@ -58,7 +60,7 @@ def read_ball_constraint(node: XmlNode, named: Named = as_stated) -> Closure:
         named: Returns the link of a name.
     """
     sides = sides_of(node, {"p_AP": point, "p_BQ": point}, named)
-    return closure_of(constraint_name(node), "spherical", sides, line=node.line)
+    return closure_of(constraint_name(node), JointKind.SPHERICAL, sides, line=node.line)
 
 
 def read_weld_constraint(node: XmlNode) -> Closure:
@@ -146,7 +148,7 @@ def is_drakes(node: XmlNode) -> bool:
     """Return whether a joint is one of Drake: by its tag, or planar with a damping for each freedom."""
     dynamics = node.child("dynamics")
     three = dynamics is not None and len(dynamics.xml.get("damping", "").split()) == 3
-    return node.tag == "drake:joint" or (three and node.xml.get("type") == "planar")
+    return node.tag == "drake:joint" or (three and node.xml.get("type") == WORDS[JointKind.PLANAR].drake)
 
 
 def read_drake_joint(node: XmlNode, robot: RobotFile, numbers: Numbers) -> None:
@@ -170,11 +172,11 @@ def read_drake_joint(node: XmlNode, robot: RobotFile, numbers: Numbers) -> None:
             f"Drake has no such type '{kind}'{did_you_mean(kind, KINDS)} in <drake:joint>; known: "
             f"{listed(KINDS)}. Those of URDF stand in <joint>"
         )
-    if kind != "screw" and node.children(*ROTORS):
+    if DRAKE[kind].chain != (JointKind.SCREW,) and node.children(*ROTORS):
         raise node.error(f"a rotor does not say about which axis of a {kind} joint it turns; write hinges")
     ends = [node.required_child(tag).text("link") for tag in ("parent", "child")]
     axis = _stated_axis(node, kind, robot)
-    chain = CHAINS[kind](node, axis, robot, numbers)
+    chain = CHAINS[DRAKE[kind].chain](node, axis, robot, numbers)
     chain[0] = replace(chain[0], placement=origin_of(node.child("origin")) @ chain[0].placement)
     taken = {link.name for link in robot.links}
     between = [unique(f"{ends[1]}_{one.name}", taken) for one in chain[:-1]]
@@ -184,8 +186,8 @@ def read_drake_joint(node: XmlNode, robot: RobotFile, numbers: Numbers) -> None:
 def _stated_axis(node: XmlNode, kind: str, robot: RobotFile) -> Array:
     """Return the unit axis of a joint; note one that Drake ignores."""
     axis = node.child("axis")
-    if axis is not None and kind in ("ball", "universal"):
-        turns = "about x, then y of its frame" if kind == "universal" else "about every axis"
+    turns = TURNS.get(DRAKE[kind].chain)
+    if axis is not None and turns:
         robot.notes.append(
             f"{axis.at}: the axis of {kind} joint '{node.text('name')}' is ignored: it turns {turns}, as in "
             "Drake"
@@ -241,12 +243,9 @@ def _planar(node: XmlNode, axis: Array, robot: RobotFile, numbers: Numbers) -> l
     turn = least_turn(axis)
     place, back = placement_from(turn, np.zeros(3)), placement_from(turn.T, np.zeros(3))
     if x.any():
-        names = _joint_names(node, robot, "_x", "_y", "_turn")
-        kinds: list[JointKind] = [JointKind.PRISMATIC, JointKind.PRISMATIC, JointKind.REVOLUTE]
-        chain = [
-            step(each, kind, along, damping=float(damping))
-            for each, kind, along, damping in zip(names, kinds, (X, Y, Z), x, strict=True)
-        ]
+        parts = JointKind.PLANAR.parts
+        steps = zip(_joint_names(node, robot, *parts), parts.values(), (X, Y, Z), x, strict=True)
+        chain = [step(each, kind, along, damping=float(damping)) for each, kind, along, damping in steps]
     else:
         chain = [step(name, JointKind.PLANAR, Z)]
     if not np.array_equal(turn, np.eye(3)):
@@ -264,7 +263,10 @@ def least_turn(axis: Array) -> Array:
     return rotation_from_axis_angle(about, np.asarray(axis[2]), np.asarray(sine))
 
 
-#: Makers of chains by the type of the joint.
-CHAINS: dict[str, Callable[[XmlNode, Array, RobotFile, Numbers], list[Joint]]] = {
-    "ball": _ball, "universal": _universal, "screw": _screw, "planar": _planar,
+#: Makers of joints.
+CHAINS: dict[tuple[JointKind, ...], Callable[[XmlNode, Array, RobotFile, Numbers], list[Joint]]] = {
+    (JointKind.SPHERICAL,): _ball, (JointKind.PLANAR,): _planar, (JointKind.SCREW,): _screw,
+    (HINGE, HINGE): _universal,
 }  # fmt: skip
+#: About what joints without an axis of their own turn.
+TURNS = {(JointKind.SPHERICAL,): "about every axis", (HINGE, HINGE): "about x, then y of its frame"}

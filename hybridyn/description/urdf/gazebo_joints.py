@@ -17,19 +17,22 @@ from ...joints.kinds import JointKind
 from ..closure_forms import FORMS, LARGEST_COSINE, closure_of
 from ..gearboxes import Gearbox, coupling_of
 from ..joint_graph import add_chain, pose_coordinates, step
+from ..joint_words import UNIVERSAL
 from ..names import DROPS, did_you_mean, unique
 from ..placement import placement_from, relative, rotation_from_rpy, rotation_to_axis
 from ..records import Array, Coupling, RobotFile, massless
 from ..sdf.elements import flag, numbers, screw_pitch
+from ..sdf.stated import SCREW, SDF
 from .kept_joints import keep_joint
 from .loops import kind_of
 from .xml_node import XmlNode, unit
 
-#: Closures by the type of the joint in SDF; a screw that slides is kept as a joint.
+#: Closures by the type of the joint in SDF. A screw that does not slide is a hinge; others stay joints.
 GAZEBO_TYPES = {
-    "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic",
-    "ball": "spherical", "universal": "universal", "screw": "cylindrical", "gearbox": "gearbox",
-}  # fmt: skip
+    word: joint.closure or JointKind.REVOLUTE
+    for word, joint in SDF.items()
+    if joint.closure or joint.chain == (JointKind.SCREW,)
+} | {"gearbox": "gearbox"}
 MODEL, WORLD = "__model__", "world"
 OBLIQUE = "the axes of a universal joint are perpendicular; mend them, or write two revolute joints"
 PARTS = (
@@ -90,15 +93,13 @@ def _add_world(held: list[XmlNode], robot: RobotFile, poses: dict[str, Array]) -
 
 
 def _read_joint(node: XmlNode, poses: Mapping[str, Array], robot: RobotFile) -> None:
-    kind = GAZEBO_TYPES[
-        kind_of(node, GAZEBO_TYPES, "an SDF joint of type '{}' closes no loop here; write it as <loop>")
-    ]
+    stated = kind_of(node, GAZEBO_TYPES, "an SDF joint of type '{}' closes no loop here; write it as <loop>")
+    kind = GAZEBO_TYPES[stated]
     node.only(["name", "type"], PARTS)
-    pitch = screw_pitch(node) if kind == "cylindrical" else 0.0
-    kind = "revolute" if kind == "cylindrical" and not pitch else kind
+    pitch = screw_pitch(node) if stated == SCREW else 0.0
     ends = [link_of(node.required_child(end), poses) for end in ("parent", "child")]
     at = _place(node, ends[1], poses)
-    tags = {"universal": ("axis", "axis2"), "gearbox": ("axis", "axis2")}.get(
+    tags = {UNIVERSAL: ("axis", "axis2"), "gearbox": ("axis", "axis2")}.get(
         kind, ("axis",) if kind in FORMS and FORMS[kind].has_axis else ()
     )
     axes = [node.required_child(tag) for tag in tags]

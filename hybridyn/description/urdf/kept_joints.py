@@ -22,9 +22,9 @@ from .xml_node import XmlNode
 FORCES = ("damping", "friction", "spring_stiffness")
 #: Kinds of closures with one freedom: as joints.
 KINDS: dict[str, JointKind] = {
-    "revolute": JointKind.REVOLUTE,
-    "continuous": JointKind.REVOLUTE,
-    "prismatic": JointKind.PRISMATIC,
+    kind.value: JointKind.REVOLUTE if kind.hinge else kind
+    for kind in JointKind
+    if kind.single and kind.closure
 }
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -78,7 +78,7 @@ def _at_zero(closure: Closure, kind: JointKind, poses: Mapping[str, Array]) -> A
     """Return the motion that takes the joint's second frame onto its first where the robot is at zero."""
     ends = (closure.link_a, closure.frame_a), (closure.link_b, closure.frame_b)
     found = relative(*(poses[link] @ frame for link, frame in ends))
-    if kind == "prismatic":
+    if kind.slides:
         return placement_from(np.eye(3), -found[2, 3] * Z)
     angle = np.arctan2(found[1, 0] - found[0, 1], found[0, 0] + found[1, 1])
     return placement_from(rotation_from_axis_angle(Z, np.cos(angle), np.sin(-angle)), np.zeros(3))

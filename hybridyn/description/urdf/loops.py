@@ -12,7 +12,9 @@ from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
+from ...joints.kinds import JointKind
 from ..closure_forms import FORMS, Side, closure_of, form_of_rows
+from ..joint_words import NICKNAMES, UNIVERSAL
 from ..names import DROPS, did_you_mean, listed
 from ..placement import poses_at_zero, relative, rotation_to_axis
 from ..records import Array, Closure, Coupling, Joint, RobotFile
@@ -22,14 +24,12 @@ from .kept_joints import keep_joint
 from .xml_node import OfAttributes, XmlNode, axis_of, origin_of
 
 POSE = ("xyz", "rpy", "quat_xyzw")
-#: Alternative names of the types of `<loop_joint>`, in lower case.
-LOOP_JOINT_TYPES = {"3d": "spherical", "ball": "spherical", "6d": "fixed"}
 
 
 def read_loop(node: XmlNode, _: object = None) -> Closure:
     """Read `<loop>`; `<axis>` is in the frame of the predecessor's origin, `<axis2>` in the successor's."""
     kind = kind_of(node, [*FORMS, "rows"])
-    axes = {"rows": [], "universal": ["axis", "axis2"]}.get(kind, ["axis"])
+    axes = {"rows": [], UNIVERSAL: ["axis", "axis2"]}.get(kind, ["axis"])
     node.only(["name", "type", *(["rows"] if kind == "rows" else [])], ["predecessor", "successor", *axes])
     sides = [_attached(node.required_child(tag)) for tag in ("predecessor", "successor")]
     if kind == "rows":
@@ -40,7 +40,7 @@ def read_loop(node: XmlNode, _: object = None) -> Closure:
         turns = (form.rotation_of_frames,) * 2
         return closure_of(node.text("name"), kind, sides, turns, form, node.line)
     turn = _turn(node.child("axis"), kind)
-    other = _turn(node.required_child("axis2"), kind) if kind == "universal" else turn
+    other = _turn(node.required_child("axis2"), kind) if kind == UNIVERSAL else turn
     return closure_of(node.text("name"), kind, sides, (turn, other), line=node.line)
 
 
@@ -98,11 +98,11 @@ def read_constraint(node: XmlNode, _: object = None) -> Closure:
     for side in ends:
         link, axis = node.required_child(side), node.child(f"{side}_axis")
         link.only(["link"], [])
-        if axis is None and kind == "universal":
+        if axis is None and kind == UNIVERSAL:
             raise node.error(f"<{side}_axis> is missing; a universal constraint has two")
         sides.append((link.text("link"), pose_of(node.child(f"{side}_origin"))))
         turns.append(_turn(axis, kind))
-    if kind == "prismatic" and not np.array_equal(turns[0], turns[1]):
+    if kind == JointKind.PRISMATIC and not np.array_equal(turns[0], turns[1]):
         raise node.error(
             "a prismatic constraint whose sides state different axes does not say how they are turned about "
             "the axis; turn <child_origin> so that both axes are the same"
@@ -120,8 +120,8 @@ def read_loop_joint(node: XmlNode, poses: Mapping[str, Array]) -> Closure:
         node: The element.
         poses: Pose of each link where all joints are at zero, shapes (4, 4), where it states a `<parent>`.
     """
-    known = [*(name for name in FORMS if name != "universal"), *LOOP_JOINT_TYPES]
-    kind = kind_of(node, known, names=LOOP_JOINT_TYPES)
+    known = [*(name for name in FORMS if name != UNIVERSAL), *NICKNAMES]
+    kind = kind_of(node, known, names=NICKNAMES)
     if node.children("parent", "child"):
         return _of_fusion(node, kind, poses)
     node.only(["name", "type", "link1", "link2"], ["link1", "link2", "axis", "dynamics", "limit"])

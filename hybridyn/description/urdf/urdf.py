@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...joints.kinds import JointKind
+from ..joint_words import WORDS
 from ..loop_signs import refuse_unread_loops
 from ..names import DROPS, did_you_mean, listed
 from ..records import (
@@ -36,7 +37,7 @@ from .transmissions import ROTOR_TAGS, behind, read_rotor, read_transmissions
 from .xml_node import OfAttributes, XmlNode, axis_of
 
 #: Types of joints of URDF, and PyBullet's `spherical`, a ball.
-URDF_KINDS = tuple(kind for kind in JointKind if kind is not JointKind.SCREW)
+URDF_KINDS = tuple(kind for kind in JointKind if WORDS[kind].urdf)
 
 #: Limits of this size are none. URDF has no word for infinity that every program reads.
 UNLIMITED = 1e30
@@ -195,7 +196,7 @@ def _axis(axis: XmlNode | None, kind: JointKind, node: XmlNode) -> Array:
     Raises:
         ModelError: A planar joint states a normal other than z.
     """
-    if kind == "planar":
+    if kind is JointKind.PLANAR:
         normal = np.array([0.0, 0.0, 1.0])
         if axis is not None and np.abs(np.cross(axis_of(axis), normal)).max() > 1e-12:
             raise node.error(
@@ -217,7 +218,7 @@ def _joint_kind(node: XmlNode) -> JointKind:
     )
 
 
-def _limits(node: XmlNode | None, name: str, kind: str, notes: list[str]) -> dict[str, float]:
+def _limits(node: XmlNode | None, name: str, kind: JointKind, notes: list[str]) -> dict[str, float]:
     """Return the limits that `<limit>` states; note and ignore negative limits of speed or effort."""
     if node is None:
         return {}
@@ -227,9 +228,9 @@ def _limits(node: XmlNode | None, name: str, kind: str, notes: list[str]) -> dic
         if out[word] < 0:
             notes.append(f"{node.at}: joint '{name}': negative {word} limit {out[word]:g} ignored")
             out[word] = math.inf
-    if kind in ("revolute", "prismatic"):
+    if kind.additive and kind is not JointKind.SCREW:
         return out
-    if kind != "fixed" and any(math.isfinite(out[word]) and out[word] for word in ("lower", "upper")):
+    if kind.nv and any(math.isfinite(out[word]) and out[word] for word in ("lower", "upper")):
         limits = f"limits of position of the {kind} joint '{name}' are ignored"
         notes.append(f"{node.at}: {limits}, as Pinocchio and Drake do")
     return out | {"lower": -math.inf, "upper": math.inf}
@@ -243,13 +244,13 @@ def _forces(node: XmlNode | None, name: str, kind: JointKind, robot: RobotFile) 
     stated = forces_of(node, robot.notes, f" of joint '{name}'")
     out = {word: stated.get(word, 0.0) for word in ("damping", "friction")}
     stiffness = stated.get("spring_stiffness", 0.0)
-    if kind == "spherical" and out["friction"]:
+    if kind is JointKind.SPHERICAL and out["friction"]:
         robot.notes.append(
             f"{node.at}: {DROPS} the dry friction of joint '{name}', which has several freedoms"
         )
         out["friction"] = 0.0
     if stiffness and kind.single:
         robot.springs.append(StatedSpring(name, stiffness, stated.get("spring_reference", 0.0)))
-    elif stiffness and kind != "fixed":
+    elif stiffness and kind.nv:
         robot.notes.append(f"{node.at}: {DROPS} the spring of joint '{name}', which has several freedoms")
     return out

@@ -21,7 +21,7 @@ from ..names import unique
 from ..placement import inverse, placement_from
 from ..records import Array, Coupling, Curve, RobotFile
 from ..rows import every_in, names_in
-from .schema import AXES, DEGREES, JOINTS, NUMBERS, ONE_AXIS, SINGLE_PRECISION
+from .schema import AXES, DEGREES, GENERIC, JOINTS, KINDS, NUMBERS, ONE_AXIS, SINGLE_PRECISION, free_axes
 from .stage import Prim, UsdStage
 
 #: Free axes of a PhysicsJoint by the word `dofs` of its customData, which Newton's Kamino reads: the first is
@@ -178,14 +178,10 @@ def _limits(prim: Prim) -> dict[str, tuple[float, float]]:
     An axis of a generic joint is locked where its lower limit is above the upper one.
     """
     stated = prim.instances("PhysicsLimitAPI")
-    if prim.kind != "PhysicsJoint" and stated:
+    if prim.kind != GENERIC and stated:
         raise prim.error(
             "PhysicsLimitAPI is of PhysicsJoint alone; state physics:lowerLimit and physics:upperLimit"
         )
-    if prim.kind == "PhysicsFixedJoint":
-        return {}
-    if prim.kind == "PhysicsSphericalJoint":
-        return dict.fromkeys(AXES[3:], (-np.inf, np.inf))
     if prim.kind in ONE_AXIS:
         axis = prim.word("physics:axis", "X")
         if axis not in ("X", "Y", "Z"):
@@ -195,6 +191,8 @@ def _limits(prim: Prim) -> dict[str, tuple[float, float]]:
             raise prim.error("physics:lowerLimit is above physics:upperLimit; exchange them")
         name = ONE_AXIS[prim.kind][0] + axis
         return {name: (lower * unit_of(prim, name), upper * unit_of(prim, name))}
+    if prim.kind in KINDS:
+        return dict.fromkeys(free_axes(KINDS[prim.kind]), (-np.inf, np.inf))
     for name in stated:
         if name not in AXES:
             raise prim.error(f"a limit of '{name}' is not read; hybridyn has limits of {', '.join(AXES)}")

@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from ...joints.kinds import JointKind
+from ..joint_words import called
 from ..rows import Row, names_in
 
 if TYPE_CHECKING:
@@ -26,11 +28,18 @@ DEGREES = math.pi / 180
 #: Axes of a generic joint, in the order in which a chain of joints moves along them.
 AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
 
-#: Types of joints with one axis: how its name in `AXES` begins, and its name in schemas of several axes.
-ONE_AXIS = {"PhysicsRevoluteJoint": ("rot", "angular"), "PhysicsPrismaticJoint": ("trans", "linear")}
+#: Kinds of joints by their types.
+KINDS = {f"Physics{word}Joint": joint.chain[0] for word, joint in called("usd").items()}
 
-#: Types of joints that are read.
-JOINTS = (*ONE_AXIS, "PhysicsSphericalJoint", "PhysicsFixedJoint", "PhysicsJoint")
+#: Types of joints with one axis: how its name in `AXES` begins, and its name in schemas of several axes.
+ONE_AXIS = {
+    word: ("trans", "linear") if kind.slides else ("rot", "angular")
+    for word, kind in KINDS.items() if kind.single
+}  # fmt: skip
+
+#: The type of a joint that states its axes, and the types of joints that are read.
+GENERIC = "PhysicsJoint"
+JOINTS = (*KINDS, GENERIC)
 
 #: What a joint states about an axis, as numbers of `records.Joint`. "{}" in an attribute is the axis. Several
 #: engines have attributes of their own.
@@ -52,6 +61,12 @@ NUMBERS = {
         "newton:damping": "effort at speed", "mjc:damping": "effort at one radian or metre a second",
     }),
 }  # fmt: skip
+
+
+def free_axes(kind: JointKind) -> tuple[str, ...]:
+    """Return the axes along which a joint moves, some of `AXES`; its own axis is z."""
+    return tuple(AXES[at] for at in kind.columns)
+
 
 #: Beginnings of names of schemas and types of physics, and of attributes: of USD, PhysX, Newton and MuJoCo.
 PHYSICS = ("Physics", "Physx", "Newton", "Mjc")

@@ -18,6 +18,7 @@ from lxml import etree
 from ...description.names import listed
 from ...description.reading import open_robot
 from ...errors import HybridynError
+from ...joints.kinds import JointKind
 from ...spatial import Array
 from ...structure.building import rebuilt
 from ...structure.robot import HybridRobot
@@ -108,7 +109,7 @@ def at_points(robot: HybridRobot) -> HybridRobot:
     if not planar(robot):
         return robot
     closures = tuple(
-        replace(one, kind="spherical", rotation="free")
+        replace(one, kind=str(JointKind.SPHERICAL), rotation="free")
         if (one.translations, one.rotation) == ((0, 1, 2), "parallel")
         else one
         for one in robot.description.closures
