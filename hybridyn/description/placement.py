@@ -111,14 +111,25 @@ def motion_of(joint: Joint, positions: Mapping[str, tuple[float, ...]]) -> Array
     at = positions.get(joint.name)
     if at is None or joint.kind == "fixed":
         return np.eye(4)
-    if joint.kind.slides:
-        return placement_from(np.eye(3), joint.axis * at[0])
     n, place = joint.kind.shift, np.zeros(3)
-    place[:n], turn = at[:n], at[n:]
+    turn = at[n:]
+    if joint.kind.slides:
+        place = joint.axis * at[0]
+    elif joint.kind.single:
+        place = joint.axis * (joint.pitch * angle_of(turn))
+    else:
+        place[:n] = at[:n]
+    return placement_from(_turn_of(joint, turn), place)
+
+
+def _turn_of(joint: Joint, at: tuple[float, ...]) -> Array:
+    """Return the rotation by the coordinates of a joint behind its shift, shape (3, 3)."""
+    if not at:
+        return np.eye(3)
     if joint.kind.ball:
-        return placement_from(rotation_from_quaternion(*turn), place)
-    angle = angle_of(turn)
-    return placement_from(rotation_from_axis_angle(joint.axis, np.cos(angle), np.sin(angle)), place)
+        return rotation_from_quaternion(*at)
+    angle = angle_of(at)
+    return rotation_from_axis_angle(joint.axis, np.cos(angle), np.sin(angle))
 
 
 def angle_of(at: tuple[float, ...]) -> float:

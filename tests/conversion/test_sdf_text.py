@@ -66,6 +66,28 @@ def test_positions_count_from_home(tmp_path: Path) -> None:
     close_to(hybridyn.idm(two, moved, v, a, effects=["spring", "stop"]), tau, SAME)
 
 
+def test_a_screw_stands_where_home_has_it(tmp_path: Path) -> None:
+    """A nut 1.5 rad up its thread is there in the file, and its loop is closed; efforts are the same."""
+    z, pitch, turn = np.array([0.0, 0.0, 1.0]), 0.08, 1.5
+    links = tuple(Link(name, 1.5, np.array([0.1, 0, 0.2]), INERTIA) for name in ("base", "nut", "slider"))
+    joints = (
+        Joint("thread", "screw", "base", "nut", np.eye(4), z, pitch=pitch),
+        Joint("guide", "prismatic", "base", "slider", np.eye(4), z),
+    )
+    pin = Closure("pin", "revolute", "nut", np.eye(4), "slider", np.eye(4), *FORMS["revolute"][:2])
+    home = {"thread": (turn,), "guide": (pitch * turn,)}
+    before = Description("nut", links, joints, (pin,), motors=("thread",), home=home)
+    after, out = read_back(before, tmp_path / "nut.sdf")
+    assert [line.split(":")[0] for line in out.losses] == [
+        "positions of joints count from home, where the loops are closed"
+    ]
+    nut = next(joint for joint in after.joints if joint.name == "thread")
+    np.testing.assert_allclose(nut.placement[:3, 3], (0, 0, pitch * turn), rtol=0, atol=1e-15)
+    one, two = build_robot(before), build_robot(after)
+    q, v, a = states(before)
+    close_to(hybridyn.idm(two, q - one.home, v, a), hybridyn.idm(one, q, v, a), SAME)
+
+
 def test_shapes_are_visuals(tmp_path: Path) -> None:
     shapes = (
         Shape("hand", "box", TURN, (1.0, 2.0, 3.0), colour=(0.1, 0.2, 0.3, 1.0)),
