@@ -44,6 +44,26 @@ def quadratic(value: Array, rate: Array, change: Array) -> Course:
     return lambda t: (value + t * rate + t * t / 2 * change, rate + t * change, change)
 
 
+def straight(names: tuple[str, ...], value: Array, rate: Array) -> Course:
+    """Return coordinates that move as between two rows: a complete orientation turns about a fixed axis."""
+    still = np.zeros_like(rate)
+    if not set(ANGLES) <= set(names):
+        return quadratic(value, rate, still)
+    turns, frame = [names.index(name) for name in ANGLES], pin.LOCAL_WORLD_ALIGNED
+    R = pin.rpy.rpyToMatrix(value[turns])
+    w = pin.rpy.computeRpyJacobian(value[turns], frame) @ rate[turns]
+
+    def course(t: float) -> tuple[Array, Array, Array]:
+        x, v, a = value + t * rate, rate.copy(), still.copy()
+        x[turns] = angles = pin.rpy.matrixToRpy(pin.exp3(t * w) @ R)
+        to_rates = pin.rpy.computeRpyJacobianInverse(angles, frame)
+        v[turns] = rates = to_rates @ w
+        a[turns] = -to_rates @ pin.rpy.computeRpyJacobianTimeDerivative(angles, rates, frame) @ rates
+        return x, v, a
+
+    return course
+
+
 @dataclass(frozen=True, eq=False)
 class Standing:
     """A robot, the links between which poses are given, and the judge.
@@ -212,7 +232,7 @@ def random_aim(
         x: The posture.
         rng: Source of numbers.
         determined: Whether motors are prescribed, too, until no freedom is left.
-        still: Whether all is prescribed without accelerations, and the base at rest.
+        still: Whether all moves straight, as between two rows, and the base is at rest.
     """
     fitted, robot = standing.fitted, standing.robot
     n = fitted.model.nv
@@ -220,8 +240,8 @@ def random_aim(
     kept = 0.0 if still else 1.0
 
     def along(names: tuple[str, ...], link: str, other: str, J: Array, value: Array, start: Array) -> Wanted:
-        rate, change = J @ v, kept * J @ a
-        return Wanted(link, names, quadratic(value, rate, change), other, start)
+        course = straight(names, value, J @ v) if still else quadratic(value, J @ v, J @ a)
+        return Wanted(link, names, course, other, start)
 
     base: list[Wanted] = []
     if robot.base != "fixed":

@@ -75,6 +75,20 @@ def test_rows_less_than_half_a_turn_apart_turn_on(tmp_path: Path, step: float) -
     assert np.abs(q[:, 0] - way).max() < REACHED
 
 
+def test_a_complete_orientation_turns_about_a_fixed_axis_between_rows(tmp_path: Path) -> None:
+    """Against rows along that turn; numbers that change steadily pass the pole on its other side."""
+    robot, start, end = arm(tmp_path, "zyx"), np.array([1.1, -0.9, 0.7]), np.array([-2.3, -0.7, -1.0])
+    R, part = pin.rpy.rpyToMatrix(start), np.linspace(0.0, 1.0, 65)[:, None]
+    turn = pin.log3(pin.rpy.rpyToMatrix(end) @ R.T)
+    along = np.unwrap([pin.rpy.matrixToRpy(pin.exp3(f * turn) @ R) for f in part], axis=0)
+    steady = start + part * (end - start)
+    assert np.abs(along[-1] - end - [2 * np.pi, 0.0, 0.0]).max() < REACHED  # the roll, by a whole turn
+    for rows, there in ((end[None], along), (along, along), (steady, steady)):
+        pose = dict(zip(("roll", "pitch", "yaw"), rows.T, strict=True))
+        q = asked(robot, "l2", pose, start[::-1])
+        assert np.abs(q[-1] - there[-1][::-1]).max() < REACHED
+
+
 @pytest.mark.parametrize("beside", BESIDE)
 def test_a_direction_is_reached_by_the_shorter_turn(tmp_path: Path, beside: float) -> None:
     """That of an axis, or a lone angle, of one joint."""

@@ -1,6 +1,7 @@
 """Steps along straight tool paths of random stacks end on the branch of a fine motion, or are refused."""
 
-from itertools import pairwise
+from dataclasses import replace
+from itertools import islice, pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -8,8 +9,9 @@ import pytest
 
 import hybridyn
 from hybridyn import AssemblyError, SingularityError
-from tests.assembly.aims import BENT, Aim, Array, random_aims
-from tests.assembly.test_stacks import ALIKE, REACHED
+from tests.assembly.aims import BENT, Aim, Array, quadratic, random_aims, straight
+from tests.assembly.fitted import ANGLES, differenced
+from tests.assembly.test_stacks import ALIKE, DIFFERENCED, REACHED
 from tests.robots.as_written import WRITTEN
 from tests.support.samples import slow
 
@@ -100,6 +102,38 @@ def judged(aim: Aim, times: Array) -> tuple[int, int]:
         else:
             assert np.abs(off).max() < REACHED, k
     return len(times), 0
+
+
+def test_straight_angles_have_the_rates_of_a_steady_turn() -> None:
+    """Against differences, and a constant angular velocity."""
+    names, value, rate = (
+        ("yaw", "x", "pitch", "roll"),
+        np.array([0.4, 0.1, 0.8, -0.5]),
+        np.arange(1.0, 5.0) / 5,
+    )
+    course, t, h = straight(names, value, rate), 0.3, 1e-2
+    near = {k: course(t + k * h) for k in (-3, -2, -1, 1, 2, 3)}
+    for level in (0, 1):
+        slope = differenced({k: levels[level] for k, levels in near.items()}, h)
+        assert np.abs(slope - course(t)[level + 1]).max() < DIFFERENCED * np.abs(slope).max()
+    R, S, U = (pin.rpy.rpyToMatrix(course(k)[0][[3, 2, 0]]) for k in (0.0, t, 2 * t))
+    assert np.abs(S @ R.T - U @ S.T).max() < REACHED
+
+
+def test_a_step_of_three_angles_is_a_turn_about_a_fixed_axis() -> None:
+    """The judge follows the same way; where all three change steadily, a fold ends the motion before."""
+    aim, stop = next(islice(random_aims((47,), 20, still=True), 4, None)), 0.8
+    names, (value, rate, _) = aim.target.names, aim.target.course(0.0)
+    steady = replace(aim, target=replace(aim.target, course=quadratic(value, rate.copy(), np.zeros(4))))
+    turns = [names.index(name) for name in ANGLES]
+    first, last = value[turns], steady.target.course(stop)[0][turns]
+    spin = pin.log3(pin.rpy.rpyToMatrix(last) @ pin.rpy.rpyToMatrix(first).T) / stop
+    rate[turns] = pin.rpy.computeRpyJacobianInverse(first, pin.LOCAL_WORLD_ALIGNED) @ spin
+    turned = replace(aim, target=replace(aim.target, course=straight(names, value, rate)))
+    (found,), there = assembled(steady, np.array([stop])), fine_motion(turned, aim.x, 0.0, stop)
+    assert there is not None
+    assert np.abs(aim.standing.fitted.apart(there, found)).max() < REACHED
+    assert fine_motion(steady, aim.x, 0.0, stop) is None
 
 
 @pytest.mark.parametrize(
