@@ -62,7 +62,7 @@ peak = re.search(r"VmHWM:\\s*(\\d+)", proc.read_text()) if proc.exists() else No
 print(peak[1] if peak else "nan")
 sys.exit(status)
 """
-#: Loads the LX4, then computes with a model that it builds quickly in an empty cache; prints the seconds.
+#: Loads the LX4, then computes with a model that CasADi runs, the cache being empty; prints the seconds.
 COLD = """
 import sys, time
 import hybridyn

@@ -15,11 +15,13 @@ from ..spatial import Array
 from ..structure.parameters.entries import Parameters
 from ..structure.robot import HybridRobot
 from .equations.coefficients import at_robot
+from .interpreted import at_once
 from .library.artifact import Artifact
 from .library.cache import Built
 from .library.calls import Calls, Library, Numbers
-from .library.current import Current
+from .library.current import Current, Models
 from .library.direct_calls import refuse
+from .library.steps import Steps
 from .programs.control import ControlSteps
 from .programs.designs import DesignsInSlots
 from .programs.general import (
@@ -60,12 +62,12 @@ class CompiledRobot(ControlSteps):
         self,
         robot: HybridRobot,
         effects: Effects,
-        library: Library,
+        models: Models,
         threads: int,
         parameters: Parameters,
         whole: Artifact,
     ) -> None:
-        """Use a library of all models, or a quick build of one, which `whole` then replaces."""
+        """Use models; the library of `whole` replaces those that CasADi runs."""
         self.robot, self.effects, self.threads, self.parameters = robot, effects, threads, parameters
         self._designs = DesignsInSlots(robot, self.parameters)
         self.handed_over: Counter[str] = Counter()
@@ -74,12 +76,12 @@ class CompiledRobot(ControlSteps):
         self._begin_postures()
         self._moving = robot.base == "moving"
         self._motors, self._rates = len(robot.motors), robot.nv
-        self._current = Current(library, self._use, whole)
+        self._current = Current(models, self._use, whole)
 
     def __repr__(self) -> str:
         """Describe the models: the robot and what is computed, its coordinates, and what was handed over."""
         robot, coordinates = repr(self.robot).split("\n")
-        kind = f"{self.dtype}; {names_on(self.robot, self.effects)}{'; a quick build' * self.quick}"
+        kind = f"{self.dtype}; {names_on(self.robot, self.effects)}{'; run by CasADi' * self.interpreted}"
         text = f"Compiled models ({kind}) of {robot}\n{coordinates}"
         handed = [f"{count} of {what}" for what, count in self.handed_over.most_common()]
         return text + (f"\nhanded to the general path: {', '.join(handed)}" if handed else "")
@@ -106,33 +108,41 @@ class CompiledRobot(ControlSteps):
                 self.robot.name, call, count, samples,
             )  # fmt: skip
 
-    def _use(self, library: Library) -> None:
-        """Take the programs of a library; another thread may do this between two calls."""
-        self.dtype = library.dtype
+    def _use(self, models: Models) -> None:
+        """Take the programs of models; another thread may do this between two calls."""
+        self.dtype = models.dtype
         plain = self.effects.limits is None and not self.parameters.size
-        idm, ddm = (library.programs.get(name) for name in ("idm", "ddm"))
-        self._control_at_once = refuse  # the next call asks for that of this library
+        idm, ddm = (models.programs.get(name) for name in ("idm", "ddm"))
+        self._control_at_once = refuse  # the next call asks for that of these models
         self._idm_at_once = (plain and idm and idm.at_once) or refuse
         self._ddm_at_once = (plain and not self._moving and ddm and ddm.at_once) or refuse
 
     @property
     def library(self) -> Library:
-        """The loaded library of all models. After a quick build of one model, this builds the others."""
-        return self._current.whole()
+        """The loaded library of all models; this waits until it is built."""
+        return self._current.library()
 
     @property
-    def quick(self) -> bool:
-        """Whether the programs are of a quick build: they give the same bits in about half more time."""
-        return self._current.library.built.quick
+    def interpreted(self) -> bool:
+        """Whether CasADi runs the models: until the library is built, or for good where none can be."""
+        return self._current.models.built is None
+
+    @property
+    def steps(self) -> Steps | None:
+        """Time steps in C, or None where there are none; this waits until the library is built."""
+        self.wait_until_optimised()
+        return self._current.models.steps
 
     def wait_until_optimised(self) -> None:
-        """Wait until the optimised programs have replaced the quick ones, or cannot be built."""
+        """Wait until the library is in use, or cannot be built."""
         self._current.wait()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the path of the library's file, and what leads to it where that is gone."""
-        built, whole = self.library.built, self._current.artifact
-        return _restored, (self.robot, self.effects, built, self.threads, self.parameters, whole)
+        """Pickle the path of the library's file, if there is one, and what leads to it."""
+        built, whole = self._current.models.built, self._current.artifact
+        return _restored, (
+            self.robot, self.effects, built, self.threads, self.parameters, whole, str(self.dtype)
+        )  # fmt: skip
 
     def idm(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, parameters: ArrayLike | None = None
@@ -250,6 +260,7 @@ class CompiledRobot(ControlSteps):
     def _run(self, name: str, given: dict[str, ArrayLike], parameters: ArrayLike | None = None) -> Numbers:
         """Run a model for one sample or many."""
         calls = self._current.program(name)
+        result: Numbers
         sizes = dict(calls.inputs)
         given = named(self.robot, given)
         samples = samples_of(given["q"], "q")
@@ -277,11 +288,12 @@ class CompiledRobot(ControlSteps):
 
 
 def _restored(
-    robot: HybridRobot, effects: Effects, built: Built, threads: int, parameters: Parameters, whole: Artifact
-) -> CompiledRobot:
+    robot: HybridRobot, effects: Effects, built: Built | None, threads: int, parameters: Parameters,
+    whole: Artifact, dtype: str,
+) -> CompiledRobot:  # fmt: skip
     """Restore a pickled compiled robot; its library is built again where its file is gone."""
     try:
-        library = Library(built)
+        models = Library(built) if built else at_once(whole, robot, effects, parameters, dtype)
     except OSError:
-        library = whole.loaded(Library, quick=True)
-    return CompiledRobot(robot, effects, library, threads, parameters, whole)
+        models = whole.loaded(Library)
+    return CompiledRobot(robot, effects, models, threads, parameters, whole)

@@ -51,6 +51,7 @@ def verify(
     effects: Effects,
     *,
     required: bool = True,
+    told: bool | None = None,
     design: Array | None = None,
 ) -> None:
     """Compare models with the general path on random states that the models compute themselves.
@@ -59,6 +60,7 @@ def verify(
         library: A `Library`, or what calls programs like one, as `whole_robot.Interpreted`.
         effects: Effects in the models.
         required: Whether a model must compute some of the states itself.
+        told: Whether to log where the general path has to compute most states; None as `required`.
         design: The robot's numbers in the input "parameters" of the models, shape (slots,), if they have it.
 
     Raises:
@@ -80,7 +82,8 @@ def verify(
         if name in library.programs:
             computed[name] = compare_at_states(
                 robot, f"'{name}'", partial(run, name), partial(_general, robot, on, name), agree,
-                states=states, excused=partial(_rounding, robot, on, name), told=required,
+                states=states, excused=partial(_rounding, robot, on, name),
+                told=required if told is None else told,
                 why=partial(reason, robot, on),
             )  # fmt: skip
     if "lift" in library.programs and robot.nv:

@@ -164,7 +164,7 @@ class ComputedTorque(Pd):
             if closing is None and (redundant or self._robot.base == "moving"):
                 return None
             if not same_without_limits(self._robot, compiled.effects, self._on):
-                models = compile_models(self._robot, self._on)
+                models = compile_models(self._robot, self._on, wait=True)
         except HybridynError as error:
             log.warning("computed torque is evaluated in Python, which takes longer: %s", error)
             return None

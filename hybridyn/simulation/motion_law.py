@@ -98,7 +98,7 @@ class MotionLaw:
     @property
     def steps(self) -> Steps | None:
         """The compiled steps in time, or None where there are none."""
-        return None if self._compiled is None else self._compiled.library.steps
+        return None if self._compiled is None else self._compiled.steps
 
     @cached_property
     def in_c(self) -> Law | None:

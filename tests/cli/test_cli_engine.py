@@ -222,7 +222,7 @@ def test_without_a_compiler_the_general_path_works(
     run: Run, tmp_path: Path, worth_it: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     none = Mock(side_effect=engine.HybridynError("no C compiler was found: install gcc"))
-    monkeypatch.setattr("hybridyn.compiled.compiling.find_compiler", none)
+    monkeypatch.setattr("hybridyn.compiled.library.cache.find_compiler", none)
     words = ["idm", "five_bar", "-o", tmp_path / "efforts.csv"]
     run(*words, "--engine", "compiled", status=1, says="install gcc")
     assert "engine: general (not compiled: no C compiler was found" in run(*words).err

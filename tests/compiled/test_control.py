@@ -78,7 +78,7 @@ def test_a_step_moves_to_the_library_that_is_taken_into_use(symmetric: hybridyn.
         patch.setattr(type(symmetric), "_control", lambda self: asked.append(self) or held)
         symmetric.idm_from_motors(at_home(symmetric.robot))
         assert not asked
-        symmetric._current._take(symmetric.library)
+        symmetric._current.take(symmetric.library)
         symmetric.idm_from_motors(at_home(symmetric.robot))
         symmetric.idm_from_motors(at_home(symmetric.robot))
     assert len(asked) == 1

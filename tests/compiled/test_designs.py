@@ -70,7 +70,7 @@ def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
     closing.rows.close = lambda *_, **more: np.zeros(1, int)  # type: ignore[method-assign]
     close_to(compiled.designs(p[3:4], motors=motors).q, alone.q, AGREE)
     assert (before, compiled.recomputed) == (0, ROWS)
-    compiled._current._take(Library(compiled.library.built))  # as when a quick build is replaced
+    compiled._current.take(compiled._current.artifact.loaded(Library))  # as when the library is built
     assert compiled._evaluator._inverse() is compiled._current.program("idm")
 
 

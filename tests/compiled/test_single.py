@@ -38,17 +38,16 @@ def test_what_has_no_copies_runs_on_plain_numbers_where_it_is_called_alone(
     )
 
 
-@pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("copies", [1, 10])
 @pytest.mark.parametrize(
     ("number", "lanes"), [("float64", 8), pytest.param("float32", 16, marks=pytest.mark.slow)]
 )
 def test_single_calls_give_the_bits_of_a_batch(
-    number: str, lanes: int, copies: int, quick: bool, empty_cache: Path
+    number: str, lanes: int, copies: int, empty_cache: Path
 ) -> None:
     program = program_of(copies)
     source = library_source([program], Scalar(number, lanes))
-    library = Library(cached("single", lambda: source, quick=quick))
+    library = Library(cached("single", lambda: source))
     given = [x.astype(number) for x in inputs(program, SAMPLES)]
     parts, guard = library.batch("idm", *given)
     for t in range(SAMPLES):

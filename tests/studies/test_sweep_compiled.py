@@ -1,6 +1,5 @@
 """Sweeps by compiled models: the rows of the general path, however the work is divided."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from hybridyn.structure.parameters.slots import differences
 from hybridyn.studies.sweep import compiled_chunks, compiled_designs
 from hybridyn.studies.sweep import sweep as sweeping
 from hybridyn.studies.sweep import variants as variants_module
-from hybridyn.studies.sweep.compiled_designs import _difference, seconds_to_compile
+from hybridyn.studies.sweep.compiled_designs import _difference
 from hybridyn.studies.sweep.evaluation import Designer, DesignRow
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import about_of
@@ -108,15 +107,10 @@ measure = {{ peak = "peak_effort", mean = "mean_power", w = "rms top0/velocity" 
 """
 
 
-def compiling_takes(seconds: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the C of the models take so long to compile [s]."""
-    monkeypatch.setattr(compiled_designs, "seconds_to_compile", lambda units: seconds)
-
-
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compile models for few designs."""
-    compiling_takes(-np.inf, monkeypatch)
+    monkeypatch.setattr(compiled_designs, "WORTH_COMPILING", 0)
 
 
 def test_without_compiled_models_the_general_path_runs_and_the_report_says_why(
@@ -129,35 +123,19 @@ def test_without_compiled_models_the_general_path_runs_and_the_report_says_why(
 
 
 @pytest.mark.slow
-def test_models_in_the_cache_are_used_however_long_they_took_to_build(
+def test_a_small_study_is_compiled_where_the_models_are_in_the_cache(
     folder: Path, here: Any, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    """A small study is compiled where that is quicker: never, if writing the C already takes longer."""
     needs("compiled")
     study = five_bar_in(folder)
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
-    compiling_takes(np.inf, monkeypatch)
-    state = hybridyn.sweep(study, "slow", jobs=1)
+    monkeypatch.setattr(compiled_designs, "WORTH_COMPILING", 16 * 41 + 1)  # one more than designs times rows
+    state = hybridyn.sweep(study, "general", jobs=1)
     assert (state.compiled, state.why_general) == (0, "")
-    compiling_takes(-np.inf, monkeypatch)
+    monkeypatch.setattr(compiled_designs, "WORTH_COMPILING", 16 * 41)
     assert hybridyn.sweep(study, "built", jobs=1).compiled
-    (models,) = compiled_chunks._kept.popitem()[1].of_structures
-    for library in models.tasks[0].artifacts():  # few postures: quick builds serve
-        built = library.known(quick=True)
-        assert built is not None
-        assert built.quick
-    compiling_takes(np.inf, monkeypatch)
+    monkeypatch.setattr(compiled_designs, "WORTH_COMPILING", 16 * 41 + 1)
     assert hybridyn.sweep(study, "again", jobs=1).compiled
-
-
-def test_the_time_of_compiling_is_told_by_the_smallest_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled: list[tuple[str, ...]] = []
-    monkeypatch.setattr(compiled_designs, "build", lambda units, *_, **__: compiled.append(units))
-    monkeypatch.setattr(compiled_designs, "find_compiler", lambda: None)
-    spent = [os.times_result((0, 0, user, system, 0)) for user, system in ((1.0, 2.0), (1.25, 2.5))]
-    monkeypatch.setattr(compiled_designs.os, "times", lambda: spent.pop(0))
-    assert seconds_to_compile(["a" * 40, "b" * 10, "c" * 50]) == 0.75 * 100 / 10
-    assert compiled == [("b" * 10,)]
 
 
 def both_ways(study: Path) -> Swept:

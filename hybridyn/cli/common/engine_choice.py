@@ -97,7 +97,7 @@ def choose_engine(
     if wanted:
         return EngineChoice(None, f"compiled models cannot do: {wanted}")
     try:
-        model = hybridyn.compile(robot, effects)
+        model = hybridyn.compile(robot, effects, wait=True)  # results are the same, bit for bit
     except HybridynError as error:
         if asked:
             raise

@@ -108,7 +108,7 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
         units["calls"] = _driver_unit(every, bodies, scalar, more)
     again = {plain: bodies[name] for printed in every for name, plain in printed.plain.items()}
     texts = _kernel_units(again, Scalar(scalar.name), parts)
-    units |= _numbered("plain_kernels", [f"#ifndef QUICK\n{text}\n#endif\n" for text in texts])
+    units |= _numbered("plain_kernels", texts)
     about = {
         "number": scalar.name,
         "lanes": scalar.lanes,
@@ -156,11 +156,7 @@ def _driver_unit(every: Iterable[_Printed], bodies: Mapping[str, str], scalar: S
             drivers.append(across_samples(program, printed.adding, tables, sums=printed.sums))
         if scalar.lanes > 1:
             head = placed(program) + COPIES_HEAD
-            quick, full = (
-                across_copies(program, printed.names, scalar.lanes, tables, head, plain)
-                for plain in ({}, printed.plain)
-            )
-            drivers.append(full if quick == full else f"#ifdef QUICK\n{quick}\n#else\n{full}\n#endif")
+            drivers.append(across_copies(program, printed.names, scalar.lanes, tables, head, printed.plain))
             drivers.append(_single(program))
         numbers += [
             f"void {plain}{argument_names(bodies[name]).replace('V *', 'S *')};"

@@ -6,12 +6,11 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from ...description.cache_folder import VARIABLE, check_ownership
 from ...errors import CompileError, HybridynError
 from ..failures import as_compile_error, needs_casadi
-from .building import FLAGS, QUICK_FLAGS
 from .cache import Built, folder_in_use, keep, kept, library_of_source, name_of_key
 
 if TYPE_CHECKING:
@@ -51,35 +50,28 @@ class Artifact:
         with as_compile_error(self.robot):
             return self.write()
 
-    def known(self, *, quick: bool = False) -> Built | None:
-        """Return the library if it is in the cache; arguments and errors are those of `built`."""
+    def known(self) -> Built | None:
+        """Return the library if it is in the cache; errors are those of `built`."""
         at = folder_in_use()
         check_ownership(at)
-        for flags in (FLAGS, QUICK_FLAGS) if quick else (FLAGS,):
-            if (found := kept(at, name_of_key(self.key, self.libraries, flags))) is not None:
-                return found
-        return None
+        return kept(at, name_of_key(self.key, self.libraries))
 
-    def built(self, *, quick: bool = False, jobs: int | None = None) -> Built:
+    def built(self, *, jobs: int | None = None) -> Built:
         """Return the library from the cache, or build it; one that `check` refuses is not kept.
 
         Args:
-            quick: Whether a library without the slow optimisations will do, where there is none with them.
             jobs: Number of C files that are compiled at once; None for that of the cores.
 
         Raises:
             CompileError: There is no compiler, the compiler fails, the cache folder cannot be used, or other
                 users can write in it; the source cannot be generated; or `check` fails.
         """
-        if (found := self.known(quick=quick)) is not None:
+        if (found := self.known()) is not None:
             return found
-        flags = QUICK_FLAGS if quick else FLAGS
-        at, key = folder_in_use(), name_of_key(self.key, self.libraries, flags)
-        source = self.source
+        at, key = folder_in_use(), name_of_key(self.key, self.libraries)
+        source, whose = self.source, self.robot.name if self.robot else ""
         try:
-            found = library_of_source(
-                at, source, self.libraries, flags, jobs, self.robot.name if self.robot else ""
-            )
+            found = library_of_source(at, source, self.libraries, jobs, whose)
             if self.check is not None:
                 with as_compile_error(self.robot):
                     self.check(found)
@@ -90,22 +82,23 @@ class Artifact:
             ) from error
         return found
 
-    def loaded(self, use: Callable[[Built], Used], **options: Any) -> Used:
+    def loaded(self, use: Callable[[Built], Used]) -> Used:
         """Return what loads the library; build it again if another process removed it after it was found.
+
+        Errors are those of `built`.
 
         Args:
             use: Loads it: `Library`, or what holds one.
-            options: Those of `built`, with its errors.
         """
         try:
-            return use(self.built(**options))
+            return use(self.built())
         except OSError:
-            return use(self.built(**options))
+            return use(self.built())
 
-    def tried(self, use: Callable[[Built], Used], otherwise: str, **options: Any) -> Used | None:
+    def tried(self, use: Callable[[Built], Used], otherwise: str) -> Used | None:
         """Return what loads the library; None, and a warning that says what is done otherwise, without it."""
         try:
-            return self.loaded(use, **options)
+            return self.loaded(use)
         except (HybridynError, OSError) as error:
             log.warning("%s (%s)", otherwise, error)
             return None

@@ -32,10 +32,6 @@ FLAGS = (
     "-w",
 )
 
-#: Flags of a quick build (-O1 takes half more time), with the same bits: no flag lets the compiler reorder
-#: or contract arithmetic. Kernels on plain numbers are left out.
-QUICK_FLAGS = ("-DQUICK", *("-Og" if flag == "-O3" else flag for flag in FLAGS))
-
 #: Further flags of a huge C file [bytes]: GCC then chooses registers in half the time, or less.
 HUGE, HUGE_FLAGS = 400_000, ("--param", "lra-max-considered-reload-pseudos=50")
 
@@ -48,6 +44,14 @@ NO_COMPILER = (
     "no C compiler was found: install gcc or clang, name one in the environment variable CC, or "
     "`pip install ziglang` (the extra 'compiler'); the general path works without one"
 )
+
+
+def has_compiler() -> bool:
+    """Return whether there is a C compiler."""
+    try:
+        return bool(find_compiler())
+    except CompileError:
+        return False
 
 
 @cache
@@ -105,7 +109,6 @@ def build(
     compiler: Sequence[str],
     target: Path,
     libraries: tuple[str, ...] = (),
-    flags: tuple[str, ...] = FLAGS,
     jobs: int | None = None,
     kept: Path | None = None,
 ) -> None:
@@ -116,7 +119,6 @@ def build(
         compiler: Its command line.
         target: Path of the library.
         libraries: Linker flags of further libraries; -lm is always linked.
-        flags: Flags of every unit.
         jobs: Number of units that are compiled at once; None for that of the cores.
         kept: Folder where the sources stay, and of which the library tells debuggers; None keeps nothing.
 
@@ -129,7 +131,7 @@ def build(
             source = _written(Path(folder), name, text) if kept is None else _kept(kept, name, text)
             objects.append(f"{Path(folder, name)}.o")
             own = (*(HUGE_FLAGS if len(text) > HUGE else ()), *(() if kept is None else ("-g",)))
-            commands.append([*compiler, *flags, *NATIVE, *own, "-c", str(source), "-o", objects[-1]])
+            commands.append([*compiler, *FLAGS, *NATIVE, *own, "-c", str(source), "-o", objects[-1]])
         with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
             for done, _ in enumerate(pool.map(run_one, commands), 1):
                 log.info("the C compiler has done %d of %d files", done, len(commands))

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 from ...description.cache_folder import VARIABLE, folder, hashed, is_own
 from ...description.writing import appearing
 from ...errors import CompileError
-from .building import KEEP_C, NATIVE, QUICK_FLAGS, build, find_compiler, machine
+from .building import FLAGS, KEEP_C, NATIVE, build, find_compiler, machine
 
 if TYPE_CHECKING:
     from ..code.library_source import Source
@@ -92,12 +92,10 @@ class Built:
     Attributes:
         path: Its file.
         about: Description of its programs (`Source.about`).
-        quick: Whether it was built with `QUICK_FLAGS`.
     """
 
     path: Path
     about: dict[str, Any]
-    quick: bool = False
 
 
 def folder_in_use() -> Path:
@@ -109,17 +107,17 @@ def folder_in_use() -> Path:
     return _writable(folder())
 
 
-def name_of_key(key: str, libraries: tuple[str, ...], flags: tuple[str, ...]) -> str:
+def name_of_key(key: str, libraries: tuple[str, ...]) -> str:
     """Return the name of a key: a hash of its text, of the package, and of all that builds the library."""
-    return hashed(key, package_state(), _tools(libraries, flags))
+    return hashed(key, package_state(), _tools(libraries))
 
 
-def _tools(libraries: tuple[str, ...], flags: tuple[str, ...]) -> str:
+def _tools(libraries: tuple[str, ...]) -> str:
     """Return a text that identifies compiler, flags and machine."""
     compiler = find_compiler()
     file = os.stat(compiler[0])  # asking for its version costs more
     state = [*compiler, str(file.st_size), str(file.st_mtime_ns)]
-    return " ".join([*state, *flags, *NATIVE, *libraries, os.environ.get(KEEP_C, ""), machine()])
+    return " ".join([*state, *FLAGS, *NATIVE, *libraries, os.environ.get(KEEP_C, ""), machine()])
 
 
 @cache
@@ -148,14 +146,14 @@ def kept(at: Path, name: str) -> Built | None:
         with contextlib.suppress(OSError):  # a read-only file
             os.utime(path)  # protects it from eviction for some time
         whole = hashlib.sha256(path.read_bytes()).hexdigest() == record["library"]
-        return Built(path, record["about"], record["quick"]) if whole else None
+        return Built(path, record["about"]) if whole else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
 def keep(at: Path, name: str, built: Built) -> None:
     """Let a key lead to a library."""
-    record = {"library": built.path.stem, "about": built.about, "quick": built.quick}
+    record = {"library": built.path.stem, "about": built.about}
     path = at / "keys" / name
     path.parent.mkdir(exist_ok=True, mode=0o700)
     with appearing(path) as draft:
@@ -164,22 +162,22 @@ def keep(at: Path, name: str, built: Built) -> None:
 
 
 def library_of_source(
-    at: Path, source: Source, libraries: tuple[str, ...], flags: tuple[str, ...], jobs: int | None, robot: str
+    at: Path, source: Source, libraries: tuple[str, ...], jobs: int | None, robot: str
 ) -> Built:
     """Return the library of a source from the cache, or build it; errors are those of `building.build`."""
-    name = hashed(*source.units.values(), json.dumps(source.about, sort_keys=True), _tools(libraries, flags))
+    name = hashed(*source.units.values(), json.dumps(source.about, sort_keys=True), _tools(libraries))
     if (found := kept(at, name)) is not None:
         return found
     at.mkdir(parents=True, exist_ok=True)  # the cache may have been emptied meanwhile
     with tempfile.TemporaryDirectory(dir=at, prefix="building-") as temporary:
         target = Path(temporary, "library.so")
         kept_at = kept_c(robot, source, name)
-        build(source.units, find_compiler(), target, libraries, flags, jobs, kept_at)
+        build(source.units, find_compiler(), target, libraries, jobs, kept_at)
         path = at / "libraries" / f"{hashlib.sha256(target.read_bytes()).hexdigest()}.so"
         path.parent.mkdir(exist_ok=True, mode=0o700)
         target.chmod(0o700)
         os.replace(target, path)
-    made = Built(path, source.about, flags is QUICK_FLAGS)
+    made = Built(path, source.about)
     keep(at, name, made)
     remove_unused(at)
     return made

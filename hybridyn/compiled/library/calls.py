@@ -54,7 +54,8 @@ class Library:
     """
 
     def __init__(self, built: Built) -> None:
-        self.built, self.about = built, built.about
+        self.built: Built | None = built
+        self.about = built.about
         self.dtype = np.dtype(BORDER[built.about["number"]])
         free = ctypes.CDLL(str(built.path))  # releases the interpreter's lock during a call
         held = ctypes.PyDLL(str(built.path))  # holds it: releasing does not pay for a microsecond
@@ -66,10 +67,14 @@ class Library:
             for name, about in built.about["programs"].items()
         }
         steps = alone and built.about["steps"]
-        self.steps = None
+        self.steps: Steps | None = None
         if steps:
             lift, ddm = self.programs["lift"], self.programs["ddm"]
             self.steps = Steps(held, lift.outputs, dict(ddm.inputs)["tau"])
+
+    def program(self, name: str) -> Calls | None:
+        """Return the calls of a program, or None if there is none of this name."""
+        return self.programs.get(name)
 
     def batch(self, name: str, *inputs: ArrayLike, threads: int = 1) -> tuple[tuple[Numbers, ...], Numbers]:
         """Run a program for many samples.

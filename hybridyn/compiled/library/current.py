@@ -1,9 +1,8 @@
-"""The library that a model uses: a quick build of one program, then of all, then the optimised one.
+"""What computes the models in use: CasADi, then the library, as soon as it is built.
 
-A process of its own writes the source of the optimised library and runs the compiler, one unit after the
-other, so that the program keeps its interpreter and its other cores. The library is used only if it gives the
-same bits. After the end of the program the process goes on, for at most `LEFT` seconds, and the next program
-finds what it built.
+A process of its own writes the source of the library and runs the compiler, one unit after the other, so that
+the program keeps its interpreter and its other cores. After the end of the program the process goes on, for
+at most `LEFT` seconds, and the next program finds what it built.
 """
 
 from __future__ import annotations
@@ -20,28 +19,26 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
-from typing import IO
+from collections.abc import Callable, Mapping
+from typing import IO, Any, Protocol
 
 import numpy as np
 
 from ...description.cache_folder import VARIABLE, folder
 from ...errors import CompileError, HybridynError
 from .artifact import Artifact
+from .building import has_compiler
 from .cache import Built, folder_in_use
-from .calls import Calls, Library
+from .calls import Library
+from .steps import Steps
 
 log = logging.getLogger("hybridyn.compiled")
 
-#: Samples on which the bits are compared: full vectors, and one that is not full.
-SAMPLES = 37
 #: Longest time that a build goes on after the end of its program [s]; that of the LX4 takes seven.
 LEFT = 30.0
 #: How much rather the processor serves the program, which may be building other libraries.
 POLITE = 5
-UNUSED = "there is no optimised library, so what is in use stays: %s"
+UNUSED = "there is no library, so CasADi computes: %s"
 #: Program of the process, which gets the program's number, the time that it has after it, and Python's path.
 PROGRAM = """
 import sys
@@ -107,7 +104,7 @@ def _wait(
     artifact: Artifact,
     use: Callable[[Library], None],
 ) -> None:
-    """Wait for the library and use it; the quick one stays in use where there is none."""
+    """Wait for the library and use it."""
     said = ""
     try:
         with turn:
@@ -163,68 +160,72 @@ def _end_after_program(program: int, left: float) -> None:
     os.killpg(0, signal.SIGTERM)
 
 
-def check_bits(check: Callable[[Built], None] | None, quick: Built, built: Built) -> None:
-    """Check a library, and that it gives the bits of a quick one.
+class Models(Protocol):
+    """Models of a robot: a `Library`, or those that CasADi runs."""
 
-    Raises:
-        CompileError: It does not, or as `check` raises.
-    """
-    if check is not None:
-        check(built)
-    if differing := different_programs(Library(quick), Library(built)):
-        raise CompileError(f"the optimised build gives other bits in {', '.join(differing)}")
+    @property
+    def built(self) -> Built | None:
+        """The library's file, or None."""
+        ...
 
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of input and output arrays."""
+        ...
 
-def different_programs(first: Library, second: Library) -> list[str]:
-    """Return the names of programs that give different bits in two libraries, at random inputs."""
-    generator = np.random.default_rng(1)
-    out = []
-    for name, calls in first.programs.items():
-        inputs = [generator.normal(size=(SAMPLES, size)) for _, size in calls.inputs]
-        (one, guard), (other, other_guard) = (x.programs[name].batch(inputs, 1) for x in (first, second))
-        pairs = zip((*one, guard), (*other, other_guard), strict=True)
-        if not all(np.array_equal(x, y, equal_nan=True) for x, y in pairs):
-            out.append(name)
-    return out
+    @property
+    def steps(self) -> Steps | None:
+        """Time steps in C, or None."""
+        ...
+
+    @property
+    def programs(self) -> Mapping[str, Any]:
+        """The programs by name; of those that CasADi runs, the ones that have been called."""
+        ...
+
+    def program(self, name: str) -> Any:
+        """Return the calls of a program, or None if the robot has no such program."""
+        ...
 
 
 class Current:
-    """The library in use.
+    """The models in use.
 
     Attributes:
-        library: The library; it may be a quick build of one program.
+        models: The models.
         artifact: What leads to the library of all programs.
     """
 
-    def __init__(self, library: Library, use: Callable[[Library], None], artifact: Artifact) -> None:
-        """Use a library; if it is a quick build, have the optimised one built. `use` takes each."""
-        self.library, self._use, self.artifact = library, use, artifact
-        self._lock = threading.RLock()
+    def __init__(self, models: Models, use: Callable[[Models], None], artifact: Artifact) -> None:
+        """Use models; if CasADi runs them, have the library built. `use` takes each."""
+        self.models, self._use, self.artifact = models, use, artifact
         self._building: threading.Thread | None = None
-        use(library)
-        if library.built.quick:
-            check = partial(check_bits, artifact.check, library.built)
-            self._building = build_beside(replace(artifact, check=check), self._take)
+        use(models)
+        if models.built is None and has_compiler():
+            self._building = build_beside(artifact, self.take)
 
-    def program(self, name: str) -> Calls:
-        """Return the calls of a program; if it is not there yet, a quick library of all is built."""
-        if name not in self.library.programs:
-            with self._lock:
-                if name not in self.library.programs:
-                    self._take(self.artifact.loaded(Library, quick=True))
-        return self.library.programs[name]
+    def program(self, name: str) -> Any:
+        """Return the calls of a program, or None if the robot has no such program."""
+        return self.models.program(name)
 
-    def whole(self) -> Library:
-        """Return a library of all programs; build it if there is none yet."""
-        self.program("ddm")
-        return self.library
+    def library(self) -> Library:
+        """Return the library; wait until it is built.
+
+        Raises:
+            CompileError: It cannot be built.
+        """
+        self.wait()
+        if not isinstance(self.models, Library):
+            self.take(self.artifact.loaded(Library))
+        assert isinstance(self.models, Library)
+        return self.models
 
     def wait(self) -> None:
-        """Wait until the optimised library is in use, or cannot be."""
+        """Wait until the library is in use, or cannot be."""
         if self._building is not None:
             self._building.join()
 
-    def _take(self, library: Library) -> None:
-        with self._lock:
-            self.library = library
-            self._use(library)
+    def take(self, models: Models) -> None:
+        """Use other models from now on."""
+        self.models = models
+        self._use(models)

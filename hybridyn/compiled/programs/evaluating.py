@@ -73,8 +73,6 @@ class DesignEvaluator:
         effects: Effects,
         inverse: Callable[[], Calls],
         threads: int = 1,
-        *,
-        quick: bool = False,
     ) -> None:
         """Prepare the evaluation.
 
@@ -83,11 +81,10 @@ class DesignEvaluator:
             effects: Effects in the models.
             inverse: Returns the compiled inverse model: from q, v, a and numbers in slots to efforts.
             threads: Number of threads that share a batch.
-            quick: Whether a quick build of what closes the loops serves.
         """
         self.designs, self.effects = designs, effects
         self._inverse, self._threads = inverse, threads
-        self.libraries = ClosingLibraries(designs.robot, designs.parameters, quick=quick)
+        self.libraries = ClosingLibraries(designs.robot, designs.parameters)
 
     def table(
         self,

@@ -170,7 +170,7 @@ class Postures:
             TrajectoryError: As `hybridyn.closure_residual`.
         """
         q, single = as_positions(self.robot, q)
-        lift = self._current.whole().programs.get("lift")
+        lift = self._current.program("lift")
         if lift is None:
             return None
         still = np.zeros((len(q), self.robot.nv))
@@ -181,7 +181,7 @@ class Postures:
     @cached_property
     def _evaluator(self) -> DesignEvaluator:
         """Compute many designs in C."""
-        inverse = partial(self._current.program, "idm")  # it changes when a quick build is replaced
+        inverse = partial(self._current.program, "idm")  # it changes when the library is built
         return DesignEvaluator(self._designs, self.effects, inverse, self.threads)
 
     def _posture_at(self, positions: Mapping[str, ArrayLike]) -> Array:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial, reduce
+from threading import Lock
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from ...effects.choice import Choice
 from ...spatial import Array
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
+from ..code.scalars import GUARD_LIMIT
 from ..equations.request import Request, request
 from ..program import Call, Constants, Program, Start, Worst, stored
 from .close import close_program, lift_program
@@ -46,6 +49,11 @@ def programs(
         ModelError: An effect is not available in compiled models, or no wrench can act on a link.
     """
     asked = request(robot, effects, parameters=parameters, dtype=dtype, wrenches=wrenches, contacts=True)
+    return programs_of(asked, models)
+
+
+def programs_of(asked: Request, models: tuple[str, ...]) -> dict[str, Program]:
+    """Build models of what is asked for, see `programs`."""
     write: dict[str, Callable[[Request], Program | None]] = {
         "idm": inverse_program,
         "ddm": direct_program,
@@ -89,26 +97,65 @@ def function_of(program: Program) -> ca.Function:
     )
 
 
+class InterpretedCalls:
+    """A program that CasADi runs, called like one of a `Library`; no C can call it.
+
+    Attributes:
+        inputs, outputs: Name and length of each.
+        dtype: Type of the results; CasADi computes in double precision.
+        trusted: Largest guard of a result that can be trusted.
+        at_once, address: That there is no function in C.
+    """
+
+    at_once, address = None, 0
+
+    def __init__(self, program: Program, dtype: np.dtype[Any]) -> None:
+        self.inputs, self.outputs = list(program.inputs), list(program.outputs)
+        self.dtype, self.trusted = dtype, GUARD_LIMIT
+        self._given = [np.zeros(size) for _, size in self.inputs]
+        self._found = [np.zeros(size) for size in [*(size for _, size in self.outputs), 1]]
+        self._buffer, self._run = function_of(program).buffer()
+        for i, x in enumerate(self._given):
+            self._buffer.set_arg(i, memoryview(x))  # type: ignore[arg-type, call-arg]
+        for i, x in enumerate(self._found):
+            self._buffer.set_res(i, memoryview(x))  # type: ignore[arg-type, call-arg]
+        self._alone = Lock()  # calls share these arrays
+
+    def batch(self, inputs: Sequence[Array], threads: int) -> tuple[tuple[NDArray[Any], ...], NDArray[Any]]:
+        """Run many samples, one after the other, in one thread.
+
+        Args:
+            inputs: Inputs, shapes (T, n).
+
+        Returns:
+            Outputs, shapes (T, n), and guards, shape (T,).
+        """
+        new = [np.empty((len(inputs[0]), len(x)), self.dtype) for x in self._found]
+        with self._alone:
+            for t, row in enumerate(zip(*inputs, strict=True)):
+                for own, x in zip(self._given, row, strict=True):
+                    own[:] = x
+                self._run()
+                for out, x in zip(new, self._found, strict=True):
+                    out[t] = x
+        return tuple(new[:-1]), new[-1][:, 0]
+
+
 class Interpreted:
     """Programs that CasADi runs, called like those of a `Library`: slow, and without a compiler.
 
     Attributes:
         programs: The programs by name.
-        dtype: Type for which their guards are made; CasADi computes in double precision.
+        dtype: Type for which their guards are made, and of the results.
     """
 
     def __init__(self, programs: Sequence[Program], dtype: str = "float64") -> None:
-        self.programs, self.dtype = {program.name: program for program in programs}, np.dtype(dtype)
-        self._functions = {name: function_of(program) for name, program in self.programs.items()}
+        self.dtype = np.dtype(dtype)
+        self.programs = {program.name: InterpretedCalls(program, self.dtype) for program in programs}
 
     def batch(self, name: str, *inputs: Array) -> tuple[tuple[Array, ...], Array]:
         """Run a program sample after sample; return outputs, shapes (T, n), and guards, shape (T,)."""
-        function = self._functions[name]
-        new = [np.empty((len(inputs[0]), function.size1_out(i))) for i in range(function.n_out())]
-        for t, row in enumerate(zip(*inputs, strict=True)):
-            for out, found in zip(new, function.call([*row]), strict=True):
-                out[t] = np.array(found).ravel()
-        return tuple(new[:-1]), new[-1][:, 0]
+        return self.programs[name].batch(inputs, 1)
 
 
 def run(program: Program, given: list[Any]) -> tuple[list[Any], list[Any]]:

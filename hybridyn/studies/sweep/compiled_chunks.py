@@ -120,7 +120,7 @@ def plan_for(
     Args:
         designs: Values of the parameters, shape (designs, parameters).
         numbers: Numbers of some designs, spread over the study.
-        asked: Whether models are compiled even if the general path takes less time than compiling.
+        asked: Whether models are compiled even where that does not pay.
 
     Returns:
         The plan; or None, and why there are no compiled models, "" where compiling does not pay.
@@ -129,10 +129,10 @@ def plan_for(
     try:
         for name, task in source.study.tasks.items():
             check_task(name, task)
-        for structure, some, seconds in _structures(designer, designs[numbers]):
+        for structure, some in _structures(designer, designs[numbers]):
             try:
                 models = CompiledDesigns(designer, structure, len(designs))
-                if not (asked or own) and seconds * len(designs) < models.seconds_to_build():
+                if not (asked or own or models.pays):
                     return None, ""
                 certain = models.certain_of_any(some)
             except (ModelError, TrajectoryError) as error:  # of this robot, or of the table with it
@@ -158,15 +158,14 @@ def _checked_of(source: StudyFile, count: int) -> int:
     return min(count, min(MOST_CHECKED, -(-count // CHECKED_SHARE)) if stated is None else stated)
 
 
-def _structures(designer: Designer, values: Array) -> Iterator[tuple[Structure, Array, float]]:
+def _structures(designer: Designer, values: Array) -> Iterator[tuple[Structure, Array]]:
     """Yield the structures of more than one of some designs, and in any case the most frequent one.
 
     Args:
         values: Values of the parameters of these designs, shape (designs, parameters).
 
     Yields:
-        The structure, the values of some of its designs, and the processor time of the general path for the
-        design whose robot is compiled [s]; the most frequent structure first.
+        The structure and the values of some of its designs; the most frequent structure first.
 
     Raises:
         ModelError: No robot of these designs can make its motions.
@@ -180,12 +179,11 @@ def _structures(designer: Designer, values: Array) -> Iterator[tuple[Structure, 
     found = False
     for group in [*groups[:1], *(group for group in groups[1:MOST_STRUCTURES] if len(group) > 1)]:
         for base in group[:TRIED_OF_STRUCTURE]:
-            started = time.process_time()
             if designer(0, read[base][0]).status == "ok":
-                seconds, found = time.process_time() - started, True
+                found = True
                 slots = {slot for k in group for slot in differences(read[base][1], read[k][1])}
                 structure = Structure(read[base][0], tuple(sorted(slots)))
-                yield structure, np.array([read[k][0] for k in group[:TRIED_OF_STRUCTURE]]), seconds
+                yield structure, np.array([read[k][0] for k in group[:TRIED_OF_STRUCTURE]])
                 break
     if not found:
         raise ModelError(f"none of {len(read)} designs, spread over the study, can make its motions")

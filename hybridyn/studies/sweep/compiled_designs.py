@@ -8,23 +8,16 @@ certain, and finds what is wrong with those that cannot make the motion.
 from __future__ import annotations
 
 import math
-import os
-import time
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
 
 from ...assembly.requests import gather_requests
 from ...compiled.compiling import inverse_model
-from ...compiled.failures import needs_casadi
 from ...compiled.library.artifact import Artifact
-from ...compiled.library.building import QUICK_FLAGS, build, find_compiler
 from ...compiled.library.calls import Library
 from ...compiled.programs.designs import DesignsInSlots
 from ...compiled.programs.evaluating import DesignEvaluator, DesignTable
@@ -49,9 +42,9 @@ MOST_AT_ONCE = 4096
 #: Largest difference of a motion or its efforts to those of a robot built for the design, over the largest
 #: number of the same kind or its natural size.
 EQUAL = 1e-11
-#: Most postures of a study for which quick builds serve: the C compiler takes a third of the time, the code
-#: half more.
-FEW = 500_000
+#: Designs times rows of their tables from which compiling a study pays: the general path closes so many rows
+#: in some ten seconds, and building what closes a six-legged robot takes as long.
+WORTH_COMPILING = 3_000
 
 
 class Structure(NamedTuple):
@@ -143,21 +136,17 @@ class CompiledDesigns:
             )
         chosen = effects_of(self.robot, task)
         artifact, parameters = inverse_model(self.robot, chosen, self.structure.slots)
-        quick = motion.size * self.count <= FEW
-        inverse = cache(lambda: artifact.loaded(Library, quick=quick).programs["idm"])
-        evaluator = DesignEvaluator(DesignsInSlots(self.robot, parameters), chosen, inverse, quick=quick)
+        inverse = cache(lambda: artifact.loaded(Library).programs["idm"])
+        evaluator = DesignEvaluator(DesignsInSlots(self.robot, parameters), chosen, inverse)
         return _Task(name, task, motion, artifact, evaluator)
 
-    def seconds_to_build(self) -> float:
-        """Return about the processor time of building the models, none where they are in the cache [s]."""
-        new = [one for task in self.tasks for one in task.artifacts() if one.known(quick=True) is None]
-        if not new:
-            return 0.0
-        needs_casadi()
-        import_module("hybridyn.compiled.programs.whole_robot")  # its time is not that of this robot
-        started = time.process_time()
-        units = [unit for one in new for unit in one.source.units.values()]
-        return time.process_time() - started + seconds_to_compile(units)
+    @property
+    def pays(self) -> bool:
+        """Whether the models take less time than the general path, or are in the cache."""
+        rows = self.count * sum(task.motion.size for task in self.tasks)
+        return rows >= WORTH_COMPILING or all(
+            one.known() is not None for task in self.tasks for one in task.artifacts()
+        )
 
     def measured(
         self, numbers: Index, values: Array, wanted: Container[int]
@@ -249,17 +238,6 @@ class CompiledDesigns:
         except HybridynError:
             return math.inf
         return _difference(robot, ours, (*at[1:], tau))
-
-
-def seconds_to_compile(units: Sequence[str]) -> float:
-    """Return about the processor time of a quick build [s]: that of the smallest unit tells, by its size."""
-    smallest = min(units, key=len)
-    with TemporaryDirectory() as folder:
-        before = os.times()
-        build({"smallest": smallest}, find_compiler(), Path(folder, "library.so"), flags=QUICK_FLAGS)
-        after = os.times()
-    spent = after.children_user - before.children_user + after.children_system - before.children_system
-    return spent * sum(map(len, units)) / len(smallest)
 
 
 def _difference(robot: HybridRobot, ours: Sequence[Array], theirs: Sequence[Array]) -> float:

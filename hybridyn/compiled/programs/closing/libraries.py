@@ -112,14 +112,13 @@ class Closing:
 class ClosingLibraries:
     """Loads libraries as requests need them, and keeps the last ones."""
 
-    def __init__(self, robot: HybridRobot, designs: Parameters | None = None, *, quick: bool = False) -> None:
+    def __init__(self, robot: HybridRobot, designs: Parameters | None = None) -> None:
         """Start without any library.
 
         Args:
             designs: Numbers that are arguments, of designs in lanes; None for rows of the robot itself.
-            quick: Whether a quick build serves.
         """
-        self.robot, self._designs, self._quick = robot, designs, quick
+        self.robot, self._designs = robot, designs
         self._known: dict[tuple[object, ...], Closing | None] = {}
         self._splits: dict[tuple[object, ...], Split] = {}
 
@@ -195,7 +194,7 @@ class ClosingLibraries:
         if members is None or (self._designs is None and not (alone and best_lanes() > 1)):
             return None
         otherwise = f"{'assemble' if self._designs is None else 'designs'}: the general path closes the loops"
-        rows = self._artifact(wanted.requests, *members).tried(self._rows, otherwise, quick=self._quick)
+        rows = self._artifact(wanted.requests, *members).tried(self._rows, otherwise)
         return None if rows is None else Closing(members[0], rows, members[1])
 
     def _rows(self, built: Built) -> ClosedRows:

@@ -1,4 +1,4 @@
-"""A quick build gives the same bits, and the optimised one replaces it: for the next program, too."""
+"""Another process builds the library, which replaces what CasADi runs: for the next program, too."""
 
 import atexit
 import functools
@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,15 +21,13 @@ import pytest
 import hybridyn
 from hybridyn.compiled.code.library_source import Source, library_source
 from hybridyn.compiled.code.scalars import Scalar
-from hybridyn.compiled.library import current
 from hybridyn.compiled.library.artifact import Artifact
-from hybridyn.compiled.library.building import find_compiler
 from hybridyn.compiled.library.cache import Built, folder_in_use
-from hybridyn.compiled.library.calls import Library
-from hybridyn.compiled.library.current import Current, build_beside, different_programs
+from hybridyn.compiled.library.current import Current, build_beside
+from hybridyn.compiled.programs.whole_robot import Interpreted
 from tests import ROOT
 from tests.compiled.toys import inputs, toy
-from tests.support.comparing import refused
+from tests.support.comparing import close_to, refused
 from tests.support.waiting import PATIENCE, wait_until
 
 TOY = toy(4, 2)
@@ -38,8 +35,8 @@ TOY = toy(4, 2)
 #: A program that ends while its optimised library is built.
 PROGRAM = f"""
 import os, signal, sys
-from {__name__} import Model, find
-model = Model(find(quick=True))
+from {__name__} import Model
+model = Model()
 if "kill" in sys.argv:
     os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -55,23 +52,30 @@ def artifact(check: Callable[[Built], None] | None = None, key: str = "a toy") -
     return Artifact(None, key, source, check)
 
 
-find, kept = artifact().built, artifact().known
+kept = artifact().known
+#: Largest difference of CasADi from C, which fuses products and sums, over the largest number of a toy.
+ROUNDED = 1e-13
 
 
-class Model:
-    """An object that uses a library, and replaces it."""
+class Run(Interpreted):
+    """The toy, run by CasADi."""
 
-    def __init__(self, quick: Built, check: Callable[[Built], None] | None = None) -> None:
-        self.current = Current(Library(quick), lambda library: None, artifact(check))
+    built, steps = None, None
 
-    @property
-    def library(self) -> Library:
-        """The library in use."""
-        return self.current.library
+    def program(self, name: str) -> Any:
+        """Return the calls of a program."""
+        return self.programs[name]
 
 
-def answers(library: Library) -> list[np.ndarray]:
-    parts, guard = library.batch(TOY.name, *inputs(TOY, 7))
+class Model(Current):
+    """What CasADi runs, until the library is built."""
+
+    def __init__(self, check: Callable[[Built], None] | None = None, key: str = "a toy") -> None:
+        super().__init__(Run([TOY]), lambda models: None, artifact(check, key))
+
+
+def answers(model: Model) -> list[np.ndarray]:
+    parts, guard = model.program(TOY.name).batch(inputs(TOY, 7), 1)
     return [*parts, guard]
 
 
@@ -98,16 +102,15 @@ def test_what_is_asked_for_is_pickled_before_the_caller_goes_on() -> None:
     assert Witness.threads == [threading.current_thread().name]
 
 
-def test_the_optimised_library_takes_over_with_the_same_bits() -> None:
-    quick = find(quick=True)
-    assert quick.quick
-    model = Model(quick)
-    before = answers(model.library)
-    model.current.wait()
-    assert not model.library.built.quick
-    assert all(map(np.array_equal, before, answers(model.library)))
-    assert find(quick=True) == model.library.built  # the next program begins with it
-    assert different_programs(Library(quick), model.library) == []
+def test_the_library_takes_over() -> None:
+    model = Model()
+    before = answers(model)
+    assert model.models.built is None
+    model.wait()
+    assert model.library() is model.models
+    for one, other in zip(before, answers(model), strict=True):
+        close_to(one, other, ROUNDED)
+    assert kept() == model.models.built  # the next program begins with it
 
 
 @pytest.mark.slow
@@ -118,10 +121,10 @@ def test_the_process_uses_the_folder_that_replaces_the_cache(
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "file" / "cache"))  # cannot be written
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    model = Model(find(quick=True))
-    model.current.wait()
+    model = Model()
+    model.wait()
     assert not caplog.text
-    assert not model.library.built.quick
+    assert model.models.built is not None
     assert len(list(tmp_path.glob("hybridyn-*"))) == 1
 
 
@@ -141,48 +144,18 @@ def test_the_folder_that_replaces_the_cache_is_removed_at_the_end(
     assert not made.exists()
 
 
-def test_a_library_with_other_bits_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The process that builds compares the bits before a key leads to the library."""
-    sent: list[Artifact] = []
-    monkeypatch.setattr(current, "build_beside", lambda artifact, _: sent.append(artifact))
-    Model(find(quick=True))
-    with monkeypatch.context() as patch:
-        patch.setattr(current, "different_programs", lambda *_: ["idm"])
-        refused(sent[0].built, hybridyn.CompileError, "other bits in idm")
-        assert kept() is None
-    assert not sent[0].built().quick
-
-
 def refuse(built: Built) -> None:
     """Refuse every library."""
     raise hybridyn.CompileError("it is wrong")
 
 
 def test_a_library_that_is_wrong_is_not_used(caplog: pytest.LogCaptureFixture) -> None:
-    model = Model(find(quick=True), refuse)
-    model.current.wait()
-    assert model.library.built.quick
-    assert "no optimised library, so what is in use stays: it is wrong" in caplog.text
+    model = Model(refuse)
+    model.wait()
+    assert model.models.built is None
+    assert "there is no library, so CasADi computes: it is wrong" in caplog.text
     assert kept() is None
-
-
-class Shifted:
-    """The calls of a program, with another last bit in the last output."""
-
-    def __init__(self, calls: Any) -> None:
-        self.calls, self.inputs = calls, calls.inputs
-
-    def batch(self, given: Any, threads: int) -> Any:
-        """Run the program."""
-        (*parts, last), guard = self.calls.batch(given, threads)
-        return (*parts, np.nextafter(last, np.inf)), guard
-
-
-def test_other_bits_are_found() -> None:
-    library: Any = Library(find(quick=True))
-    assert different_programs(library, library) == []
-    other: Any = SimpleNamespace(programs={TOY.name: Shifted(library.programs[TOY.name])})
-    assert different_programs(library, other) == [TOY.name]
+    refused(model.library, hybridyn.CompileError, "it is wrong")
 
 
 @pytest.mark.parametrize("ending", ["", "kill"])
@@ -237,45 +210,6 @@ def test_no_compiler_goes_on_for_long_after_the_program(tmp_path: Path) -> None:
     wait_until(lambda: not Path(f"/proc/{number}").exists(), "the end of what the compiler started")
 
 
-@pytest.mark.slow
-def test_the_inverse_model_is_built_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A call of another builds all, and none waits for the optimised ones."""
-    monkeypatch.setattr(current, "build_beside", lambda *_: None)
-    robot = hybridyn.load("five_bar")
-    model = hybridyn.compile(robot, wait=False)
-    state = robot.home, np.zeros(robot.nv), np.zeros(robot.nv)
-    assert np.allclose(model.idm(*state), hybridyn.idm(robot, *state))
-    assert list(model._current.library.programs) == ["idm"]
-    assert {"idm", "ddm", "lift"} <= set(model.library.programs)
-    assert model.quick
-    assert "a quick build" in repr(model)
-
-
-def test_a_program_that_is_missing_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    first: Any = SimpleNamespace(programs={"idm": 1}, built=SimpleNamespace(quick=True))
-    whole: Any = SimpleNamespace(programs={"idm": 2, "ddm": 3})
-    later: Any = SimpleNamespace(programs={"idm": 4, "ddm": 5})
-    used: list[Any] = []
-    built: list[int] = []
-
-    def load(*_: object, **__: object) -> Any:
-        """Build all."""
-        built.append(1)
-        return whole
-
-    monkeypatch.setattr(current, "build_beside", lambda *_: None)
-    monkeypatch.setattr(Artifact, "loaded", load)
-    tried: Any = Current(first, used.append, artifact())
-    assert tried.program("idm") == 1
-    assert not built
-    assert tried.program("ddm") == 3
-    assert tried.whole() is whole
-    tried._take(later)
-    assert tried.program("ddm") == 5
-    assert used == [first, whole, later]
-    assert built == [1]
-
-
 def alone(folder: Path, built: Built) -> None:
     """Fail where another process does so at the same time."""
     folder.mkdir()
@@ -286,31 +220,8 @@ def alone(folder: Path, built: Built) -> None:
 @pytest.mark.slow
 def test_builds_of_a_cache_folder_take_turns(tmp_path: Path) -> None:
     """A loop over many robots starts one process after the other."""
-    quick, check = find(quick=True), functools.partial(alone, tmp_path / "taken")
-    toys = [artifact(check, f"toy {k}") for k in range(3)]
-    models = [Current(Library(quick), lambda library: None, toy) for toy in toys]
+    check = functools.partial(alone, tmp_path / "taken")
+    models = [Model(check, f"toy {k}") for k in range(3)]
     for model in models:
         model.wait()
-    assert not any(model.library.built.quick for model in models)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["lx4", "five_bar", "delta"])
-def test_robots_keep_their_bits(
-    name: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> None:
-    monkeypatch.delenv("CC", raising=False)
-    find_compiler.cache_clear()
-    request.addfinalizer(find_compiler.cache_clear)
-    robot = hybridyn.load(name)
-    compiled = hybridyn.compile(robot, wait=False)
-    generator = np.random.default_rng(3)
-    q = np.tile(robot.home, (5, 1))
-    v, a = generator.normal(size=(2, 5, robot.nv))
-    quick = compiled._current.library
-    before = quick.batch("idm", q, v, a)
-    compiled.wait_until_optimised()
-    assert not compiled.quick
-    again = compiled.library.batch("idm", q, v, a)
-    assert np.array_equal(before[0][0], again[0][0])
-    assert different_programs(quick, compiled.library) == []
+    assert all(model.models.built for model in models)
