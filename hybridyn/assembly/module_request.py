@@ -181,7 +181,6 @@ def module_request(
     """
     module = robot.modules[number]
     m = module.mechanism
-    base_body = robot.bodies.place[module.base][0]
     known = np.tile(m.home, (requests.samples, 1))
     still = np.zeros((2, requests.samples, m.tree.nv))
     request = ModuleRequest(
@@ -203,13 +202,11 @@ def module_request(
     for pose in requests.poses:
         if robot.body_owner[robot.bodies.place[pose.link][0]][0] != number:
             continue
-        place = place_in_tree(robot, pose.link)
+        place, frame = place_in_tree(robot, pose.link), _frame_in_base(requests, robot, pose, bodies)
         if pose.motion is not None:
-            motion = _in_base(robot, module, base_body, bodies, pose, pose.motion)
-            request.give_pose(pose.link, place, motion)
-        if pose.motion is None or pose.further:
-            targets = _partial_targets(robot, module, base_body, pose, place)
-            request.targets += [(pose.link, target) for target in targets]
+            request.give_pose(pose.link, place, frame.then(pose.motion))
+        targets = partial_targets(pose, place[0], (frame.R[0], frame.p[0]), place[1:], m.length)
+        request.targets += [(pose.link, target) for target in targets]
     if followers:
         request.give_followers()
     return request
@@ -248,38 +245,18 @@ def body_in_tree(robot: HybridRobot, owner: tuple[int, int], link: str) -> tuple
     return found
 
 
-def _partial_targets(
-    robot: HybridRobot, module: Module, base_body: int, pose: PoseRequest, place: tuple[int, Array, Array]
-) -> list[Target]:
-    """Return the targets of a partial pose; `place` is the link's body and its placement in the body."""
-    other_body, other_R, other_p = robot.bodies.place[pose.other]
-    if other_body != base_body:
-        raise AssemblyError(
-            f"partial pose of '{pose.link}' relative to '{pose.other}': give it relative to the base "
-            f"of its module, '{pose.link}@{module.base}/pose/...'",
-            module=module.name,
-        )
-    body, R, p = place
-    return partial_targets(pose, body, (other_R, other_p), (R, p), module.mechanism.length)
-
-
-def _in_base(
-    robot: HybridRobot,
-    module: Module,
-    base_body: int,
-    bodies: Mapping[int, Motion],
-    pose: PoseRequest,
-    motion: Motion,
+def _frame_in_base(
+    requests: Requests, robot: HybridRobot, pose: PoseRequest, bodies: Mapping[int, Motion]
 ) -> Motion:
-    """Compute a link's prescribed motion in its module's base body."""
-    other_body, R, p = robot.bodies.place[pose.other]
-    placed = Motion.at_rest(len(motion.p), R, p)
-    if other_body == base_body:
-        return placed.then(motion)
-    if other_body not in bodies:
+    """Compute the motion of the link in which a pose is measured, in the base body of the pose's module."""
+    module = robot.modules[robot.body_owner[robot.bodies.place[pose.link][0]][0]]
+    base, (other, R, p) = robot.bodies.place[module.base][0], robot.bodies.place[pose.other]
+    placed = Motion.at_rest(requests.samples, R, p)
+    if other == base:
+        return placed
+    if other not in bodies or pose.motion is None or pose.further:
         raise AssemblyError(
-            f"pose of '{pose.link}' relative to '{pose.other}', which stands further out; give it "
-            f"relative to '{module.base}' or a link nearer to the root",
+            f"pose of '{pose.link}' relative to '{pose.other}': give it relative to '{module.base}'",
             module=module.name,
         )
-    return bodies[other_body].then(placed).then(motion).seen_from(bodies[base_body])
+    return bodies[other].then(placed).seen_from(bodies[base])

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..linkage.motion import Motion
 from ..linkage.pointing import DirectionTarget, DistanceTarget
-from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target, TurnTarget
+from ..linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target
 from ..spatial import Array
 from .poses import PoseRequest
 
@@ -34,7 +34,8 @@ def partial_targets(
     out: list[Target] = []
     names, units, (R, p) = (pose.link, pose.reference), _units(length), frame
     if pose.turn is not None:
-        out.append(TurnTarget(body, names, R, link, pose.turn, units[3:]))
+        frame_at, back = (Motion.at_rest(len(pose.turn.p), axes) for axes in (R, link[0].T))
+        out.append(PoseTarget(body, frame_at.then(pose.turn).then(back), units[3:]))
     if some := tuple(pose.coordinates):
         value, rate, acceleration = (np.stack([pose.coordinates[n][i] for n in some], 1) for i in range(3))
         own = units[[COORDINATES.index(name) for name in some]]

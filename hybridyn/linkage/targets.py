@@ -32,38 +32,50 @@ SAME_ANGLE = 1e-6
 
 
 class PoseTarget(NamedTuple):
-    """A body's complete pose in the base of its tree.
+    """A body's complete pose in the base of its tree, or its orientation alone: its position is free then.
 
     Attributes:
         body: Number of the body.
         goal: Its prescribed motion in the base of the tree, T samples.
-        units: Unit of each row, shape (6,): the module's length, then one radian.
+        units: Unit of each row, shape (6,): the module's length, then one radian; of an orientation, shape
+            (3,).
     """
 
     body: int
     goal: Motion
     units: Array
 
+    @property
+    def lengths(self) -> int:
+        """Number of rows of the position."""
+        return len(self.units) - 3
+
+    @property
+    def _rows(self) -> slice:
+        """The rows of a whole pose that these are."""
+        return slice(3 - self.lengths, 6)
+
     def residual(self, motion: Motion, samples: Index) -> Array:
-        """Compute the actual minus the prescribed pose, shape (T, 6), base axes."""
+        """Compute the actual minus the prescribed pose, shape (T, rows), base axes."""
         wanted = self.goal.R[samples]
         turn = rotation_vector(np.matmul(motion.R[:, self.body], np.swapaxes(wanted, 1, 2)))
-        return np.concatenate([motion.p[:, self.body] - self.goal.p[samples], turn], axis=1)
+        way = motion.p[:, self.body] - self.goal.p[samples]
+        return np.concatenate([way[:, : self.lengths], turn], axis=1)
 
     def point(self, motion: Motion) -> tuple[Array, Array, list[int]]:
-        """Return where the body is, shape (T, 3), and the axes, shape (3, 3), of these rows."""
-        return motion.p[:, self.body], np.eye(3), [0, 1, 2]
+        """Return where the body is, shape (T, 3), and the axes, shape (3, 3) or (0, 3), of these rows."""
+        return motion.p[:, self.body], np.eye(3)[: self.lengths], [0, 1, 2][: self.lengths]
 
     def matrix(self, tree: Jacobians, motion: Motion, samples: Index | None = None) -> Array:
-        """Return the rows over the rates, shape (T, 6, nv)."""
-        return tree.jacobian(motion, self.body)
+        """Return the rows over the rates, shape (T, rows, nv)."""
+        return tree.jacobian(motion, self.body)[:, self._rows]
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
-        """Compute prescribed velocities, and prescribed accelerations minus the drift, shapes (T, 6)."""
+        """Compute prescribed velocities, and prescribed accelerations minus the drift, shapes (T, rows)."""
         bias = np.concatenate([motion.p_ddot[:, self.body], motion.w_dot[:, self.body]], axis=1)
         velocity = np.concatenate([self.goal.p_dot, self.goal.w], axis=1)
         acceleration = np.concatenate([self.goal.p_ddot, self.goal.w_dot], axis=1)
-        return velocity[samples], acceleration[samples] - bias
+        return velocity[samples, self._rows], (acceleration[samples] - bias)[:, self._rows]
 
     def ahead(self, step: Array) -> PoseTarget:
         """Return the target after small times, shape (T,), to second order."""
@@ -86,86 +98,6 @@ class PoseTarget(NamedTuple):
         return self
 
     def headed_at(self, motion: Motion, values: Array) -> PoseTarget:
-        """Return the target itself, as `headed` does."""
-        return self
-
-
-class TurnTarget(NamedTuple):
-    """A body's complete orientation; its position is free.
-
-    Attributes:
-        body: Number of the body.
-        links: The link, and the link in which the orientation is measured.
-        R: Axes of the frame in which the orientation is measured, shape (3, 3), base of the tree.
-        shift: Placement of the link in its body, R (3, 3) and p (3,).
-        goal: The link's prescribed motion in that frame, T samples; its positions do not count.
-        units: Unit of each row, shape (3,): one radian.
-    """
-
-    body: int
-    links: tuple[str, str]
-    R: Array
-    shift: tuple[Array, Array]
-    goal: Motion
-    units: Array
-
-    @property
-    def _pose(self) -> PoseTarget:
-        """The target of a whole pose of the body, whose last three rows are these."""
-        frame, link = (Motion.at_rest(len(self.goal.p), R) for R in (self.R, self.shift[0].T))
-        return PoseTarget(self.body, frame.then(self.goal).then(link), np.ones(6))
-
-    def residual(self, motion: Motion, samples: Index) -> Array:
-        """Compute the rotation vector from the prescribed to the actual orientation, shape (T, 3)."""
-        return self._pose.residual(motion, samples)[:, 3:]
-
-    def point(self, motion: Motion) -> tuple[Array, Array, list[int]]:
-        """Return where the body is, shape (T, 3); no row is a length."""
-        return motion.p[:, self.body], np.zeros((0, 3)), []
-
-    def matrix(self, tree: Jacobians, motion: Motion, samples: Index | None = None) -> Array:
-        """Return the rows over the rates, shape (T, 3, nv)."""
-        return tree.jacobian(motion, self.body)[:, 3:]
-
-    def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
-        """Compute prescribed velocities, and prescribed accelerations minus the drift, shapes (T, 3)."""
-        velocity, acceleration = self._pose.rates(motion, samples)
-        return velocity[:, 3:], acceleration[:, 3:]
-
-    def ahead(self, step: Array) -> TurnTarget:
-        """Return the target after small times, shape (T,), to second order."""
-        return self._replace(goal=self.goal.ahead(step))
-
-    def between(self, sample: int, fractions: Array) -> TurnTarget:
-        """Interpolate from a sample to the next: rotation about a fixed axis."""
-        return self._replace(
-            goal=PoseTarget(self.body, self.goal, np.ones(6)).between(sample, fractions).goal
-        )
-
-    def from_here(self, motion: Motion, samples: Index) -> TurnTarget:
-        """Return the way from where the body is now to the given samples."""
-        R = np.matmul(self.R.T, np.matmul(motion.R[:, self.body], self.shift[0]))
-        here, there = Motion.at_rest(len(R), R), self.goal.take(samples)
-        return self._replace(goal=Motion(*map(in_turn, here.arrays, there.arrays)))
-
-    def by_angles(self) -> CoordinateTarget:
-        """Return the same target by roll, pitch and yaw of the upright triples."""
-        angles = angles_of(self.goal.R)
-        to_rates = rate_map(angles)
-        rates = rotate(to_rates, self.goal.w)
-        E = angular_map(self.goal.R, angles)
-        accelerations = rotate(to_rates, self.goal.w_dot - angular_drift(E, rates))
-        levels = angles, rates, accelerations
-        names = COORDINATES[3:]
-        return CoordinateTarget(
-            self.body, self.links, names, self.R, np.zeros(3), self.shift, *levels, self.units
-        )
-
-    def headed(self, motion: Motion, samples: Index, *, on: bool = True) -> TurnTarget:
-        """Return the target itself: a complete rotation has no second triple of angles."""
-        return self
-
-    def headed_at(self, motion: Motion, values: Array) -> TurnTarget:
         """Return the target itself, as `headed` does."""
         return self
 
@@ -344,7 +276,7 @@ class CoordinateTarget(NamedTuple):
 
 
 #: Rows that prescribe the motion of one body.
-Target = PoseTarget | TurnTarget | CoordinateTarget | DirectionTarget | DistanceTarget
+Target = PoseTarget | CoordinateTarget | DirectionTarget | DistanceTarget
 
 
 def named_rows(target: Target, link: str) -> tuple[str, ...]:
@@ -355,13 +287,13 @@ def named_rows(target: Target, link: str) -> tuple[str, ...]:
         return (f"the direction of the {COORDINATES[target.axis]} axis of '{link}'",) * 2
     if isinstance(target, DistanceTarget):
         return (f"the distance of '{link}'",)
-    place = (f"the position of '{link}'",) * (len(target.units) - 3)
+    place = (f"the position of '{link}'",) * target.lengths
     return (*place, *(f"the orientation of '{link}'",) * 3)
 
 
 def row_measures(target: Target) -> list[tuple[float, str]]:
     """Return what one is of each scaled row of a target, in metres or radians, for messages."""
-    lengths = {PoseTarget: 3, DistanceTarget: 1}.get(type(target), 0)
+    lengths = target.lengths if isinstance(target, PoseTarget) else int(isinstance(target, DistanceTarget))
     metres = [i < lengths for i in range(len(target.units))]
     if isinstance(target, CoordinateTarget):
         metres = [name in COORDINATES[:3] for name in target.names]

@@ -12,7 +12,7 @@ import numpy as np
 from ....assembly.chain.bodies import CarriedFrame
 from ....assembly.chain.problem import Relative
 from ....linkage.pointing import DirectionTarget, DistanceTarget
-from ....linkage.targets import CoordinateTarget, PoseTarget, TurnTarget
+from ....linkage.targets import CoordinateTarget, PoseTarget
 from ....spatial import Array, hat
 from ....symbols import Expression, dot, is_zero, plus
 from ...equations.expressions import numbers, pack, plain, symbols, symmetric, unpack, zeros
@@ -132,7 +132,7 @@ class ChainTargets:
             if pointed:
                 miss = pointed.residual
                 guard = ca.fmax(guard, ca.if_else(pointed.cosine > SHORTER_WAY, 0.0, 2.0))
-            elif isinstance(one.target, PoseTarget | TurnTarget):
+            elif isinstance(one.target, PoseTarget):
                 turn, cosine = _rotation_vector(dot(R, quaternion_matrix(goal[-4:]).T))
                 miss = np.concatenate([p[: len(goal) - 4] - goal[:-4], turn])
                 guard = ca.fmax(guard, ca.if_else(cosine > SHORTER_WAY, 0.0, 2.0))
@@ -182,8 +182,8 @@ class ChainTargets:
         pointed = self._pointed(number)
         if isinstance(one.target, DirectionTarget) and pointed:
             T = dot(met_direction_rows(self.seen(one)[0], one.target.axis) if met else pointed.map, T[3:])
-        elif isinstance(one.target, TurnTarget):
-            T = T[3:]
+        elif isinstance(one.target, PoseTarget):
+            T = T[3 - one.target.lengths :]
         elif pointed:
             T = dot(pointed.map, T[:3])
         elif isinstance(one.target, CoordinateTarget):

@@ -20,7 +20,7 @@ from ....assembly.redundancy import LEAST, LeftToRule
 from ....assembly.requests import Requests
 from ....linkage.motion import Motion
 from ....linkage.pointing import DirectionTarget, DistanceTarget
-from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, TurnTarget
+from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, Target
 from ....spatial import Array, quaternion_from_rotation
 from ....structure.robot import HybridRobot
 from .given import ANGLE, NUMBER, POSE, RATES, WIDTH, Given, GivenCoordinates
@@ -28,8 +28,13 @@ from .own_requests import modules_of
 
 #: Axes that have directions.
 AXES = COORDINATES[:3]
-#: Targets in the order of what they prescribe.
-TARGETS = PoseTarget, CoordinateTarget, DirectionTarget, DistanceTarget, TurnTarget
+#: Targets in the order of what they prescribe; orientations come last.
+TARGETS = PoseTarget, CoordinateTarget, DirectionTarget, DistanceTarget
+
+
+def is_turn(target: Target) -> bool:
+    """Return whether a target is an orientation without a position."""
+    return isinstance(target, PoseTarget) and not target.lengths
 
 
 @dataclass(frozen=True)
@@ -131,7 +136,9 @@ class Coupled:
     @property
     def relatives(self) -> list[Relative]:
         """The targets: whole poses, coordinates, directions, distances, orientations."""
-        return sorted(self.problem.relatives, key=lambda one: TARGETS.index(type(one.target)))
+        return sorted(
+            self.problem.relatives, key=lambda one: (is_turn(one.target), TARGETS.index(type(one.target)))
+        )
 
     @property
     def rows(self) -> int:
@@ -259,11 +266,11 @@ def coupled_of(
     chain = CoupledModules(modules, first)
     task = chain_task(robot, chain, [one_sample(own[i]) for i in parts], states)
     targets = [one.target for one in task.problem.relatives]
-    whole = sum(isinstance(target, PoseTarget) for target in targets)
+    whole = sum(isinstance(target, PoseTarget) and not is_turn(target) for target in targets)
     some = tuple(GivenCoordinates.of(t) for t in targets if isinstance(t, CoordinateTarget))
     pointing = [Pointing(AXES[t.axis]) for t in targets if isinstance(t, DirectionTarget)]
     pointing += [Pointing("distance") for t in targets if isinstance(t, DistanceTarget)]
-    pointing += [Pointing("turn") for t in targets if isinstance(t, TurnTarget)]
+    pointing += [Pointing("turn") for t in targets if is_turn(t)]
     given = Prescribed((), (), (1,) * whole, some, tuple(pointing))
     names = tuple(robot.modules[k].name for k in open_modules)
     left = LeftToRule(task.left, names) if task.redundant else None

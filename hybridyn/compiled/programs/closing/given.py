@@ -8,9 +8,10 @@ import numpy as np
 
 from ....assembly.module_request import ModuleRequest
 from ....joints.kinds import JointKind
-from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget, TurnTarget
+from ....linkage.angles import angles_of, angular_drift, angular_map, rate_map
+from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget
 from ....linkage.tree import Tree
-from ....spatial import Array, Index, quaternion_from_rotation
+from ....spatial import Array, Index, quaternion_from_rotation, rotate
 
 #: Kinds of prescribed numbers: a length or an angle, an angle up to whole turns, a pose (7 numbers).
 NUMBER, ANGLE, POSE = 0, 1, 2
@@ -113,17 +114,35 @@ def given_of(request: ModuleRequest) -> Given:
     return Given(
         tuple(request.given),
         tuple(kinds.get(tree.joints[joint].kind, NUMBER) for joint in request.given),
-        tuple(pose.body for _, pose in request.targets if isinstance(pose, PoseTarget)),
+        tuple(pose.body for pose in _whole(request)),
         tuple(map(GivenCoordinates.of, _by_coordinates(request))),
     )
 
 
+def _whole(request: ModuleRequest) -> list[PoseTarget]:
+    """Return the targets that are whole poses."""
+    return [one for _, one in request.targets if isinstance(one, PoseTarget) and one.lengths]
+
+
 def _by_coordinates(request: ModuleRequest) -> list[CoordinateTarget]:
     """Return the targets that are no whole poses, by coordinates: orientations by their angles."""
-    partial = (
-        target.by_angles() if isinstance(target, TurnTarget) else target for _, target in request.targets
+    each = (_by_angles(one) if isinstance(one, PoseTarget) else one for _, one in request.targets)
+    return [target for target in each if isinstance(target, CoordinateTarget)]
+
+
+def _by_angles(target: PoseTarget) -> CoordinateTarget | None:
+    """Return the target of a body's orientation by roll, pitch and yaw of the upright triples."""
+    if target.lengths:
+        return None
+    goal, upright = target.goal, angles_of(target.goal.R)
+    to_rates = rate_map(upright)
+    rates = rotate(to_rates, goal.w)
+    drift = angular_drift(angular_map(goal.R, upright), rates)
+    levels = upright, rates, rotate(to_rates, goal.w_dot - drift)
+    still = np.eye(3), np.zeros(3)
+    return CoordinateTarget(
+        target.body, ("body", "base"), COORDINATES[3:], *still, still, *levels, target.units
     )
-    return [target for target in partial if isinstance(target, CoordinateTarget)]
 
 
 def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Array]:
@@ -134,7 +153,7 @@ def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Arra
         at, to = tree.q_slices[joint], tree.v_slices[joint]
         known = request.angles[joint][:, None] if kind == ANGLE else request.known[:, at]
         levels.append((known, request.known_v[:, to], request.known_a[:, to]))
-    for goal in (target.goal for _, target in request.targets if isinstance(target, PoseTarget)):
+    for goal in (target.goal for target in _whole(request)):
         pairs = (goal.p, quaternion_from_rotation(goal.R)), (goal.p_dot, goal.w), (goal.p_ddot, goal.w_dot)
         levels.append(tuple(np.concatenate(pair, axis=1) for pair in pairs))
     for some in _by_coordinates(request):

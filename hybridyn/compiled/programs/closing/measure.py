@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ....linkage.pointing import DirectionTarget
-from ....linkage.targets import COORDINATES, SAME_ANGLE, CoordinateTarget, PoseTarget, TurnTarget
+from ....linkage.targets import COORDINATES, SAME_ANGLE, CoordinateTarget, PoseTarget
 from ....symbols import Expression, minus
 from ...equations.expressions import filled, pack, symbols, zeros
 from .chain_targets import ChainTargets, wrapped
@@ -32,7 +32,7 @@ def measure_kernel(targets: ChainTargets) -> ca.Function:
     now, then, headings, guard = [zeros(0)], [zeros(0)], [zeros(0)], ca.SX(0.0)
     for one, at in zip(targets.coupled.relatives, given.places, strict=True):
         (R, p), target, goal, off = targets.seen(one), one.target, g[at], ca.SX(0.0)
-        if isinstance(target, PoseTarget | TurnTarget):
+        if isinstance(target, PoseTarget):
             unit, off = _unit(goal[-4:])
             own = np.concatenate([p[: len(goal) - 4], quaternion_of(R)])
             goal = np.concatenate([goal[:-4], unit])
