@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from ..assembly.redundancy import LEAST
 from ..compiled.failures import needs_casadi
 from ..conversion.convert import convert
 from .common.options import RobotChoice, refuse
@@ -13,8 +14,15 @@ from .common.options import RobotChoice, refuse
 LOST = 1
 
 
-def run(load: RobotChoice, output: str, tightness: float, as_c: bool, **of_c: Any) -> int:
+def run(
+    load: RobotChoice, output: str, tightness: float, as_c: bool, redundancy: str | None, **of_c: Any
+) -> int:
     """Write a robot in another format, or its models as C."""
+    refuse((
+        redundancy not in (None, LEAST),
+        f"--redundancy: exported C knows '{LEAST}' alone. Give it the motors' positions that another rule "
+        "has: 'hybridyn idm --redundancy' and hybridyn.assemble compute them",
+    ))  # fmt: skip
     if as_c:
         _export(load, output, **of_c)
         return 0

@@ -22,9 +22,9 @@ from hybridyn.studies.sweep.evaluation import Chunk
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.view.posing import Poser
 from tests.assembly.test_second_tasks import MIDDLE, limited, waves
-from tests.command_line import call
-from tests.comparing import close_to
-from tests.files import save
+from tests.support.command_line import call
+from tests.support.comparing import close_to
+from tests.support.files import save
 
 TIME = np.linspace(0.0, 1.0, 7)
 X, Z = waves(1.1, 0.05, 1.0)(TIME), waves(0.2, 0.05, 2.0)(TIME)
@@ -145,6 +145,12 @@ def test_commands_refuse_unknown_rules(command: str, arm: Ruled, capsys: pytest.
     table = ("tool.csv",) if name != "workspace" else ()
     assert main([name, "arm.urdf", *table, *more, "--redundancy", "middle"]) == 1
     assert "unknown redundancy 'middle'" in capsys.readouterr().err
+
+
+def test_exported_c_has_the_least_motion_alone(arm: Ruled, capsys: pytest.CaptureFixture[str]) -> None:
+    given = "convert", "arm.urdf", "--c", "-o", "c", "--given", "l3/pose/x,l3/pose/z", "--redundancy"
+    assert main([*given, MIDDLE]) == 2
+    assert "exported C knows 'least motion' alone. Give it the motors' positions" in capsys.readouterr().err
 
 
 def test_scenes_and_studies_refuse_unknown_rules(arm: Ruled, capsys: pytest.CaptureFixture[str]) -> None:

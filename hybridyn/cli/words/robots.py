@@ -77,6 +77,7 @@ convert = RobotCommand(
             help="With --c: columns as in tables, from which a control step takes its motion: LINK/pose, "
             "LINK/pose/x, JOINT/position.",
         ),
+        option("--redundancy", hidden=True),  # those who know it from other commands are told what to do
         effects_option("default"),
     ],
 )  # fmt: skip
