@@ -5,7 +5,7 @@ Newton problem on its tree after the cuts. The positions of cut wrists follow fr
 Poses through several modules couple these (`chain`).
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -234,17 +234,17 @@ def _rates_and_accelerations(
     wanted = [np.zeros((len(x), m.closures.rows))]
     wanted += [t.rates(placed, samples)[0] / t.units for t in problem.targets]
     given = request.known_v, request.known_a
-    x_dot = _solve(module, problem, K, given[0], np.concatenate(wanted, axis=1), "rates", request.nearest)
+    x_dot = _solve(module, problem, K, given[0], np.concatenate(wanted, axis=1), "rates", request)
     motion = m.tree.sweep(x, x_dot, at=placed)
     drift = m.closures.rates(motion, x_dot)[1] * m.reduction.row_scale
     wanted = [-drift] + [t.rates(motion, samples)[1] / t.units for t in problem.targets]
     right = np.concatenate(wanted, axis=1)
-    return x_dot, _solve(module, problem, K, given[1], right, "accelerations", request.nearest)
+    return x_dot, _solve(module, problem, K, given[1], right, "accelerations", request)
 
 
 def _solve(
     module: Module, problem: LoopProblem, K: Array, known: Array, wanted: Array, what: str,
-    nearest: Collection[str],
+    request: ModuleRequest,
 ) -> Array:  # fmt: skip
     """Solve the rows for the free freedoms; then correct all freedoms if closures are still violated."""
     m = module.mechanism
@@ -257,6 +257,6 @@ def _solve(
     bent = np.flatnonzero(np.abs(miss).max(axis=1, initial=0.0) > 1e-12 * scale)
     if len(bent):
         x[bent] += least_squares(K[bent][:, :rows], miss[bent], rank=m.reduction.rank)
-    if (len(bent) or problem.targets) and what not in nearest:
-        check_agreement(module, problem, K, x, asked, wanted, what)
+    if (len(bent) or problem.targets) and what not in request.nearest:
+        check_agreement(module, problem, K, x, asked, wanted, what, request)
     return x * problem.col_scale

@@ -79,7 +79,7 @@ def pose_levels(key: str, value: object) -> list[Array] | dict[str, list[Array]]
     if not parts[0]:
         raise TrajectoryError(f"the pose of '{key}' is empty; give some of {', '.join(PLACES)}", column=key)
     for name in parts[0]:
-        check_known(name, PLACES, "coordinate")
+        check_known(name, PLACES, "coordinate", f" of '{key}'; known: {', '.join(PLACES)}")
     names = rate_names(parts[0], key)
     wanted = (set(parts[0]), set(names), set(names))
     for part, own in zip(parts, wanted, strict=True):
@@ -151,7 +151,8 @@ def for_all(triples: Mapping[str, list[Array]], T: int) -> dict[str, Array]:
     return {name: np.stack([np.broadcast_to(x, (T,)) for x in parts]) for name, parts in triples.items()}
 
 
-def check_known(name: str, known: Collection[str], what: str) -> None:
-    """Check that a name is known."""
+def check_known(name: str, known: Collection[str], what: str, otherwise: str = "") -> None:
+    """Check that a name is known; `otherwise` is what is said where it resembles none that is."""
     if name not in known:
-        raise TrajectoryError(f"unknown {what} '{name}'{did_you_mean(name, known)}", column=name)
+        hint = did_you_mean(name, known) or otherwise
+        raise TrajectoryError(f"unknown {what} '{name}'{hint}", column=name)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..description.groups import Groups
-from ..description.names import listed
+from ..description.names import counted, listed
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
 from ..linkage.reduction import LegBlock, decide_rank
@@ -398,25 +398,40 @@ def _check_idle(
     sizes = np.abs(moved).max(axis=1)
     if sizes.max(initial=0.0) <= IDLE:
         return
-    worst = names[int(np.argmax(sizes))]
     raise AssemblyError(
-        f"module '{module.name}': what is given leaves {motion.shape[1]} of its {module.mobility} freedoms "
-        f"open; {worst} could still move. Give {_what_is_missing(robot, module, problem, generic)}",
+        _what_is_open(robot, module, motion.shape[1], names[int(np.argmax(sizes))], problem, generic),
         module=module.name,
         open_freedoms=motion.shape[1],
         undriven=module.mobility - module.driven,
     )
 
 
-def _what_is_missing(robot: HybridRobot, module: Module, problem: LoopProblem, generic: Array) -> str:
-    """Return what would determine a module's posture: positions of joints, or coordinates of links."""
+def _what_is_open(
+    robot: HybridRobot, module: Module, count: int, worst: str, problem: LoopProblem, generic: Array
+) -> str:
+    """Return the sentences on freedoms that are left open, and on the positions and poses that take them.
+
+    Args:
+        count: The number of these freedoms.
+        worst: What they move most.
+    """
     sources = (module.mechanism.spec.tree_joint[i] for i in undetermined(module, problem, generic))
     joints = [module.joints[source] for source in sources if source is not None]
-    positions = f"positions of {listed(joints)}, too, or " if joints else ""
-    own = robot.modules.index(module)
-    upper = [one.name for one in robot.modules if one.parent == own]
-    carried = f", or the pose of a link further out, such as '{upper[0]}'" if upper else ""
-    return f"{positions}coordinates of its links, {module.mobility} in all{carried}"
+    carried = {robot.modules.index(module)}
+    for k, one in enumerate(robot.modules):
+        carried |= {k} if one.parent in carried else set()
+    outermost = robot.modules[max(carried)].name
+    if joints == list(module.joints):
+        return (
+            f"what is given does not determine joint '{joints[0]}'. Give its position, too, or the pose of a "
+            f"link that it moves, such as '{outermost}'"
+        )
+    further = f", or the pose of a link further out, such as '{outermost}'" if len(carried) > 1 else ""
+    return (
+        f"what is given leaves {count} of {counted(module.mobility, 'freedom')} of module '{module.name}' "
+        f"open; {worst} could still move. Give {f'positions of {listed(joints)}, too, or ' if joints else ''}"
+        f"coordinates of its links, {module.mobility} in all{further}"
+    )
 
 
 def check_bounded(module: Module, problem: LoopProblem, K: Array, x: Array, wanted: Array, what: str) -> None:
@@ -459,8 +474,9 @@ def check_bounded(module: Module, problem: LoopProblem, K: Array, x: Array, want
 
 
 def check_agreement(
-    module: Module, problem: LoopProblem, K: Array, x: Array, asked: Array, wanted: Array, what: str
-) -> None:
+    module: Module, problem: LoopProblem, K: Array, x: Array, asked: Array, wanted: Array, what: str,
+    request: ModuleRequest,
+) -> None:  # fmt: skip
     """Check that given rates or accelerations agree, where more are given than there are freedoms.
 
     Args:
@@ -469,6 +485,7 @@ def check_agreement(
         asked: The same as given, shape (T, nv).
         wanted: Scaled right-hand side of the rows, shape (T, rows).
         what: "rates" or "accelerations".
+        request: What is given.
 
     Raises:
         AssemblyError: They contradict one another; the message names module, joint or target, and sample.
@@ -481,8 +498,10 @@ def check_agreement(
     if not len(bad):
         return
     t, i = int(bad[0]), int(np.argmax(off[bad[0]]))
-    name, there = "a target", f"differs by {off[t, i]:.4g}"
-    if i < len(given):
+    rows = [name for link, target in request.targets for name in named_rows(target, link)]
+    if i >= len(given):
+        name, there = rows[i - len(given)], f"differs by {off[t, i]:.4g}"
+    else:
         k = given[i]
         number, near = (y[t, k] * problem.col_scale[k] for y in (asked, x))
         name, there = module.freedom_names()[k], f"has {number:.6g}, where closed loops allow {near:.6g}"

@@ -393,14 +393,14 @@ def test_missing_inputs_are_named() -> None:
         (
             robot,
             {"motors": few},
-            rf"leaves 1 of its 6 freedoms open.*still move. Give positions of '{robot.motors[5]}', too, or ",
+            rf"leaves 1 of 6 freedoms of .* still move. Give positions of '{robot.motors[5]}', too, or ",
             {"module": module},
         ),
-        (robot, {}, "leaves 6 of its 6 freedoms open", {}),
+        (robot, {}, "leaves 6 of 6 freedoms", {}),
         (
             arm,
             {"motors": of_joints(arm, *states, arm.modules[0].motors)},
-            "leaves 1 of its 1 freedoms open",
+            "does not determine joint '.*'. Give its position, too, or the pose of a link that it moves",
             {},
         ),
     ):
@@ -548,6 +548,16 @@ def test_a_twist_with_more_coordinates_than_freedoms_that_contradicts_itself_is_
     twist[1, 0] += np.abs(twist).max()
     asked = partial(hybridyn.assemble, robot, platforms={platform: (pose, twist, acceleration)})
     refused(asked, AssemblyError, "the rates given at sample 1 contradict one another", sample=1)
+
+
+def test_the_coordinate_whose_rate_contradicts_the_others_is_named() -> None:
+    """Those of a five-bar's tool: its pitch follows from x and z."""
+    robot = build_robot(shipped("five_bar"))
+    near = hybridyn.assemble(robot, motors=np.array([0.1, 0.2]))[0]
+    x, _, z, *turn = of_link(robot, near[None], *np.zeros((2, 1, robot.nv)), "m1_tool", "m1_base")[0][0]
+    pose, still = {"x": x, "z": z, "pitch": 2 * np.arctan2(turn[1], turn[3])}, {"x": 0.0, "z": 0.0}
+    asked = partial(hybridyn.assemble, robot, platforms={"m1_tool": (pose, {**still, "pitch": 1.0})})
+    refused(asked, AssemblyError, "contradict one another: (x|z|pitch) of 'm1_tool' differs by")
 
 
 def test_motors_may_be_arrays_in_their_order() -> None:

@@ -347,8 +347,8 @@ def test_what_cannot_be_met_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("motors", "coordinates", "words"),
     [
-        (("boom_rod", "bucket_rod"), {}, r"'stick'.* leaves 1 of its 1 .*further out, such as 'rocker'"),
-        (("boom_rod", "stick_rod"), {}, r"'rocker'.* 1 of its 1 .*'bucket_rod', too.*links, 1 in all$"),
+        (("boom_rod", "bucket_rod"), {}, r"1 of 1 freedom of module 'stick' .*further out, such as 'rocker'"),
+        (("boom_rod", "stick_rod"), {}, r"'rocker' open.*'bucket_rod', too.*links, 1 in all$"),
         (
             ("stick_rod",), {"x": (0.0, 1.0), "z": (0.0, 0.0), "y": (0.0, 1.0)},
             r"the rates of .* poses prescribe 3 numbers, and find 2 freedoms .1 of 'boom', 1 of 'rocker'.\. "
@@ -397,5 +397,5 @@ def test_only_what_no_motor_drives_depends_on_what_came_before(
     for motors, told in ((MOTORS, False), (MOTORS[1:], True)):
         assert main([*words, "--motors", ",".join(motors)]) == 1
         said = capsys.readouterr().err
-        assert "t.csv: module 'boom': what is given leaves 1 of its 1" in said
+        assert "t.csv: what is given leaves 1 of 1 freedom of module 'boom' open" in said
         assert ("depends on what came before" in said) == told

@@ -199,6 +199,7 @@ def test_rows_are_the_derivatives_of_residuals_wherever_the_body_is() -> None:
         ({"cx": 0.0, "distance": 1.0}, "the distance of 'l0' lacks cy, cz: it takes distance, cx, cy, cz"),
         ({"cx": 0.0, "cy": 0.0, "cz": 0.0}, "the distance of 'l0' lacks distance"),
         ({"distance": 0.0}, "distance 0 m: it must be positive; to reach a point give x, y, z"),
+        ({"axis": 0.0}, "unknown coordinate 'axis' of 'l0'; known: x, y, z, roll, .*, rx, ry, rz"),
         ({"distanc": 0.0}, "unknown coordinate 'distanc' .did you mean 'distance'"),
     ],
 )  # fmt: skip

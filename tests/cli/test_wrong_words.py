@@ -111,11 +111,12 @@ ASKED = [
     ("idm arm.urdf bare.txt", "bare.txt: has spaces between its columns: write commas, under a first line"),
     (
         "idm stewart_ur5 part.csv -o out.csv",
-        "part.csv: module 'shoulder_link': what is given leaves 1 of its 1 freedoms",
+        "part.csv: what is given does not determine joint 'shoulder_pan_joint'. Give its position, too, or "
+        "the pose of a link that it moves, such as 'wrist_3_link'",
     ),
     ("idm five_bar --map m1_left_elbw", "unknown joint 'm1_left_elbw' (did you mean 'm1_left_elbow'?)"),
     (f"{ANKLE},rol --grid 3", "unknown joint 'rol' (did you mean 'roll'?)"),
-    (f"{ANKLE.replace(',roll', '')} --grid 0:0:1", "leaves 1 of its 2 freedoms open"),
+    (f"{ANKLE.replace(',roll', '')} --grid 0:0:1", "leaves 1 of 2 freedoms of module"),
 ]
 
 

@@ -115,14 +115,15 @@ class ChainRates:
         problem, rows, at = self.task.problem, self.split.rows, 0
         x = asked + problem.solve_split(self.split, wanted - _times(rows, problem, asked))
         nearest = what in self.requests[0].nearest
-        for module, part, K, to in zip(self.modules, problem.parts, rows.own, problem.tree.v_of, strict=True):
+        parts = zip(self.modules, self.requests, problem.parts, rows.own, problem.tree.v_of, strict=True)
+        for module, request, part, K, to in parts:
             right = wanted[:, at : at + K.shape[1]]
             at += K.shape[1]
             if part.rank:
                 check_bounded(module, part, K, x[:, to], right, what)
             x[:, to] = _settled(module, part.closures.rows, K, x[:, to], right)
             if part.targets and not nearest:
-                check_agreement(module, part, K, x[:, to], asked[:, to], right, what)
+                check_agreement(module, part, K, x[:, to], asked[:, to], right, what, request)
         self._check(x, asked, wanted, what, nearest)
         return x
 
