@@ -353,3 +353,60 @@ def test_couplings_hold_where_mujoco_says(tmp_path: Path) -> None:
         for coupling, row in zip(found.couplings, d.efc_pos[: d.ne], strict=True):
             ours = sum(c * d.joint(name).qpos[0] for name, c in coupling.terms) - coupling.offset
             assert abs(ours - row) < 1e-12
+
+
+#: A model with something to note in each element, one of which stands in a line of its own.
+NOTED = """<mujoco>
+<option density="1.2">
+<flag frictionloss="disable"/>
+</option>
+<worldbody>
+<geom name="floor" type="plane" size="1 1 1"/>
+<body name="b"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+<joint name="j" type="ball" limited="true" range="0 1"/>
+<geom size="0.1"/>
+<body name="c" pos="0 0 1"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+<joint name="k"/>
+</body></body>
+<body name="hand" mocap="true"/>
+</worldbody>
+<tendon>
+<fixed name="t" limited="true" range="0 1"><joint joint="k" coef="1"/></fixed>
+</tendon>
+<equality>
+<joint name="e" joint1="k" active="false"/>
+</equality>
+<actuator>
+<position name="servo" joint="k"/>
+<motor name="several" joint="j" gear="1 0 0"/>
+</actuator>
+<keyframe>
+<key name="far" qpos="1 0 0 0 0"/>
+<key name="near" qpos="1 0 0 0 0"/>
+</keyframe>
+</mujoco>"""
+
+
+def test_each_note_stands_at_the_element_that_it_speaks_of(tmp_path: Path) -> None:
+    """Also notes on the whole file: contacts at a geom that could touch, a fluid at its option."""
+    file = text(tmp_path, NOTED)
+    at = {
+        "of a fluid": "<option", "<flag> disables": "<flag", "contacts between geoms": "<geom",
+        "limits of balls": "<joint", "mocap bodies": "<body name=\"hand\"", "limits of tendons": "<fixed",
+        "has active": "<joint name=\"e\"", "have a servo": "<position", "no motors here": "<motor",
+        "home is the first": "<key name",
+    }  # fmt: skip
+    notes = read(file).notes
+    assert len(notes) == len(at)
+    for words, element in at.items():
+        (note,) = (note for note in notes if words in note)
+        assert note.startswith(f"{file}:{line_of(NOTED, element)}: ")
+
+
+def test_notes_stand_in_the_included_file(tmp_path: Path) -> None:
+    world = '<body name="b"><joint/>' + BAR.format(x=0, m=1) + "</body>"
+    part = '<mujocoinclude>\n<option viscosity="0.1"/>\n</mujocoinclude>'
+    content = mjcf(world=world, head='<include file="part.xml"/>')
+    save_all(tmp_path, {"robot.xml": content, "part.xml": part})
+    (note,) = read(tmp_path / "robot.xml").notes
+    assert note.startswith(f"{tmp_path / 'part.xml'}:2: drops the forces of a fluid")

@@ -126,19 +126,28 @@ class Compiled:
         """Return the line of an element in the robot's own file, or None if it is in an included file.
 
         Args:
-            kind: "body", "joint", "equality", "tendon" or "actuator".
+            kind: "body", "joint", "geom", "equality", "tendon" or "actuator".
             number: Its number in the compiled model.
         """
         file, line = self._place(kind, number)
         return line if file == self.file else None
 
+    def at(self, kind: str, number: int) -> str:
+        """Return the place of an element as notes begin with it: `robot.xml:12`."""
+        file, line = self._place(kind, number)
+        return f"{file}:{line}" if line else file
+
     def error(self, kind: str, number: int, message: str) -> ModelError:
         """Return (not raise) the error that names an element, its file and its line."""
-        made = {"body": self.bodies, "joint": self.joints}
-        name = made[kind][number] if kind in made else self.name(kind, number)
+        name = self.label(kind, number)
         file, line = self._place(kind, number)
         label = f"{kind} '{name}'" if name else f"{kind} {number}"
         return ModelError(f"{label}: {message}", file=file, line=line, element=name or kind)
+
+    def label(self, kind: str, number: int) -> str:
+        """Return the name of an element, also one that is made for it; "" for none."""
+        made = {"body": self.bodies, "joint": self.joints}
+        return made[kind][number] if kind in made else self.name(kind, number)
 
     def _place(self, kind: str, number: int) -> Place:
         return _place_in(self._info.get((kind, number), ""), self.places) or (self.file, None)
@@ -155,6 +164,7 @@ class Compiled:
         groups = {
             "body": self.spec.bodies, "joint": self.spec.joints, "equality": self.spec.equalities,
             "tendon": self.spec.tendons, "actuator": self.spec.actuators, "key": self.spec.keys,
+            "geom": self.spec.geoms,
         }  # fmt: skip
         return {(kind, item.id): str(item.info) for kind, items in groups.items() for item in items}
 

@@ -9,7 +9,7 @@ of a joint is MuJoCo's `qpos`; `ref` is part of the placement.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from ...joints.kinds import JointKind
 from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
 from ..joint_words import called
-from ..names import listed, noted, unique
+from ..names import listed, unique
 from ..placement import motion_of, placement_from
 from ..records import Array, Joint, Link, RobotFile
 from ..urdf.xml_node import XmlNode
@@ -25,6 +25,7 @@ from .compiling import Compiled, compile_text, pose
 from .document import Document, screen
 from .forces import JointPart, add_forces, bodies_of, pulling, split
 from .relations import add_actuators, add_equalities
+from .unread import note_on, unread_elements, unread_options
 
 #: Kinds of joints by MuJoCo's words.
 KINDS = {f"mjJNT_{word.upper()}": joint.chain[0] for word, joint in called("mjcf").items()}
@@ -53,11 +54,11 @@ def find_root(robot: RobotFile, compiled: Compiled) -> int:
     if (others & moving).any() or any(others[[*bodies]].any() for bodies in tied if bodies):
         return 0
     if model.dof_damping[dof] or split(compiled, int(free[0])):
-        robot.notes.append(
-            f"the base does not float, because its free joint '{compiled.joints[free[0]]}' has damping, "
-            "armature, friction or a spring: it is a joint on the world; <freejoint/> takes no defaults, and "
-            "has none of them"
-        )
+        robot.notes += note_on(
+            compiled, "the base does not float, because its free joint {} has damping, armature, friction or "
+            "a spring: it is a joint on the world; <freejoint/> takes no defaults, and has none of them",
+            "joint", free.tolist(),
+        )  # fmt: skip
         return 0
     return body
 
@@ -200,10 +201,10 @@ def _coordinates(kind: JointKind, q: Array) -> tuple[float, ...]:
     return tuple(float(x) for x in (*q[:start], *np.roll(turn, -1)))
 
 
+#: Elements that notes speak of, which MuJoCo does not place, or which `screen` takes out.
+PLACES = {"pair": "", "flag": "", "option": "[@density or @viscosity]", "key": ""}
 #: Name of the keyframe that is home where there are several.
 HOME = "home"
-#: Parts of dynamics that `<flag>` can disable; hybridyn takes them by `effects=` instead.
-FLAGS = ("passive", "spring", "damper", "frictionloss", "limit", "actuation")
 
 
 def read_mjcf(root: XmlNode, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> RobotFile:
@@ -218,78 +219,34 @@ def read_mjcf(root: XmlNode, package_dirs: Sequence[str | os.PathLike[str]] = ()
             hybridyn does not have.
     """
     document = Document(root, [os.fspath(folder) for folder in package_dirs])
-    pairs = bool(document.nodes("//pair"))
+    places = {tag: node.at for tag, of in PLACES.items() for node in reversed(document.nodes(f"//{tag}{of}"))}
     meshes: dict[str, bytes] = {}
     for one in document.every():
         screen(one, meshes)
     compiled = compile_text(document, meshes)
     robot = RobotFile(str(root.xml.get("model", "")).strip() or "robot", root.file, format="MJCF")
     start = find_root(robot, compiled)
-    add_bodies(robot, compiled, start, _home(robot, compiled))
+    add_bodies(robot, compiled, start, _home(robot, compiled, places))
     add_equalities(robot, compiled)
     add_actuators(robot, compiled)
     robot.notes += [note for one in document.every() for note in one.notes]
-    robot.notes += noted(_notes(compiled, start, pairs))
+    robot.notes += unread_elements(compiled, start) + unread_options(compiled, places)
     x, y, z = (float(number) for number in compiled.model.opt.gravity)
     off = compiled.model.opt.disableflags & compiled.code("mjDSBL_GRAVITY")
     robot.gravity = (0.0, 0.0, 0.0) if off else (x, y, z)
     return robot
 
 
-def _home(robot: RobotFile, compiled: Compiled) -> Array:
+def _home(robot: RobotFile, compiled: Compiled, places: Mapping[str, str]) -> Array:
     """Return the home posture, MuJoCo's `qpos`: the keyframe "home", else the first, else `qpos0`."""
     model = compiled.model
     if not model.nkey:
         return np.array(model.qpos0)
     names = [compiled.name("key", number) for number in range(model.nkey)]
     if model.nkey > 1 and HOME not in names:
+        at = places.get("key", robot.file)
         robot.notes.append(
-            f"home is the first of {model.nkey} keyframes ('{names[0]}'); to use another one, rename it "
-            f"to 'home': {listed(names[1:])}"
+            f"{at}: home is the first of {model.nkey} keyframes ('{names[0]}'); to use "
+            f"another one, rename it to 'home': {listed(names[1:])}"
         )
     return np.array(model.key_qpos[names.index(HOME) if HOME in names else 0])
-
-
-def _notes(compiled: Compiled, root: int, pairs: bool) -> dict[str, list[str]]:
-    """Return what is not read though MuJoCo computes with it, as in `noted`.
-
-    Args:
-        root: Number of the root body.
-        pairs: Whether `<contact>` names geoms.
-    """
-    model, flags = compiled.model, compiled.model.opt.disableflags
-    others = [name for name, top in zip(compiled.bodies, model.body_rootid, strict=True) if top != root]
-    free = np.flatnonzero(model.jnt_type == compiled.code("mjJNT_FREE")).tolist()
-    return {
-        "mocap bodies are read as fixed: {}":
-            [compiled.bodies[body] for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0)],
-        "drops the forces of a fluid, of <option> {}":
-            [word for word in ("density", "viscosity") if getattr(model.opt, word)],
-        "limits of balls {} are not read":
-            [compiled.joints[n] for n in np.flatnonzero(
-                model.jnt_limited & (model.jnt_type == compiled.code("mjJNT_BALL"))
-            ).tolist()],
-        "drops the limits of tendons {}":
-            [compiled.name("tendon", n) or str(n) for n in np.flatnonzero(
-                model.tendon_limited | getattr(model, "tendon_actfrclimited", model.tendon_limited)
-            ).tolist()],
-        "bodies {} do not move and have no joint; they are left out, because the base floats":
-            others[1:] if root else [],
-        "free joints with armature, friction or springs are read as three slides and a ball, which have them "
-        "in MuJoCo's rates":
-            [""] if any(split(compiled, number) for number in free) else [],
-        "contacts between geoms are not read: the robot touches nothing (the effect ground_contact has "
-        "points on compliant ground)":
-            [""] if pairs or _can_touch(compiled) else [],
-        "<flag> disables {}; hybridyn reads them all the same, for effects=":
-            [word for word in FLAGS if flags & max(compiled.code(f"mjDSBL_{word.upper()}"), 0)],
-    }  # fmt: skip
-
-
-def _can_touch(compiled: Compiled) -> bool:
-    """Say whether geoms of two bodies could touch in MuJoCo."""
-    model = compiled.model
-    bodies, masks = model.geom_bodyid, (model.geom_contype, model.geom_conaffinity)
-    pairs = (({*bodies[(mask >> bit) & 1 == 1].tolist()} for mask in masks) for bit in range(32))
-    disabled = model.opt.disableflags & compiled.code("mjDSBL_CONTACT")
-    return not disabled and any(first and second and len(first | second) > 1 for first, second in pairs)

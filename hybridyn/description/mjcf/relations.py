@@ -6,7 +6,7 @@ joint, the gear times the force of the actuator. Servo laws are not read.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from ...errors import ModelError
 from ..closure_forms import FORMS, closure_of
 from ..motors import MEND
-from ..names import DROPS, noted, unique
+from ..names import DROPS, listed, noted, unique
 from ..records import Array, Coupling, Curve, MotorStatement, RobotFile
 from .compiling import Compiled, pose
 from .forces import fixed_terms
@@ -55,7 +55,8 @@ def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
                 "equality", number, "only connect, weld, joint and tendon are read; remove it"
             )
         if not model.eq_active0[number]:
-            robot.notes.append(f"<{word}> '{name or number}' has active=\"false\": it is not read")
+            at = compiled.at("equality", number)
+            robot.notes.append(f"{at}: <{word}> '{name or number}' has active=\"false\": it is not read")
         elif word in KINDS:
             link_a, link_b = (compiled.bodies[body] for body in compiled.tied_bodies[number])
             name = name or unique(f"{word}_{link_a}_{link_b}", taken)
@@ -151,31 +152,23 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
     Raises:
         ModelError: Such an actuator has armature or damping.
     """
-    reasons: dict[str, str] = {}
     added: dict[str, Array] = {}  # by joint: limit of its effort, inertia, damping
-    servos: list[str] = []
+    servos: dict[int, str] = {}  # by number: name of the actuator, or of its joint
+    reasons: dict[int, str] = {}  # by number: why it is no motor
     for actuator in range(len(compiled.model.actuator_trntype)):
-        name = compiled.name("actuator", actuator)
         driven = _driven_joint(robot.couplings, compiled, actuator)
         if isinstance(driven, str):
             if any(_own(compiled, actuator)):
                 message = f"it {driven}, so that its armature and damping are not read; set them to 0"
                 raise compiled.error("actuator", actuator, message)
-            reasons[name or str(actuator)] = driven
+            reasons[actuator] = driven
             continue
         joint, gear = driven
         own, plain = _numbers(compiled, actuator, gear)
         added[joint] = added.get(joint, np.zeros(3)) + own
         if not plain:
-            servos.append(name or joint)
-    robot.notes += noted({
-        "actuators {} have a servo, a muscle or dynamics of their own, which are not read: motor efforts are "
-        "inputs of the models": servos
-    })  # fmt: skip
-    if reasons:
-        stated = "; ".join(f"'{name}' {reason}" for name, reason in reasons.items())
-        robot.notes.append(f"actuators that are no motors here: {stated}. {MEND}")
-        robot.left_out = tuple(reasons)
+            servos[actuator] = compiled.name("actuator", actuator) or joint
+    _note_actuators(robot, compiled, servos, reasons)
     if added or reasons:
         robot.motors.append(MotorStatement("actuator", WHERE, tuple(added), robot.file))
     for number, one in enumerate(robot.joints):
@@ -184,6 +177,29 @@ def add_actuators(robot: RobotFile, compiled: Compiled) -> None:
             one, effort=min(one.effort, limit), rotor_inertia=one.rotor_inertia + inertia,
             damping=one.damping + damping,
         )  # fmt: skip
+
+
+def _note_actuators(
+    robot: RobotFile, compiled: Compiled, servos: Mapping[int, str], reasons: Mapping[int, str]
+) -> None:
+    """Note the laws of actuators, and leave out those that are no motors.
+
+    Args:
+        servos: Names of the actuators with a law of their own, by number.
+        reasons: Why actuators are no motors, by number.
+    """
+    if servos:
+        at, names = compiled.at("actuator", min(servos)), listed(dict.fromkeys(servos.values()))
+        robot.notes.append(
+            f"{at}: actuators {names} have a servo, a muscle or dynamics of their own, which are not read: "
+            "motor efforts are inputs of the models"
+        )
+    if reasons:
+        named = {compiled.name("actuator", number) or str(number): why for number, why in reasons.items()}
+        stated = "; ".join(f"'{name}' {why}" for name, why in named.items())
+        at = compiled.at("actuator", min(reasons))
+        robot.notes.append(f"{at}: actuators that are no motors here: {stated}. {MEND}")
+        robot.left_out = tuple(named)
 
 
 def _driven_joint(
