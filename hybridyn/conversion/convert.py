@@ -49,8 +49,8 @@ def convert(
 
     Tree, closures, inertias, limits, motors, effects and home posture are written as far as the format can
     express them. The result lists all other properties. Loops that are open at home are closed first, with
-    the motors where they are. Data that only hybridyn reads is written to a file
-    beside the output, `robot.xml.model.toml` for `robot.xml`.
+    the motors where they are. Data that only hybridyn reads is written to a file beside the output,
+    `robot.xml.model.toml` for `robot.xml`.
 
     Args:
         robot: A robot, with its own base and gravity; or a file of any format that `load` reads; or the name

@@ -191,16 +191,10 @@ def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dic
     count, at = piece.kind.nv, int(model.idx_vs[joint]) + freedom
     words = ("damping", "armature", "friction", "rotorInertia", "rotorGearRatio")
     numbers = {word: np.asarray(getattr(model, word))[at : at + count] for word in words}
-    for word, values in list(numbers.items())[:4]:
-        if count > 1 and values.any() and word not in words[: 3 if piece.kind is JointKind.SPHERICAL else 1]:
-            raise joint_error(
-                model, joint, f"{word} of a joint with several freedoms is not read; set model.{word} to 0"
-            )
-        if np.ptp(values):
-            message = f"the freedoms of one joint have different {word}; set model.{word} to one value"
-            raise joint_error(model, joint, message)
-        if values[0] < 0:
-            raise joint_error(model, joint, f"negative {word} {values[0]:g}; set it to 0 or more")
+    own = words[: 3 if piece.kind is JointKind.SPHERICAL else 1] if count > 1 else words
+    for word in words[:4]:
+        if problem := _problem(word, numbers[word], word in own):
+            raise joint_error(model, joint, problem)
     damping, armature, friction, inertia, ratio = (float(values[0]) for values in numbers.values())
     if count > 1:
         return {"damping": damping, "rotor_inertia": armature, "friction": friction}
@@ -220,6 +214,15 @@ def _numbers_of(model: pin.Model, joint: int, piece: Joint, freedom: int) -> dic
         if lower < upper:
             out |= {"lower": -_bound(-lower), "upper": _bound(upper)}
     return out
+
+
+def _problem(word: str, values: Array, is_read: bool) -> str:
+    """Return what is wrong with the numbers of one joint's freedoms, "" if nothing is."""
+    if values.any() and not is_read:
+        return f"{word} of a joint with several freedoms is not read; set model.{word} to 0"
+    if np.ptp(values):
+        return f"the freedoms of one joint have different {word}; set model.{word} to one value"
+    return f"negative {word} {values[0]:g}; set it to 0 or more" if values[0] < 0 else ""
 
 
 def _bound(value: float) -> float:
@@ -256,12 +259,7 @@ def read_model(
     check_model(model)
     robot = RobotFile(str(model.name) or "robot", f"Pinocchio model '{model.name}'", format="Pinocchio")
     constraints = plain_constraints(constraint_models)
-    tied = {
-        int(joint)
-        for c in constraints
-        for joint in (getattr(c, "joint1_id", -1), getattr(c, "joint2_id", -1))
-    }
-    first = 1 if _floats(model, tied) else 0
+    first = 1 if _floats(model, constraints) else 0
     robot.base = "floating" if first else "fixed"
     names = _link_names(model)
     taken = {*names, *(str(frame.name) for frame in model.frames if frame.type in LINKS)}
@@ -288,8 +286,9 @@ def read_model(
     return robot
 
 
-def _floats(model: pin.Model, tied: set[int]) -> bool:
+def _floats(model: pin.Model, constraints: Sequence[Any]) -> bool:
     """Check whether the model is a robot on a free base that no constraint ties to the world."""
+    tied = {int(getattr(c, end, -1)) for c in constraints for end in ("joint1_id", "joint2_id")}
     if model.njoints < 2 or model.joints[1].shortname() != "JointModelFreeFlyer" or 0 in tied:
         return False
     on_world = [number for number in range(1, model.njoints) if model.parents[number] == 0]

@@ -67,18 +67,7 @@ def read(
     """
     root = open_robot(path, xacro_args, package_dirs)
     file, model = split_model(path)
-    if root.tag not in FORMATS:
-        part = "this is a part of an MJCF file (MuJoCo); name the file that includes it"
-        other = "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
-        raise root.error(part if root.tag == "mujocoinclude" else other)
-    if model and root.tag != "sdf":
-        raise root.error(f"only an SDF file has several models; remove '#{model}'")
-    module, reader = FORMATS[root.tag]
-    content = root.file if root.tag == "_usd" else root  # USD is no XML
-    robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(
-        content, package_dirs, *([model] if model else [])
-    )
-    robot.notes += root.notes
+    robot = _read_root(root, model, package_dirs)
     if root.tag == "robot":
         _read_side_cars(robot, file)
     home = _read_model_file(robot, file)
@@ -94,12 +83,35 @@ def read(
             tuple(os.fspath(folder) for folder in package_dirs),
         ),
     )
-    signs = (f"{sign.message}; {sign.mend}" for sign in lost_loops(out)) if strict else ()
-    if strict and (found := [*out.notes, *signs]):
+    if strict:
+        _refuse_notes(out, file)
+    return out
+
+
+def _read_root(root: XmlNode, model: str, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:
+    """Read the root element of a file by the reader of its format; `model`: one of several in SDF, or ""."""
+    if root.tag not in FORMATS:
+        part = "this is a part of an MJCF file (MuJoCo); name the file that includes it"
+        other = "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
+        raise root.error(part if root.tag == "mujocoinclude" else other)
+    if model and root.tag != "sdf":
+        raise root.error(f"only an SDF file has several models; remove '#{model}'")
+    module, reader = FORMATS[root.tag]
+    content = root.file if root.tag == "_usd" else root  # USD is no XML
+    robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(
+        content, package_dirs, *([model] if model else [])
+    )
+    robot.notes += root.notes
+    return robot
+
+
+def _refuse_notes(d: Description, file: str) -> None:
+    """Raise if there are notes on a robot, or signs of loops that its file does not state."""
+    signs = (f"{sign.message}; {sign.mend}" for sign in lost_loops(d))
+    if found := [*d.notes, *signs]:
         every = " ".join(f"({number}) {note}." for number, note in enumerate(found, 1))
         message = f"{counted(len(found), 'note')}, where strict reading allows none: {every}"
         raise ModelError(message, file=file)
-    return out
 
 
 def complete(

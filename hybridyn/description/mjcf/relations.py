@@ -48,31 +48,43 @@ def add_equalities(robot: RobotFile, compiled: Compiled) -> None:
     taken, soft = {compiled.name("equality", number) for number in range(model.neq)}, list[str]()
     words = {compiled.code(f"mjEQ_{word.upper()}"): word for word in (*KINDS, "joint", "tendon")}
     for number in range(model.neq):
-        word, name = words.get(int(model.eq_type[number])), compiled.name("equality", number)
-        line = compiled.line("equality", number)
+        word = words.get(int(model.eq_type[number]))
         if word is None:
             raise compiled.error(
                 "equality", number, "only connect, weld, joint and tendon are read; remove it"
             )
         if not model.eq_active0[number]:
-            at = compiled.at("equality", number)
-            robot.notes.append(f"{at}: <{word}> '{name or number}' has active=\"false\": it is not read")
-        elif word in KINDS:
-            link_a, link_b = (compiled.bodies[body] for body in compiled.tied_bodies[number])
-            name = name or unique(f"{word}_{link_a}_{link_b}", taken)
-            sides = zip((link_a, link_b), _frames(compiled, number, word), strict=True)
-            # Without torque a weld holds points alone.
-            form = KINDS["connect" if word == "weld" and not model.eq_data[number][10] else word]
-            robot.closures.append(closure_of(name, word, sides, form=form, line=line))
-        else:
-            terms, offset, curve = _relation(compiled, number, word)
-            name = name or unique(next(iter(terms)), taken)  # as a mimic joint's, that of its follower
-            robot.couplings.append(Coupling(name, tuple(terms.items()), offset, line, curve))
-        if model.eq_active0[number] and _is_soft(compiled, number):
-            soft.append(name or str(number))
+            at, name = compiled.at("equality", number), compiled.name("equality", number) or number
+            robot.notes.append(f"{at}: <{word}> '{name}' has active=\"false\": it is not read")
+            continue
+        name = _add_equality(robot, compiled, number, word, taken)
+        if _is_soft(compiled, number):
+            soft.append(name)
     robot.notes += noted({
         f"{DROPS} the compliance of equalities {{}} (solref, solimp): they hold as rigid ones": soft
     })  # fmt: skip
+
+
+def _add_equality(robot: RobotFile, compiled: Compiled, number: int, word: str, taken: set[str]) -> str:
+    """Add an equality to the robot, as a closure or a coupling, and return its name.
+
+    Args:
+        word: MuJoCo's word for its kind.
+        taken: Names of equalities, to which a name that is made is added.
+    """
+    name, line = compiled.name("equality", number), compiled.line("equality", number)
+    if word in KINDS:
+        link_a, link_b = (compiled.bodies[body] for body in compiled.tied_bodies[number])
+        name = name or unique(f"{word}_{link_a}_{link_b}", taken)
+        sides = zip((link_a, link_b), _frames(compiled, number, word), strict=True)
+        # Without torque a weld holds points alone.
+        form = KINDS["connect" if word == "weld" and not compiled.model.eq_data[number][10] else word]
+        robot.closures.append(closure_of(name, word, sides, form=form, line=line))
+    else:
+        terms, offset, curve = _relation(compiled, number, word)
+        name = name or unique(next(iter(terms)), taken)  # as a mimic joint's, that of its follower
+        robot.couplings.append(Coupling(name, tuple(terms.items()), offset, line, curve))
+    return name
 
 
 def _is_soft(compiled: Compiled, number: int) -> bool:

@@ -57,8 +57,19 @@ def keep_joint(
             )
         robot.closures.append(closure)
         return
-    taken = {link.name for link in robot.links}
     kind = JointKind.SCREW if pitch else KINDS[closure.kind]
+    _add_joint(robot, closure, kind, forces, pitch, _at_zero(closure, kind, poses))
+
+
+def _add_joint(
+    robot: RobotFile, closure: Closure, kind: JointKind, forces: Mapping[str, float], pitch: float, at: Array
+) -> None:
+    """Add a closure to a robot as a joint to a massless link, which is welded to the other link.
+
+    Args:
+        at: Motion that takes the joint's second frame onto its first where the robot is at zero, (4, 4).
+    """
+    taken = {link.name for link in robot.links}
     link = unique(f"{closure.link_b}_at_{closure.name}", taken)
     robot.links.append(massless(link, closure.line, between=True))
     robot.joints.append(Joint(
@@ -66,8 +77,7 @@ def keep_joint(
         friction=forces.get("friction", 0.0), pitch=pitch, line=closure.line,
     ))  # fmt: skip
     robot.closing.add(closure.name)
-    frame_b = closure.frame_b @ _at_zero(closure, kind, poses)
-    sides = (link, np.eye(4)), (closure.link_b, frame_b)
+    sides = (link, np.eye(4)), (closure.link_b, closure.frame_b @ at)
     robot.closures.append(closure_of(f"{closure.name}_closure", "fixed", sides, line=closure.line))
     if forces.get("spring_stiffness"):
         rest = forces.get("spring_reference", 0.0)

@@ -81,6 +81,25 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> XmlNode:
         remove_pis=True,
         recover=True,
     )
+    root, notes = _recovered(text, parser, file)
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise ModelError(DOCTYPE, file=file, line=1)
+    refuse_above("elements", cast("float", root.xpath("count(//*)")), in_file)
+    if placed:
+        file = Expanded(file)
+        file.places = {}
+        for xml in root.iter("*"):
+            where, _, line = str(xml.attrib.pop(PLACE, "")).rpartition(":")
+            file.places[cast("int", xml.sourceline)] = where, int(line or 0)
+    return XmlNode(root, file, tuple(notes))
+
+
+def _recovered(text: bytes, parser: etree.XMLParser, file: str) -> tuple[etree._Element, list[str]]:
+    """Return the root element of a text, and notes on what is not XML and is read all the same.
+
+    Raises:
+        ModelError: Something else is not XML.
+    """
     root, errors = _tree(text, parser, file)
     declared, odd = _DECLARATION.match(text.removeprefix(BOM_UTF8)), ""
     if declared and any(entry.type_name not in READ_ALIKE for entry in errors):
@@ -92,13 +111,9 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> XmlNode:
         message = f"not well-formed XML: {wrong.message.strip()}, column {wrong.column}"
         raise ModelError(message, file=file, line=wrong.line)
     # After the first error, libxml2 leaves out what follows the root without a word.
-    if (
-        errors
-        and etree.fromstring(b"<all>%b</all>" % text.removeprefix(BOM_UTF8), parser).xpath(
-            "count(*|text()[normalize-space()])"
-        )
-        != 1
-    ):
+    roots = "count(*|text()[normalize-space()])"
+    whole = b"<all>%b</all>" % text.removeprefix(BOM_UTF8)
+    if errors and etree.fromstring(whole, parser).xpath(roots) != 1:
         raise ModelError("not well-formed XML: something follows the root element", file=file)
     first = {entry.type_name: entry.line for entry in reversed(errors)}
     notes = [
@@ -110,16 +125,7 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> XmlNode:
         notes.append(
             f"{file}:1: the declaration {odd} is not XML; it is ignored, as Gazebo, Drake and MuJoCo do"
         )
-    if root.getroottree().docinfo.internalDTD is not None:
-        raise ModelError(DOCTYPE, file=file, line=1)
-    refuse_above("elements", cast("float", root.xpath("count(//*)")), in_file)
-    if placed:
-        file = Expanded(file)
-        file.places = {}
-        for xml in root.iter("*"):
-            where, _, line = str(xml.attrib.pop(PLACE, "")).rpartition(":")
-            file.places[cast("int", xml.sourceline)] = where, int(line or 0)
-    return XmlNode(root, file, tuple(notes))
+    return root, notes
 
 
 def _tree(text: bytes, parser: etree.XMLParser, file: str) -> tuple[etree._Element, list[Any]]:

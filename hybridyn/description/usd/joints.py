@@ -104,14 +104,8 @@ def read_joints(stage: UsdStage, bound: Collection[str], notes: list[str]) -> li
         if len(joint.limits) == len(AXES):
             notes.append(f"<{joint.prim.path}> locks no axis: it is not read")
     joints = [joint for joint in joints if len(joint.limits) < len(AXES)]
-    pairs = Counter(frozenset(joint.ends) for joint in joints if not joint.closes)
     if any(prim.flag("newton:jointsAddMobility", False) for prim in stage.prims.values()):
-        for joint in joints:
-            if pairs[frozenset(joint.ends)] > 1 and not joint.closes:
-                raise joint.prim.error(
-                    "'newton:jointsAddMobility' = True is not read where several joints join two bodies: "
-                    "write bodies between them"
-                )
+        _refuse_several_between(joints)
     depths: dict[str, int] = {}
     for body, joint_to, before in outwards([WORLD, *roots_of(stage, joints)], joints):
         depths[body] = 0 if joint_to is None else depths[before] + 1
@@ -122,6 +116,17 @@ def read_joints(stage: UsdStage, bound: Collection[str], notes: list[str]) -> li
         ))
         for joint in joints
     ]  # fmt: skip
+
+
+def _refuse_several_between(joints: list[UsdJoint]) -> None:
+    """Refuse several joints of the tree between two bodies, whose freedoms Newton would add."""
+    pairs = Counter(frozenset(joint.ends) for joint in joints if not joint.closes)
+    for joint in joints:
+        if pairs[frozenset(joint.ends)] > 1 and not joint.closes:
+            raise joint.prim.error(
+                "'newton:jointsAddMobility' = True is not read where several joints join two bodies: "
+                "write bodies between them"
+            )
 
 
 def roots_of(stage: UsdStage, joints: list[UsdJoint]) -> list[str]:
@@ -183,14 +188,7 @@ def _limits(prim: Prim) -> dict[str, tuple[float, float]]:
             "PhysicsLimitAPI is of PhysicsJoint alone; state physics:lowerLimit and physics:upperLimit"
         )
     if prim.kind in ONE_AXIS:
-        axis = prim.word("physics:axis", "X")
-        if axis not in ("X", "Y", "Z"):
-            raise prim.error(f"physics:axis '{axis}' is none of X, Y, Z")
-        lower, upper = _interval(prim, "physics:lowerLimit", "physics:upperLimit")
-        if lower > upper:
-            raise prim.error("physics:lowerLimit is above physics:upperLimit; exchange them")
-        name = ONE_AXIS[prim.kind][0] + axis
-        return {name: (lower * unit_of(prim, name), upper * unit_of(prim, name))}
+        return _limits_of_one(prim)
     if prim.kind in KINDS:
         return dict.fromkeys(free_axes(KINDS[prim.kind]), (-np.inf, np.inf))
     for name in stated:
@@ -219,6 +217,18 @@ def _limits(prim: Prim) -> dict[str, tuple[float, float]]:
             'customData = { string dofs = "universal" } (Newton)'
         )
     return limits
+
+
+def _limits_of_one(prim: Prim) -> dict[str, tuple[float, float]]:
+    """Return the limits of a joint with one axis [m or rad]."""
+    axis = prim.word("physics:axis", "X")
+    if axis not in ("X", "Y", "Z"):
+        raise prim.error(f"physics:axis '{axis}' is none of X, Y, Z")
+    lower, upper = _interval(prim, "physics:lowerLimit", "physics:upperLimit")
+    if lower > upper:
+        raise prim.error("physics:lowerLimit is above physics:upperLimit; exchange them")
+    name = ONE_AXIS[prim.kind][0] + axis
+    return {name: (lower * unit_of(prim, name), upper * unit_of(prim, name))}
 
 
 def _interval(prim: Prim, *names: str) -> list[float]:
