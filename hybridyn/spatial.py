@@ -234,6 +234,13 @@ def quaternion_from_rotation(R: Array) -> Array:
     return out
 
 
+def sines(R: Array) -> Array:
+    """Compute the axes of rotations (..., 3, 3) times the sines of their angles, shape (..., 3)."""
+    i, j = [2, 0, 1], [1, 2, 0]
+    out: Array = 0.5 * (R[..., i, j] - R[..., j, i])
+    return out
+
+
 def rotation_vector(R: Array) -> Array:
     """Compute the log of rotations (..., 3, 3) as rotation vectors (..., 3), accurate up to half a turn."""
     quat = quaternion_from_rotation(R)

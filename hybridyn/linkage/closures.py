@@ -31,7 +31,9 @@ from ..spatial import (
     rotation_vector,
     samples_inside,
     select,
+    sines,
     slices,
+    symbolic,
 )
 from .couplings import CouplingRows, TreeCoupling
 from .motion import Motion
@@ -96,6 +98,8 @@ def residual_of(
 ) -> Array:
     """Compute the residual of closures of one form, shape (..., rows): metres, then radians.
 
+    On symbols, "fixed" and "parallel" have the sines of their angles, so that nothing is divided by zero.
+
     Args:
         translations: Axes of frame A along which the origins coincide.
         rotation: Kind of constraint on the relative rotation.
@@ -108,17 +112,23 @@ def residual_of(
         return shift
     relative = compose(np.swapaxes(A, -1, -2), B)
     if rotation == "fixed":
-        turn = rotation_vector(relative)
+        turn = (sines if symbolic(relative) else rotation_vector)(relative)
     elif rotation == "perpendicular":
         turn = relative[..., 2:3, 2]
     else:
-        tilt = relative[..., :2, 2]
-        sine = np.linalg.norm(tilt, axis=-1, keepdims=True)
-        angle = np.arctan2(sine, relative[..., 2:3, 2])
-        turn = tilt * np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 1.0)
-        # Exactly opposite axes do not define a direction of tilt: take x.
-        turn[..., 0] += np.where((sine[..., 0] <= 1e-9) & (relative[..., 2, 2] < 0), np.pi, 0.0)
+        turn = relative[..., :2, 2]
+        turn = turn if symbolic(relative) else _whole_tilt(turn, relative[..., 2:3, 2])
     return np.concatenate([shift, turn], axis=-1)
+
+
+def _whole_tilt(tilt: Array, cosine: Array) -> Array:
+    """Lengthen vectors from the sine of an angle to the angle, shapes (..., 2) and (..., 1)."""
+    sine = np.linalg.norm(tilt, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, cosine)
+    turn: Array = tilt * np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 1.0)
+    # Exactly opposite axes do not define a direction of tilt: take x.
+    turn[..., 0] += np.where((sine <= 1e-9) & (cosine < 0), np.pi, 0.0)[..., 0]
+    return turn
 
 
 def rows_of(
@@ -136,7 +146,7 @@ def rows_of(
     """
     axes = np.swapaxes(A, -1, -2)[..., list(translations), :]
     parts = zip((axes, normals(rotation, A, z)), columns, strict=True)
-    return np.concatenate([np.einsum("...ri,...ci->...rc", n, column) for n, column in parts], axis=-2)
+    return np.concatenate([compose(n, np.swapaxes(column, -1, -2)) for n, column in parts], axis=-2)
 
 
 class _Group:

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ..description.records import Curve
-from ..spatial import Array, Mask
-from .tree import Tree
+from ..spatial import Array, Mask, rotate
 
 
 class TreeCoupling(NamedTuple):
@@ -23,13 +22,13 @@ class TreeCoupling(NamedTuple):
 
     Attributes:
         terms: Pairs (joint index in the tree, coefficient).
-        offset: Right-hand side.
+        offset: Right-hand side; of symbols an array, shape (1,).
         curve: What bends the relation, over joint indices; None if it is linear.
     """
 
     name: str
     terms: tuple[tuple[int, float], ...]
-    offset: float
+    offset: float | Array
     curve: Curve | None = None
 
     @property
@@ -52,14 +51,30 @@ class TreeCoupling(NamedTuple):
         return self._replace(name="", terms=terms, curve=self.curve and self.curve.of(number))
 
 
+class Places(Protocol):
+    """Where the coordinates of a tree's joints are, as in `Tree`."""
+
+    @property
+    def nv(self) -> int:
+        """Number of freedoms."""
+
+    @property
+    def q_slices(self) -> list[slice]:
+        """Slice of q of each joint."""
+
+    @property
+    def v_slices(self) -> list[slice]:
+        """Slice of v of each joint."""
+
+
 class CouplingRows:
-    """Residuals and rows of the couplings of a tree.
+    """Residuals and rows of the couplings of a tree, on numbers or symbols.
 
     Attributes:
         constant: Rows over the tree's freedoms without curves, shape (couplings, nv).
     """
 
-    def __init__(self, tree: Tree, couplings: Sequence[TreeCoupling]) -> None:
+    def __init__(self, tree: Places, couplings: Sequence[TreeCoupling]) -> None:
         self._tree, self._couplings = tree, tuple(couplings)
         self.constant = np.zeros((len(couplings), tree.nv))
         self._curves: list[tuple[int, Curve, Array]] = []
@@ -81,9 +96,9 @@ class CouplingRows:
 
     def residual(self, q: Array) -> Array:
         """Compute the residuals, shape (T, couplings), in the unit of coefficient times position."""
-        out = np.empty((len(q), len(self._couplings)))
+        out = np.empty((len(q), len(self._couplings)), q.dtype)
         for i, coupling in enumerate(self._couplings):
-            total = np.full(len(q), -coupling.offset)
+            total = np.full(len(q), -coupling.offset, q.dtype)
             for joint, coefficient in coupling.terms:
                 total += coefficient * q[:, self._tree.q_slices[joint].start]
             if coupling.curve:
@@ -96,7 +111,7 @@ class CouplingRows:
         if not self._curves:
             return self.constant
         assert q is not None
-        out: Array = np.repeat(self.constant[None], len(q), axis=0)
+        out: Array = np.repeat(self.constant[None], len(q), axis=0).astype(q.dtype, copy=False)
         for i, curve, factors in self._curves:
             out[:, i] += curve.at(self._argument(curve, q))[1][:, None] * factors
         return out
@@ -113,8 +128,8 @@ class CouplingRows:
         if rows.ndim == 2:
             return v @ rows.T, np.zeros((len(v), len(rows))) if a is None else a @ rows.T
         assert q is not None
-        first = np.einsum("tij,tj->ti", rows, v)
-        second = np.zeros_like(first) if a is None else np.einsum("tij,tj->ti", rows, a)
+        first = rotate(rows, v)
+        second = np.zeros_like(first) if a is None else rotate(rows, a)
         for i, curve, factors in self._curves:
             second[:, i] += curve.at(self._argument(curve, q))[2] * (v @ factors) ** 2
         return first, second

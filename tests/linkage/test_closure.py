@@ -5,7 +5,7 @@ import pytest
 
 from hybridyn.description.records import Curve
 from hybridyn.joints.kinds import JointKind
-from hybridyn.linkage.closures import Closures, TreeClosure
+from hybridyn.linkage.closures import Closures, TreeClosure, residual_of, rows_of
 from hybridyn.linkage.couplings import TreeCoupling
 from hybridyn.linkage.tree import Tree, TreeJoint
 from hybridyn.spatial import Array, rotation_from_axis_angle, rotation_from_vector
@@ -14,6 +14,7 @@ from hybridyn.structure.graph import body_closure
 from tests.robots.mechanisms import KINDS, random_mechanism, random_states
 from tests.robots.sketch import CLOSURES, ROW_COUNT
 from tests.support.comparing import ROUNDING, close_to
+from tests.support.extras import needs
 from tests.support.samples import some
 
 STEP = 1e-5  # of the central differences
@@ -21,6 +22,8 @@ DIFFERENCED = 1e-8  # truncation of the central differences, relative; rounding 
 CONSISTENT = 1e-11  # rates and accelerations that the oracle made consistent by its own rows
 SAMPLES = 8
 EXACTLY = 1e-15
+SMALL_TURN = 1e-3
+TURNED = SMALL_TURN**3  # a sine less its angle: a sixth of the cube of up to 1.8 SMALL_TURN
 
 
 def two_arms() -> Tree:
@@ -74,6 +77,33 @@ def closed_there(tree: Tree, name: str) -> tuple[Closures, Array, Array, Array]:
     for body, (R, x) in ((4, (A, p)), (8, (A @ turn, p + A @ left))):
         frames += [motion.R[0, body].T @ R, motion.R[0, body].T @ (x - motion.p[0, body])]
     return Closures(tree, [closure(name, tuple(frames))], []), q, v, a
+
+
+@pytest.mark.parametrize("name", CLOSURES)
+def test_rows_of_symbols_are_those_of_numbers(name: str) -> None:
+    """Residuals of rotations are sines there: they differ from angles by their cubes."""
+    ca = needs("compiled")
+    from hybridyn.compiled.equations.expressions import pack, symbols
+
+    (translations, rotation), rng = CLOSURES[name], np.random.default_rng(3)
+    A, turn = (rotation_from_vector(size * rng.normal(size=3)) for size in (1.0, SMALL_TURN))
+    z = np.array([0.0, 0.0, 1.0])
+    upright = rotation_from_axis_angle(np.array([1.0, 0.0, 0.0]), 0.0, 1.0)
+    B = {"perpendicular": upright, "parallel": rotation_from_vector(2.0 * z)}.get(rotation, np.eye(3))
+    given = [A, rng.normal(size=3), A @ turn @ B, rng.normal(size=3), *rng.normal(size=(2, 4, 3))]
+    named = [symbols(f"x{i}", x.size) for i, x in enumerate(given)]
+
+    def both(A: Array, pa: Array, B: Array, pb: Array, *columns: Array) -> tuple[Array, Array]:
+        """Return residual and rows."""
+        residual = residual_of(translations, rotation, (A, pa), (B, pb))
+        return residual, rows_of(translations, rotation, A, B[:, 2], (columns[0], columns[1]))
+
+    written = both(*(x.reshape(of.shape) for (_, x), of in zip(named, given, strict=True)))
+    function = ca.Function("rows", [x for x, _ in named], [pack(x) for x in written])
+    found = [np.array(x).ravel() for x in function(*(x.ravel() for x in given))]
+    residual, rows = both(*given)
+    close_to(found[1].reshape(rows.shape), rows, ROUNDING)
+    assert np.abs(found[0] - residual).max() < TURNED
 
 
 # -------------------------------------------------------------------- derivatives

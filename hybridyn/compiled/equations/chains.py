@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from ...linkage.joints import TreeJoint
-from ...spatial import cross, hat
+from ...spatial import cross, hat, slices
 from ...symbols import Expression, dot, is_zero, plus, times
 from .expressions import eye, numbers, plain, zeros
 from .rigid import (
@@ -79,21 +79,19 @@ class Chain:
         return sum(link.nv for link in self.links)
 
     @property
+    def q_slices(self) -> list[slice]:
+        """Positions of each joint."""
+        return slices(link.kind.nq for link in self.links)
+
+    @property
     def v_slices(self) -> list[slice]:
         """Freedoms of each joint."""
-        ends = np.cumsum([link.nv for link in self.links], dtype=int).tolist()
-        return [slice(end - link.nv, end) for end, link in zip(ends, self.links, strict=True)]
+        return slices(link.nv for link in self.links)
 
     def columns_of(self, root: int) -> list[int]:
         """Return the indices in s of a root's acceleration."""
         at = self.v_slices[root - 1] if root else slice(-6, 0)
         return list(range(6 + at.start, 6 + at.stop))
-
-
-def split_positions(links: list[LinkNumbers], q: Expression) -> list[Expression]:
-    """Split positions into those of each joint."""
-    ends = np.cumsum([link.kind.nq for link in links], dtype=int).tolist()
-    return [q[end - link.kind.nq : end] for end, link in zip(ends, links, strict=True)]
 
 
 def sweep(
@@ -118,12 +116,12 @@ def sweep(
     lists: list[list[Any]] = [
         chain.R, chain.p, chain.R0, chain.p0, chain.S, chain.V, chain.c, chain.root,
     ]  # fmt: skip
-    for i, (link, at, cols) in enumerate(zip(links, split_positions(links, q), chain.v_slices, strict=True)):
+    for i, (link, at, cols) in enumerate(zip(links, chain.q_slices, chain.v_slices, strict=True)):
         if i in placed:
             R, p, V, c = placed[i].R, placed[i].p, placed[i].V, placed[i].c
             R0, p0, S, root = R, p, zeros(6, 6), i + 1
         else:
-            turn, shift = joint_motion(link, at)
+            turn, shift = joint_motion(link, q[at])
             R, p = dot(numbers(link.R), turn), plus(numbers(link.p), dot(numbers(link.R), shift))
             below, S = chain.R0[link.parent], motion_subspace(link)
             rate = dot(S, v[cols])

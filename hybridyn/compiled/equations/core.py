@@ -13,7 +13,7 @@ from ...assembly.free_motions import IDLE
 from ...linkage.reduction import RANK_TOLERANCE
 from ...spatial import Index
 from ...symbols import Expression, dot, is_zero
-from .chains import Chain, Placed, split_positions, sweep
+from .chains import Chain, Placed, sweep
 from .core_rows import CoreRows, write_rows
 from .expressions import plain, scalar, zeros
 from .leg_groups import Leg
@@ -117,10 +117,9 @@ def write_core(
     if tree_a is not None and A_base is not None:
         haste = size_of(tree_a, units, [A_base, *(p.A for p in platforms.values())], length)
         sizes.append(haste + sizes[0] * sizes[0])
-    positions = split_positions(list(parts.links), tree_q)
     rates = np.concatenate([V_base, twists])
     weights = [plan.scale.weight(size) for size in sizes]
-    rows = write_rows(chain, parts, positions, rates, tree_a, plan.scale, weights)
+    rows = write_rows(chain, parts, tree_q, rates, tree_a, plan.scale, weights)
     for spin in parts.spins:
         if plan.column is not None:
             felt = dot(rows.K[:, 6 + np.array(spin.cols)], spin.axis)

@@ -12,29 +12,17 @@ import casadi as ca
 import numpy as np
 
 from ...linkage.closures import TreeClosure
-from ...linkage.couplings import TreeCoupling
+from ...linkage.couplings import CouplingRows
 from ...spatial import Array, cross, hat
-from ...symbols import Expression, dot, minus, plus
+from ...symbols import Expression, dot, minus
 from .chains import Chain, motion_map, point_acceleration, point_map, point_velocity
-from .expressions import along, numbers, zeros
+from .expressions import along, numbers, scalar, zeros
 from .legs import turned_apart
 from .parts import Parts
 from .rigid import to_parent
 from .rods import Rod
 from .scales import Scale, weighed
-from .spanning_rows import coupling_row
 from .spins import UNFELT
-
-
-def coupling_drift(
-    chain: Chain, coupling: TreeCoupling, positions: list[Expression], rates: Expression
-) -> Any:
-    """Compute the derivative of a coupling's row times the chain's rates: that of its curve."""
-    if not (curve := coupling.curve):
-        return 0.0
-    bend = curve.at(curve.argument({joint: positions[joint][0] for joint, _ in curve.terms}))[2]
-    rate = sum(factor * rates[chain.v_slices[joint].start] for joint, factor in curve.terms)
-    return bend * rate * rate
 
 
 @dataclass
@@ -82,7 +70,7 @@ def _side(chain: Chain, body: int, R: Expression, p: Expression) -> _Side:
 def write_rows(
     chain: Chain,
     parts: Parts,
-    q: list[Expression],
+    q: Expression,
     rates: Expression,
     accelerations: Expression | None,
     scale: Scale,
@@ -92,7 +80,7 @@ def write_rows(
 
     Args:
         chain: Motion of the core.
-        q: Positions of each joint.
+        q: Positions of its joints.
         rates: Twist of the base and rates of the joints; those of platforms are their twists, base's frame.
         accelerations: Accelerations of the joints, for the inverse model.
         scale: Scales of closure residuals.
@@ -118,19 +106,19 @@ def write_rows(
         slip = dot(rows, rates) if accelerations is None else slip  # the same, from the bodies' twists
         for weight, values in zip(weights, (slip, drift), strict=False):
             guard = guard + weighed(list(zip((values[:along], values[along:]), units, strict=True)), weight)
-    for coupling in parts.couplings:
-        opened, row = coupling_row(chain, coupling, q, coupling.offset)
-        # The unit of its residual is the largest of a radian, or the length, in its terms.
-        lengths = (scale.length if chain.links[j].kind.slides else 1.0 for j, _ in coupling.sizes)
-        unit = max(size * length for (_, size), length in zip(coupling.sizes, lengths, strict=True))
-        drift = np.array([coupling_drift(chain, coupling, q, rates[6:])], dtype=object)
-        K, gamma = [*K, np.concatenate([zeros(6), row])[None]], [*gamma, drift]
-        guard = guard + weighed([(np.array([opened], dtype=object), unit)], scale.weight_of_positions)
-        moving = [dot(row[None], rates[6:])]
-        if accelerations is not None:
-            moving.append(plus(dot(row[None], accelerations), drift))
-        for weight, value in zip(weights, moving, strict=True):
-            guard = guard + weighed([(value, unit)], weight)
+    if parts.couplings:
+        written = CouplingRows(chain, [c._replace(offset=scalar(c.offset)) for c in parts.couplings])
+        at = q[None], rates[None, 6:], None if accelerations is None else accelerations[None]
+        rows, opened = numbers(written.matrix(at[0])).reshape(-1, chain.nv), written.residual(at[0])[0]
+        K = [*K, np.concatenate([zeros(len(rows), 6), rows], axis=1)]
+        gamma, moving = [*gamma, written.rates(*at[:2], None)[1][0]], written.rates(*at)
+        for i, coupling in enumerate(parts.couplings):
+            # The unit of its residual is the largest of a radian, or the length, in its terms.
+            lengths = (scale.length if chain.links[j].kind.slides else 1.0 for j, _ in coupling.sizes)
+            unit = max(size * length for (_, size), length in zip(coupling.sizes, lengths, strict=True))
+            guard = guard + weighed([(opened[[i]], unit)], scale.weight_of_positions)
+            for weight, value in zip(weights, moving, strict=False):
+                guard = guard + weighed([(value[0, [i]], unit)], weight)
     return CoreRows(np.concatenate(K), np.concatenate(gamma), guard if scale.compared else ca.SX(0.0))
 
 

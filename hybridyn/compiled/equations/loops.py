@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...linkage.closures import TreeClosure
-from ...linkage.couplings import TreeCoupling
+from ...linkage.couplings import CouplingRows, TreeCoupling
 from ...linkage.joints import TreeJoint
 from ...spatial import Array
 from ...structure.mechanism import Mechanism
@@ -17,12 +17,12 @@ from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
 from ...symbols import Expression, dot
 from .chains import Chain, sweep
-from .expressions import Folding, sampled, scalar, symbols, zeros
+from .expressions import Folding, numbers, sampled, scalar, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots
 from .legs import fold_links
 from .rigid import links_of
 from .rods import Rod, is_ball, rods_of
-from .spanning_rows import Frames, SpanningRows, coupling_row
+from .spanning_rows import Frames, SpanningRows
 from .spins import spins_of
 from .states import generic_positions
 
@@ -109,9 +109,9 @@ class LoopRows:
         couplings: Sequence[Sequence[TreeCoupling]],
         rods: Mapping[int, Rod],
         folding: Folding,
-        positions: list[Expression],
+        q: Expression,
     ) -> None:
-        """Add the rows of all closures and couplings of several modules; `positions` of each joint."""
+        """Add the rows of all closures and couplings of several modules, at positions of their tree."""
         for k, same in enumerate(zip(*closures, strict=True)):
             own, rod = folded(folding, same), rods.get(k)
             if rod is None:
@@ -120,10 +120,13 @@ class LoopRows:
                 on_line = not any(c.p_a.dtype == object for c in same)
                 rows = self.writer.on_rod(same[0], own, rod.turns, on_line, exact=self.exact)
                 self._add(same[0], own, *rows)
-        for coupled in zip(*couplings, strict=True):
-            offset = folding.array([scalar(c.offset) for c in coupled])[0]
-            miss, row = coupling_row(self.chain, coupled[0], positions, offset)
-            self.add(row[None], np.array([miss], dtype=object))
+        coupled = [
+            same[0]._replace(offset=folding.array([scalar(c.offset) for c in same]))
+            for same in zip(*couplings, strict=True)
+        ]
+        written = CouplingRows(self.chain, coupled)
+        K = numbers(written.matrix(q[None])).reshape(-1, self.chain.nv)
+        self.add(K, written.residual(q[None])[0])
 
 
 def folded(folding: Folding, same: Sequence[TreeClosure]) -> Frames:
@@ -164,7 +167,7 @@ def spanning_closures(
     rods = spinning_rods(m, m.spec.spanning, m.spec.closures)
     out = LoopRows(sweep(links, q, zeros(m.spanning.nv) if v is None else v, zeros(6)), v)
     closures, couplings = [along_rods(s.closures, rods) for s in specs], [s.couplings for s in specs]
-    out.close_all(closures, couplings, rods, folding, [q[at] for at in m.spanning.q_slices])
+    out.close_all(closures, couplings, rods, folding, q)
     return out
 
 

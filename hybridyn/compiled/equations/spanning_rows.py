@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from ...joints.kinds import RotationKind
-from ...linkage.closures import TURNING, TreeClosure, normals
-from ...linkage.couplings import TreeCoupling
+from ...linkage.closures import TreeClosure, residual_of, rows_of
 from ...spatial import cross
 from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, own_columns, point_acceleration, point_velocity
-from .expressions import along, zeros
+from .expressions import zeros
 from .rigid import motion_to_parent
 
 #: Frames of a closure on its bodies: axes and origin of A, axes and origin of B.
@@ -32,34 +29,25 @@ class SpanningRows:
 
     def closure(self, c: TreeClosure, frames: Frames) -> tuple[Expression, Expression]:
         """Compute a closure's residual, shape (rows,), and Jacobian, shape (rows, nv)."""
-        R_a, p_a, R_b, p_b = frames
-        A, pa = self._frame(c.body_a, R_a, p_a)
-        B, pb = self._frame(c.body_b, R_b, p_b)
-        axes = [A[:, i] for i in c.translations]
-        residual = [along(n, pb - pa) for n in axes]
-        normals = [np.concatenate([n, cross(pb, n)]) for n in axes]
-        for angle, n in _turning(c.rotation, A, B):
-            residual.append(angle)
-            normals.append(np.concatenate([zeros(3), n]))
-        rows = zeros(len(normals), self._chain.nv)
-        for sign, body in ((1.0, c.body_b), (-1.0, c.body_a)):
-            for joint in self._path(body) - self._path(c.body_a if sign > 0 else c.body_b):
-                for k, column in enumerate(self._columns[joint], self._chain.v_slices[joint].start):
-                    rows[:, k] = [sign * along(n, column) for n in normals]
-        return np.array(residual, dtype=object), rows
+        (A, pa), (B, pb) = self._placed(c, frames)
+        columns = zeros(2, self._chain.nv, 3)
+        for sign, body, other in ((1.0, c.body_b, c.body_a), (-1.0, c.body_a, c.body_b)):
+            for joint in self._path(body) - self._path(other):
+                R, at, S = self._chain.R0[joint + 1], self._chain.v_slices[joint], sign * self._chain.S[joint]
+                linear, angular = (dot(R, part).T for part in (S[:3], S[3:]))
+                columns[:, at] = linear + cross(angular, pb - self._chain.p0[joint + 1]), angular
+        residual = residual_of(c.translations, c.rotation, (A, pa), (B, pb))
+        return residual, rows_of(c.translations, c.rotation, A, B[:, 2], (columns[0], columns[1]))
 
     def rates(self, c: TreeClosure, frames: Frames, v: Expression) -> Expression:
         """Compute the rates of a closure's residual, its Jacobian times v, from the twists of its bodies.
 
         The product with the matrix has more operations, and so has its derivative.
         """
-        A, _ = self._frame(c.body_a, frames[0], frames[1])
-        B, pb = self._frame(c.body_b, frames[2], frames[3])
+        (A, _), (B, pb) = self._placed(c, frames)
         twist = self._twist(c.body_b, c.body_a, v) - self._twist(c.body_a, c.body_b, v)
-        at = twist[:3] + cross(twist[3:], pb)
-        rates = [along(A[:, i], at) for i in c.translations]
-        rates += [along(n, twist[3:]) for _, n in _turning(c.rotation, A, B)]
-        return np.array(rates, dtype=object)
+        at_b = (twist[:3] + cross(twist[3:], pb))[None]
+        return rows_of(c.translations, c.rotation, A, B[:, 2], (at_b, twist[None, 3:]))[:, 0]
 
     def on_rod(
         self, c: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool, *, exact: bool = False
@@ -111,40 +99,12 @@ class SpanningRows:
             out = plus(out, dot(columns, v[self._chain.v_slices[joint]]))
         return out
 
-    def _frame(self, body: int, R: Expression, p: Expression) -> tuple[Expression, Expression]:
-        """Compute axes and origin of a frame on a body, in the base frame."""
-        R0 = self._chain.R0[body]
-        return dot(R0, R), self._chain.p0[body] + dot(R0, p)
+    def _placed(self, c: TreeClosure, frames: Frames) -> Sequence[tuple[Expression, Expression]]:
+        """Compute axes and origins of frames A and B of a closure, in the base frame."""
+        bodies = ((c.body_a, frames[:2]), (c.body_b, frames[2:]))
+        R0, p0 = self._chain.R0, self._chain.p0
+        return [(dot(R0[body], R), p0[body] + dot(R0[body], p)) for body, (R, p) in bodies]
 
     def _path(self, body: int) -> set[int]:
         """Return the joints that carry a body."""
         return {body - 1} | self._path(self._chain.links[body - 1].parent) if body else set()
-
-
-def _turning(rotation: RotationKind, A: Expression, B: Expression) -> list[tuple[Any, Expression]]:
-    """Return the rotational residuals, each with the axis of its rate."""
-    z = B[:, 2]
-    if rotation == "fixed":
-        pairs = [(1, 2), (2, 0), (0, 1)]
-        angles = [0.5 * (along(A[:, j], B[:, i]) - along(A[:, i], B[:, j])) for i, j in pairs]
-    else:
-        angles = [along(n, z) for n in A.T[TURNING[rotation]]]
-    return list(zip(angles, normals(rotation, A, z), strict=True))
-
-
-def coupling_row(
-    chain: Chain, coupling: TreeCoupling, positions: list[Expression], offset: Any
-) -> tuple[Any, Expression]:
-    """Compute a coupling's residual, and its Jacobian row of shape (nv,)."""
-    row, total = zeros(chain.nv), -offset
-    for joint, coefficient in coupling.terms:
-        at = chain.v_slices[joint].start
-        row[at] = row[at] + coefficient
-        total = total + coefficient * positions[joint][0]
-    if curve := coupling.curve:
-        value, slope, _ = curve.at(curve.argument({joint: positions[joint][0] for joint, _ in curve.terms}))
-        total = total + value
-        for joint, factor in curve.terms:
-            at = chain.v_slices[joint].start
-            row[at] = row[at] + factor * slope
-    return total, row

@@ -135,7 +135,7 @@ def rows_at(
     out = TreeRows(sweep(links, z, zeros(nv) if v is None else v, zeros(6)), v)
     out.exact = exact
     closures, couplings = [t.closures for t in trees], [t.couplings for t in trees]
-    out.close_all(closures, couplings, trees[0].rods, folding, [z[at] for at in trees[0].tree.q_slices])
+    out.close_all(closures, couplings, trees[0].rods, folding, z)
     for i, body in enumerate(given.bodies):
         pose = targets[7 * i : 7 * i + 7]
         out.frames.append(quaternion_matrix(pose[3:]))
