@@ -5,11 +5,10 @@ from .assembly.task import closure_residual
 from .compiled.compiling import compile
 from .compiled.derivatives import ddm_jacobian, idm_jacobian
 from .compiled.model import CompiledRobot
+from .compiled.repeated import ddm, idm
 from .conversion.convert import convert
 from .conversion.target_files import Conversion
-from .dynamics.direct import ddm
 from .dynamics.energy import Energy, Power, centre_of_mass, energy, momentum, power
-from .dynamics.inverse import idm
 from .dynamics.link_motion import LinkMotion, kinematics
 from .dynamics.quantities.joint_map import JointMap, joint_map
 from .dynamics.quantities.links import delassus, link_jacobian, operational_inertia

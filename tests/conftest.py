@@ -32,6 +32,7 @@ def pytest_configure(config: pytest.Config) -> None:
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
         config.add_cleanup(lambda: os.environ.pop(once.VARIABLE))
         quick_compiler(once.folder() / "cc")
+    os.environ["HYBRIDYN_SINGLE_CALLS"] = "general"  # it is the judge
     os.environ["HYBRIDYN_CACHE"] = str(once.folder() / "compiled")
     if not hasattr(config, "workerinput") and not config.getoption("missed"):
         config.pluginmanager.register(missed.Missed())

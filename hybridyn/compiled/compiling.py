@@ -13,7 +13,7 @@ from ..structure.robot import HybridRobot
 from ..threads import one_thread
 from .code.scalars import Scalar
 from .failures import as_compile_error
-from .interpreted import accept, at_once
+from .interpreted import InterpretedModels, accept, at_once
 from .library.artifact import Artifact
 from .library.building import best_lanes
 from .library.cache import Built
@@ -69,6 +69,18 @@ def compile(
         whole = checked_library(robot, on, chosen, dtype)
         models = whole.loaded(Library) if wait else at_once(whole, robot, on, chosen, dtype)
         return CompiledRobot(robot, on, models, threads, chosen, whole)
+
+
+def interpreted_model(robot: HybridRobot, effects: Choice, name: str) -> CompiledRobot:
+    """Return models that CasADi runs, and for which nothing is built; a first one is written.
+
+    Raises:
+        CompileError, ModelError: As in `compile`.
+    """
+    robot, on, chosen = asked_for(robot, effects, (), "float64")
+    whole = checked_library(robot, on, chosen, "float64")
+    models = InterpretedModels(robot, on, chosen, "float64", first=name, told=False)
+    return CompiledRobot(robot, on, models, 1, chosen, whole, builds=False)
 
 
 def is_built(robot: HybridRobot, effects: Effects) -> bool:

@@ -38,19 +38,31 @@ class InterpretedModels:
 
     built, steps = None, None
 
-    def __init__(self, robot: HybridRobot, effects: Effects, parameters: Parameters, dtype: str) -> None:
-        """Write the inverse model; the others, too, if it serves nowhere.
+    def __init__(
+        self,
+        robot: HybridRobot,
+        effects: Effects,
+        parameters: Parameters,
+        dtype: str,
+        *,
+        first: str = "idm",
+        told: bool = True,
+    ) -> None:
+        """Write a first model; the others, too, if it serves nowhere.
+
+        Args:
+            told: Whether to log a warning where the general path has to compute most states.
 
         Raises:
             CompileError: CasADi is not installed; or as `hybridyn.compile` raises.
         """
         needs_casadi()
         self.dtype = np.dtype(dtype)
-        self._asked_for = robot, effects, parameters
+        self._asked_for, self._told = (robot, effects, parameters), told
         self._alone = RLock()
         self.programs: dict[str, InterpretedCalls | None] = {}
         try:
-            self._write("idm")
+            self._write(first)
         except CompileError:  # perhaps the other models serve
             self._write(*MODELS)
 
@@ -85,17 +97,24 @@ class InterpretedModels:
         robot, effects, parameters = self._asked_for
         with as_compile_error(robot):
             found = Interpreted([*programs_of(self._asked, names).values()], str(self.dtype))
-            accept(found, robot, effects, parameters, needed=needed)
+            accept(found, robot, effects, parameters, needed=needed, told=self._told)
         self.programs |= {name: found.programs.get(name) for name in names}
 
 
 def accept(
-    models: Any, robot: HybridRobot, effects: Effects, parameters: Parameters, *, needed: bool = True
+    models: Any,
+    robot: HybridRobot,
+    effects: Effects,
+    parameters: Parameters,
+    *,
+    needed: bool = True,
+    told: bool = True,
 ) -> None:
     """Compare new models with the general path at each design to verify.
 
     Args:
         needed: Whether one of them must compute some states of the robot itself.
+        told: As in `InterpretedModels`.
 
     Raises:
         CompileError: As in `hybridyn.compile`.
@@ -103,7 +122,7 @@ def accept(
     for numbers, like, own in designs_to_verify(robot, parameters):
         on = at_robot(effects, like) if parameters.size else effects
         design = numbers if parameters.size else None
-        verify(models, like, on, required=own and needed, told=own, design=design)
+        verify(models, like, on, required=own and needed, told=own and told, design=design)
 
 
 def at_once(

@@ -66,8 +66,10 @@ class CompiledRobot(ControlSteps):
         threads: int,
         parameters: Parameters,
         whole: Artifact,
+        *,
+        builds: bool = True,
     ) -> None:
-        """Use models; the library of `whole` replaces those that CasADi runs."""
+        """Use models; the library of `whole` replaces those that CasADi runs if it `builds`."""
         self.robot, self.effects, self.threads, self.parameters = robot, effects, threads, parameters
         self._designs = DesignsInSlots(robot, self.parameters)
         self.handed_over: Counter[str] = Counter()
@@ -76,7 +78,7 @@ class CompiledRobot(ControlSteps):
         self._begin_postures()
         self._moving = robot.base == "moving"
         self._motors, self._rates = len(robot.motors), robot.nv
-        self._current = Current(models, self._use, whole)
+        self._current = Current(models, self._use, whole, builds=builds)
 
     def __repr__(self) -> str:
         """Describe the models: the robot and what is computed, its coordinates, and what was handed over."""

@@ -196,12 +196,14 @@ class Current:
         artifact: What leads to the library of all programs.
     """
 
-    def __init__(self, models: Models, use: Callable[[Models], None], artifact: Artifact) -> None:
-        """Use models; if CasADi runs them, have the library built. `use` takes each."""
+    def __init__(
+        self, models: Models, use: Callable[[Models], None], artifact: Artifact, *, builds: bool = True
+    ) -> None:
+        """Use models; if CasADi runs them, have the library built, if it `builds`. `use` takes each."""
         self.models, self._use, self.artifact = models, use, artifact
         self._building: threading.Thread | None = None
         use(models)
-        if models.built is None and has_compiler():
+        if builds and models.built is None and has_compiler():
             self._building = build_beside(artifact, self.take)
 
     def program(self, name: str) -> Any:
