@@ -51,7 +51,7 @@ def needed_by_bodies(state: ModuleState, load: ModuleLoad, on: Effects, W: Array
         Shape (T, bodies, 6), base axes, about the base's origin.
     """
     m, whole = state.mechanism, state.whole
-    out = np.zeros((len(state.V), len(m.cut.whole_bodies), 6))
+    out = np.zeros((len(state.V), len(m.spec.bodies), 6))
     outputs = list(m.spec.outputs)
     out[:, outputs] = wrench_to_base(*state.placements, W)
     heavy, own = _of_leg_bodies(state, on)
@@ -94,7 +94,7 @@ def needed_of_closures(state: ModuleState, multipliers: Array) -> Array:
         Shape (T, bodies, 6, k), base axes, about the base's origin.
     """
     m = state.mechanism
-    out = np.zeros((len(state.V), len(m.cut.whole_bodies), 6, multipliers.shape[2]))
+    out = np.zeros((len(state.V), len(m.spec.bodies), 6, multipliers.shape[2]))
     between = {wrist.closure: ends for wrist, ends in zip(m.spec.wrists, m.cut.wrist_ends, strict=True)}
     for i, closure in enumerate(m.closures.closures):
         unit = unit_wrenches(state.motion, closure, np.zeros(3))

@@ -99,7 +99,7 @@ def _of_joints(result: Reactions, state: ModuleState, needed: Array, multipliers
     wrenches = joint_wrenches(state, needed + needed_of_closures(state, multipliers[..., None])[..., 0])
     free = joint_wrenches(state, needed_of_closures(state, idle)) * m.length_of_wrench[:, None]
     determined = np.abs(free).max(axis=3, initial=0.0) <= UNDETERMINED
-    for i, source in enumerate(m.cut.source):
+    for i, source in enumerate(m.spec.source):
         if source is not None:  # else a platform, which its wrist carries
             result.joints[names[source]] = wrenches[:, i]
             result.joints_determined[names[source]] = determined[:, i]

@@ -10,12 +10,9 @@ The spanning tree has the same joints but for those of the platforms, which its 
 coordinates are a selection of z, and its bodies move like those of the whole tree.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..linkage.closures import TreeClosure
-from ..linkage.joints import TreeJoint
 from ..linkage.motion import Motion
 from ..linkage.tree import Tree
 from ..spatial import Array, Index, indices, quaternion_from_rotation, select
@@ -33,8 +30,6 @@ class Cut:
         welds: For each wrist, the closure from its end to its target, with bodies of `whole`.
         wrist_ends: The bodies of `whole` of each weld: the end of the wrist's branch, and its target.
         bodies: For each body of `tree`, its number in `spanning`, shape (bodies,).
-        whole_bodies: For each body of `whole`, its number in `spanning`.
-        source: For each joint of `whole`, its number in `spanning`, or None for a platform.
         q_of, v_of: For each coordinate and each freedom of `spanning`, its number in `whole`.
         q_from, v_from: Coordinates and freedoms of `spanning` that `tree` has, too.
         q_to, v_to: The same in `tree`.
@@ -42,32 +37,25 @@ class Cut:
 
     def __init__(self, spec: ModuleSpec) -> None:
         self._spec, self.wrists = spec, spec.wrists
-        self.spanning, self.tree = Tree(list(spec.spanning)), Tree(list(spec.tree))
-        self.bodies = np.array(spec.tree_body)
-        self.source = [*spec.tree_joint, *(joint for wrist in spec.wrists for joint in wrist.joints)]
-        self.whole_bodies = np.array([*spec.tree_body, *(j + 1 for w in spec.wrists for j in w.joints)])
-        joints, self.welds = self._with_wrists()
+        self.whole = Tree(list(spec.whole))
+        self.tree = Tree(list(spec.tree)) if spec.wrists else self.whole
+        self.spanning = Tree(list(spec.spanning)) if spec.wrists else self.whole
+        self.bodies, self._whole_bodies = np.array(spec.tree_body), np.array(spec.bodies)
+        self.welds = self._welds()
         self.wrist_ends = [(weld.body_a, weld.body_b) for weld in self.welds]
-        self.whole = Tree(joints) if spec.wrists else self.tree
-        at = {joint: i for i, joint in enumerate(self.source) if joint is not None}
-        in_order = [at[joint] for joint in range(len(spec.spanning))]
-        self.q_of = indices(self.whole.q_slices[i] for i in in_order)
-        self.v_of = indices(self.whole.v_slices[i] for i in in_order)
+        self.q_of = indices(self.whole.q_slices[i] for i in spec.in_whole)
+        self.v_of = indices(self.whole.v_slices[i] for i in spec.in_whole)
         self.q_from, self.v_from = _kept(self.q_of, self.tree.nq), _kept(self.v_of, self.tree.nv)
         self.q_to, self.v_to = self.q_of[self.q_from], self.v_of[self.v_from]
 
-    def _with_wrists(self) -> tuple[list[TreeJoint], tuple[TreeClosure, ...]]:
-        """Return the joints of the whole tree, and the welds of its branches."""
-        joints, welds = list(self._spec.tree), []
+    def _welds(self) -> tuple[TreeClosure, ...]:
+        """Return the welds of the whole tree's branches."""
+        welds = []
         for wrist in self._spec.wrists:
-            body = self.tree_body(self._spec.spanning[wrist.joints[0]].parent)
-            for joint in wrist.joints:
-                joints.append(replace(self._spec.spanning[joint], parent=body))
-                body = len(joints)
-            target = self.tree_body(wrist.target)
-            end = (body, np.eye(3), np.zeros(3), target, wrist.R, wrist.p)
-            welds.append(TreeClosure("", "", *end, (0, 1, 2), "fixed"))
-        return joints, tuple(welds)
+            end, target = self._spec.in_whole[wrist.joints[-1]] + 1, self.tree_body(wrist.target)
+            at = (end, np.eye(3), np.zeros(3), target, wrist.R, wrist.p)
+            welds.append(TreeClosure("", "", *at, (0, 1, 2), "fixed"))
+        return tuple(welds)
 
     def coordinates(
         self, q: Array, v: Array | None, a: Array | None, motion: Motion
@@ -111,7 +99,7 @@ class Cut:
         """
         if not self._spec.wrists:
             return spanning._replace(q=z)
-        return Motion(*(select(part, self.whole_bodies) for part in spanning.arrays))._replace(q=z)
+        return Motion(*(select(part, self._whole_bodies) for part in spanning.arrays))._replace(q=z)
 
     def of_tree(self, whole: Motion) -> Motion:
         """Return the motion of `tree`, whose bodies come first in the whole tree; arrays are shared."""
@@ -164,7 +152,7 @@ class Cut:
 
     def whole_body(self, body: int) -> int:
         """Return the number in the whole tree of a body of the spanning tree."""
-        return int(np.flatnonzero(self.whole_bodies == body)[0])
+        return int(np.flatnonzero(self._whole_bodies == body)[0])
 
     def place(self, body: int) -> tuple[int, Array, Array] | None:
         """Return where a body of the spanning tree is in `tree`; None for a link between a wrist's joints.

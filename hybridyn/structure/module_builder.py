@@ -71,15 +71,13 @@ class ModuleBuilder:
         root = replace(self.bodies.bodies[0], name="", joint=0, heaviest=0.0)
         joint = TreeJoint("", JointKind.FLOATING)
         spec = ModuleSpec(
-            spanning=(joint,),
-            tree=(joint,),
-            tree_joint=(0,),
-            tree_body=(0, 1),
+            whole=(joint,),
+            source=(0,),
+            bodies=(0, 1),
             platforms=(),
             closures=(),
             couplings=(),
             cut_closures=(),
-            cut_couplings=(),
             wrists=(),
             legs=((1,),),
             outputs=(1,),

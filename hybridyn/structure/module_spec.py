@@ -1,13 +1,13 @@
 """The numbers of one module in its own numbering, without names; modules with equal numbers are equal.
 
-Body 0 is the base, and body i + 1 is the child of joint i. This holds in the spanning tree and in the tree
-after the cuts, each with its own numbers. In the tree after the cuts, `floating` joints connect the platforms
-to the base.
+Body 0 is the base, and body i + 1 is the child of joint i. This holds in the whole tree (`structure.cut`), in
+the tree after the cuts, whose joints come first in it, and in the spanning tree, which has its own numbers.
+In the whole tree, `floating` joints connect the platforms to the base.
 """
 
 import pickle
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,14 +29,13 @@ class ModuleSpec:
     """The numbers of one module.
 
     Attributes:
-        tree: Joints of the tree after the cuts.
-        tree_joint: For each joint of `tree`, its number in `spanning`, or None for a platform.
-        tree_body: For each body of `tree`, its number in `spanning`.
+        whole: Joints of the whole tree: those of the tree after the cuts, then those of each wrist.
+        source: For each joint of `whole`, its number in `spanning`, or None for a platform.
+        bodies: For each body of `whole`, its number in `spanning`.
         platforms: The `floating` joints of `tree` that move the platforms.
         closures: The author's closures, with bodies of `spanning`.
         couplings: The author's couplings, with joints of `spanning`.
         cut_closures: Closures after the cuts, with bodies of `tree`.
-        cut_couplings: The author's couplings, with joints of `tree`.
         wrists: The wrists that were cut.
         legs: Bodies of `tree` in each leg.
         outputs: Bodies of `tree` whose inertia belongs to the module and not to its legs: platforms, bases of
@@ -45,15 +44,13 @@ class ModuleSpec:
         home: Home position of the spanning tree, shape (nq,).
     """
 
-    spanning: tuple[TreeJoint, ...]
-    tree: tuple[TreeJoint, ...]
-    tree_joint: tuple[int | None, ...]
-    tree_body: tuple[int, ...]
+    whole: tuple[TreeJoint, ...]
+    source: tuple[int | None, ...]
+    bodies: tuple[int, ...]
     platforms: tuple[int, ...]
     closures: tuple[TreeClosure, ...]
     couplings: tuple[TreeCoupling, ...]
     cut_closures: tuple[TreeClosure, ...]
-    cut_couplings: tuple[TreeCoupling, ...]
     wrists: tuple[Wrist, ...]
     legs: tuple[tuple[int, ...], ...]
     outputs: tuple[int, ...]
@@ -62,23 +59,60 @@ class ModuleSpec:
     home: Array
 
     @property
+    def _kept(self) -> int:
+        """Number of joints of the tree after the cuts."""
+        return len(self.whole) - sum(len(wrist.joints) for wrist in self.wrists)
+
+    @cached_property
+    def tree(self) -> tuple[TreeJoint, ...]:
+        """Joints of the tree after the cuts."""
+        return self.whole[: self._kept]
+
+    @cached_property
+    def tree_joint(self) -> tuple[int | None, ...]:
+        """For each joint of `tree`, its number in `spanning`, or None for a platform."""
+        return self.source[: self._kept]
+
+    @cached_property
+    def tree_body(self) -> tuple[int, ...]:
+        """For each body of `tree`, its number in `spanning`."""
+        return self.bodies[: self._kept + 1]
+
+    @cached_property
+    def in_whole(self) -> tuple[int, ...]:
+        """For each joint of `spanning`, its number in `whole`."""
+        at = {joint: i for i, joint in enumerate(self.source) if joint is not None}
+        return tuple(at[joint] for joint in range(len(at)))
+
+    @cached_property
+    def spanning(self) -> tuple[TreeJoint, ...]:
+        """Joints of the spanning tree: those of `whole` without platforms, which wrists carry."""
+        joints = (self.whole[i] for i in self.in_whole)
+        return tuple(replace(joint, parent=self.bodies[joint.parent]) for joint in joints)
+
+    @cached_property
+    def cut_couplings(self) -> tuple[TreeCoupling, ...]:
+        """The author's couplings, with joints of `tree`."""
+        return tuple(c.of({i: self.in_whole[i] for i, _ in c.terms}) for c in self.couplings)
+
+    @property
     def topology(self) -> tuple[object, ...]:
         """Everything but lengths, angles and masses: modules with equal topology may differ in these only."""
-        trees = tuple(
-            tuple((j.kind, j.parent, tuple(np.asarray(j.axis).tolist()), j.pitch) for j in tree)
-            for tree in (self.spanning, self.tree)
+        joints = tuple(
+            (j.kind, j.parent, tuple(np.asarray(j.axis).tolist()), j.pitch, source)
+            for j, source in zip(self.whole, self.source, strict=True)
         )
         loops = tuple(
             tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in closures)
             for closures in (self.closures, self.cut_closures)
         )
         wrists = tuple((w.joints, w.end, w.target, w.carries) for w in self.wrists)
-        return trees, loops, wrists, tuple(c.form for c in self.couplings), self.platforms, self.outputs
+        return joints, loops, wrists, tuple(c.form for c in self.couplings), self.platforms, self.outputs
 
     @cached_property  # pickled once: a mechanism may later cache values in the spec's joints
     def key(self) -> bytes:
         """Pickled content, equal for equal modules."""
-        return pickle.dumps(self)
+        return pickle.dumps([getattr(self, field.name) for field in fields(self)])
 
 
 def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array, *, cut: bool = True) -> ModuleSpec:
@@ -106,21 +140,21 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array, *, cut: bool = 
     parts = Cutting(spanning, records, own, list(closures), couplings, carried, held, bodies.reach)
     if cut:
         parts.cut()
-    tree, tree_joint, tree_body = _cut_tree(parts)
+    parts.wrists.sort(key=lambda wrist: wrist.joints)
+    whole, source, every_body = _whole_tree(parts)
+    tree_body = every_body[: len(every_body) - sum(len(wrist.joints) for wrist in parts.wrists)]
     of_tree = {body: i for i, body in enumerate(tree_body)}
     serial = range(1, len(own)) if not closures and not couplings else ()
     outputs = sorted({*parts.platforms, *carried, *serial})
     return ModuleSpec(
-        spanning=spanning,
-        tree=tuple(tree),
-        tree_joint=tuple(tree_joint),
-        tree_body=tuple(tree_body),
+        whole=tuple(whole),
+        source=tuple(source),
+        bodies=tuple(every_body),
         platforms=tuple(of_tree[body] - 1 for body in parts.platforms),
         closures=closures,
         couplings=couplings,
         cut_closures=tuple(_renumbered(c, of_tree) for c in parts.closures),
-        cut_couplings=tuple(c.of({i: of_tree[i + 1] - 1 for i, _ in c.terms}) for c in couplings),
-        wrists=tuple(sorted(parts.wrists, key=lambda w: w.joints)),
+        wrists=tuple(parts.wrists),
         legs=tuple(tuple(of_tree[b] for b in leg) for leg in parts.legs()),
         outputs=tuple(of_tree[b] for b in outputs),
         outputs_inertia=tuple(own[b] for b in outputs),
@@ -134,29 +168,36 @@ def _renumbered(closure: TreeClosure, number: Mapping[int, int]) -> TreeClosure:
     return replace(closure, body_a=number[closure.body_a], body_b=number[closure.body_b])
 
 
-def _cut_tree(parts: Cutting) -> tuple[list[TreeJoint], list[int | None], list[int]]:
-    """Build the tree after the cuts: remove the wrists and connect the platforms to the base.
+def _whole_tree(parts: Cutting) -> tuple[list[TreeJoint], list[int | None], list[int]]:
+    """Build the whole tree: connect the platforms to the base, and append the wrists as branches.
 
     Returns:
         The joints of the tree, and the number in the spanning tree of each joint (None for a platform) and
         of each body.
     """
     gone = {j for w in parts.wrists for j in w.joints}
-    tree: list[TreeJoint] = []
-    tree_joint: list[int | None] = []
-    tree_body, number = [0], {0: 0}
+    whole: list[TreeJoint] = []
+    source: list[int | None] = []
+    bodies, number = [0], {0: 0}
     for i, joint in enumerate(parts.joints):
         if i + 1 in parts.platforms:
-            tree.append(TreeJoint("", JointKind.FLOATING))
-            tree_joint.append(None)
+            whole.append(TreeJoint("", JointKind.FLOATING))
+            source.append(None)
         elif i in gone:
             continue
         else:
-            tree.append(replace(joint, parent=number[joint.parent]))
-            tree_joint.append(i)
-        number[i + 1] = len(tree)
-        tree_body.append(i + 1)
-    return tree, tree_joint, tree_body
+            whole.append(replace(joint, parent=number[joint.parent]))
+            source.append(i)
+        number[i + 1] = len(whole)
+        bodies.append(i + 1)
+    for wrist in parts.wrists:
+        parent = number[parts.joints[wrist.joints[0]].parent]
+        for i in wrist.joints:
+            whole.append(replace(parts.joints[i], parent=parent))
+            source.append(i)
+            bodies.append(i + 1)
+            parent = len(whole)
+    return whole, source, bodies
 
 
 def module_length(spec: ModuleSpec, spanning: Tree, robot_size: float) -> float:

@@ -48,7 +48,7 @@ class Extended:
     @property
     def source(self) -> tuple[int | None, ...]:
         """For each joint its number in the spanning tree, or None for a platform."""
-        return tuple(self.mechanism.cut.source)
+        return self.mechanism.spec.source
 
     @property
     def unit(self) -> Array:
@@ -90,10 +90,9 @@ def with_arguments(m: Mechanism, spec: ModuleSpec) -> Extended:
     from ...equations.loops import along_rods
 
     e = extended(m)
-    numbers = [*spec.tree, *(spec.spanning[i] for wrist in spec.wrists for i in wrist.joints)]
     return replace(
         e,
-        joints=tuple(replace(j, R=x.R, p=x.p) for j, x in zip(e.joints, numbers, strict=True)),
+        joints=tuple(replace(j, R=x.R, p=x.p) for j, x in zip(e.joints, spec.whole, strict=True)),
         closures=along_rods(spec.cut_closures, e.rods),
         couplings=spec.cut_couplings,
         welds=tuple(replace(c, R_b=w.R, p_b=w.p) for c, w in zip(e.welds, spec.wrists, strict=True)),
