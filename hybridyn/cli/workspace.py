@@ -78,12 +78,16 @@ def _summary(robot: HybridRobot, found: Workspace, seconds: float) -> list[str]:
     numbers = ", ".join(str(k + 1) for k in sweep.modules)
     poses = f"{counted(len(found.index), 'pose')} of '{sweep.link}' in '{sweep.base}'"
     lines = [f"module{'s' * several} {numbers}: {poses}"]
-    rows = [["coordinate", "from", "to", "step", "unit"]]
+    rows = [["coordinate", "from", "ended by", "to", "ended by", "step", "unit"]]
     for i, name in enumerate(sweep.names):
         values, linear = np.round(found.coordinates[:, i], 12) + 0.0, name in "xyz"  # no -0, no 6e-17
-        step = f"{found.steps[sweep.axes.index(name)]:.4g}" if name in sweep.axes else "held"
-        rows.append([name, f"{values.min():.4g}", f"{values.max():.4g}", step, "m" if linear else "rad"])
-    lines += [f"  {line}" for line in aligned_rows(rows, right=(1, 2, 3))]
+        step, ends = "held", ["", ""]
+        if name in sweep.axes:
+            step = f"{found.steps[sweep.axes.index(name)]:.4g}"
+            ends = [", ".join(found.ended(name, side)) for side in (-1, 1)]
+        low, high = f"{values.min():.4g}", f"{values.max():.4g}"
+        rows.append([name, low, ends[0], high, ends[1], step, "m" if linear else "rad"])
+    lines += [f"  {line}" for line in aligned_rows(rows, right=(1, 3, 5))]
     for name, values in found.measures.items():
         finite = values[np.isfinite(values)]
         if "/" not in name and len(finite):

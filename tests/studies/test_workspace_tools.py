@@ -1,5 +1,6 @@
 """Workspaces of links that several modules move: an excavator against triangles, redundant stacks."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -101,7 +102,14 @@ def test_the_teeth_of_an_excavator_reach_what_its_cylinders_allow(
     assert not (reached & ~within).any()
     assert inside[within & ~reached].max(initial=0.0) < FOLDED
     assert len(found.index) > 20
-    assert set(found.blocked) - {"reach"} == set(MOTORS)  # each ends the region somewhere
+    assert set(found.blocked) - {"reach", "half a turn"} == set(MOTORS)  # each ends the region somewhere
+    for number, name in enumerate(MOTORS):
+        for _, to in found.rejected[name]:
+            beyond = np.abs(cylinders(angles_of(teeth(HOME) + to * step)) - cylinders(HOME))
+            assert beyond.argmax() == number
+            assert beyond.max() > stroke
+    edges = [found.ended(axis, side) for axis in found.sweep.axes for side in (-1, 1)]
+    assert all(edge and set(edge) <= set(found.blocked) for edge in edges)
     for pose, *rods in zip(found.coordinates, *(found.motors[name] for name in MOTORS), strict=True):
         close_to(np.array(rods), cylinders(angles_of(pose)) - cylinders(HOME), EXACT, least=1.0)
 
@@ -231,6 +239,7 @@ def test_the_command_says_what_moves(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert said.out.splitlines()[1 if said.out.startswith("#") else 0].startswith("teeth@cab/pose/x,")
     assert "modules 1, 2, 3: " in said.err
     assert "boom_rod (" in said.err
+    assert re.search(r"  coordinate +from +ended by +to +ended by +step +unit\n  x  ", said.err)
     said = call(
         capsys, "workspace", "scara_delta", "--link", "m1_platform", "--sweep", "y", "--step", "y=0.6"
     )

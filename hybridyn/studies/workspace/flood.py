@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
@@ -47,7 +47,8 @@ class Flood:
         self.reached: dict[Point, Array] = {(0,) * len(step): q}
         self.waiting: dict[Point, list[Point]] = {}
         self.hard: list[list[Pair]] = [[] for _ in PARTS]
-        self.blocked: Counter[str] = Counter()
+        #: Steps that were rejected, by reason.
+        self.rejected: dict[str, list[Pair]] = defaultdict(list)
 
     def values(self, index: Index) -> Array:
         """Return the coordinates of lattice points (n, axes), shape (n, names)."""
@@ -111,14 +112,15 @@ class Flood:
         elif what == OUT_OF_REACH and level + 1 < len(PARTS):
             self.hard[level + 1].append(pair)
         else:
-            self.blocked["reach" if what == OUT_OF_REACH else self.close.names[what]] += 1
+            self.rejected["reach" if what == OUT_OF_REACH else self.close.names[what]].append(pair)
 
     def _queue_neighbours(self, at: Point) -> None:
         """Queue the steps from a point to its neighbours."""
         for axis, direction in itertools.product(range(len(at)), (1, -1)):
             to = (*at[:axis], at[axis] + direction, *at[axis + 1 :])
-            turned = self.angular[axis] and abs(to[axis]) * self.step[axis] > np.pi
-            if to not in self.reached and not turned:
+            if self.angular[axis] and abs(to[axis]) * self.step[axis] > np.pi:
+                self.rejected["half a turn"].append((at, to))
+            elif to not in self.reached:
                 self.waiting.setdefault(to, []).append(at)
 
     def _chunks(self, level: int, pairs: list[Pair]) -> Iterator[tuple[Any, ...]]:

@@ -52,8 +52,9 @@ class Workspace:
         q: Postures of the whole robot, shape (n, nq); other modules are at home.
         motors: Positions of the modules' motors by name, shape (n,) each, without continuous joints.
         measures: Measures of the postures by name, shape (n,) each (see `Measures`).
-        blocked: Number of rejected steps by the joint whose limit was exceeded; "reach" for steps at which
-            the loops do not close or the branch ends.
+        rejected: Steps that were rejected, by the joint whose limit was exceeded: the lattice points from and
+            to which they go, shape (n, 2, axes). "reach" has steps at which the loops do not close or the
+            branch ends, "half a turn" those by which an angle goes farther from the origin.
         spare: Number of freedoms beyond those of the link, which the rule takes; poses that are not among
             these may then be reached by another motion.
         redundancy: The rule.
@@ -67,7 +68,7 @@ class Workspace:
     q: Array
     motors: dict[str, Array]
     measures: dict[str, Array]
-    blocked: dict[str, int]
+    rejected: dict[str, Index]
     spare: int
     redundancy: str = LEAST
 
@@ -75,6 +76,25 @@ class Workspace:
     def size(self) -> float:
         """Number of points times the lattice cell: volume, area or length, product of [m, rad]."""
         return float(len(self.index) * np.prod(self.steps))
+
+    @property
+    def blocked(self) -> dict[str, int]:
+        """Number of rejected steps, by reason."""
+        return {reason: len(steps) for reason, steps in self.rejected.items()}
+
+    def ended(self, axis: str, side: int) -> dict[str, int]:
+        """Return what ends the region at the least value of a swept coordinate (side -1), or the largest (1).
+
+        Returns:
+            Number of rejected steps from there in this direction, by reason, the most frequent one first.
+        """
+        column = self.sweep.axes.index(axis)
+        edge = side * (side * self.index[:, column]).max()
+        out = {
+            reason: int(np.sum((steps[:, 0, column] == edge) & (steps[:, 1, column] == edge + side)))
+            for reason, steps in self.rejected.items()
+        }
+        return {reason: n for reason, n in sorted(out.items(), key=lambda one: (-one[1], one[0])) if n}
 
 
 @one_thread()
@@ -117,7 +137,8 @@ def workspace(
     index, q = _postures(flood, home)
     return Workspace(
         sweep, step, start, index, flood.values(index), q, _motors(robot, sweep, q),
-        _measured(measures, q, spread), dict(flood.blocked), measures.spare, redundancy,
+        _measured(measures, q, spread), {name: np.array(steps) for name, steps in flood.rejected.items()},
+        measures.spare, redundancy,
     )  # fmt: skip
 
 
