@@ -13,7 +13,7 @@ import numpy as np
 
 from ..description.closure_forms import FORMS
 from ..description.followers import followers_at_home
-from ..description.joint_words import WORDS
+from ..description.joint_words import UNIVERSAL, WORDS
 from ..description.placement import turned
 from ..description.records import Array, Closure, Coupling, Description, Joint, Link
 from ..description.rows import to_state
@@ -129,7 +129,7 @@ def _loop(closure: Closure, losses: Losses) -> Content:
     forms = [kind for kind, form in FORMS.items() if (form.translations, form.rotation) == locked]
     kind = closure.kind if closure.kind in forms else forms[0] if forms else "rows"
     rows, turn = rows_of(closure, losses) if kind == "rows" else (None, closure.turn)
-    universal = kind == "universal"
+    universal = kind == UNIVERSAL
     at_a, at_b = turned(closure.frame_a, turn.T), turned(closure.frame_b, np.eye(3) if universal else turn.T)
     return {
         "@name": closure.name,

@@ -15,7 +15,7 @@ import numpy as np
 from ...joints.kinds import JointKind
 from ..closure_forms import LARGEST_COSINE
 from ..joint_graph import WORLD, StatedJoint
-from ..joint_words import WORDS, called
+from ..joint_words import UNIVERSAL, WORDS, called
 from ..names import did_you_mean, listed
 from ..records import Array, Link, massless
 from ..urdf.xml_node import XmlNode
@@ -265,10 +265,10 @@ def _read_joint(item: Item, models: SdfModels, file: str, notes: Notes) -> State
             raise axis.error(f"<mimic> in an axis that a {kind} joint does not have; remove it")
         elif axis is not None:
             notes.setdefault(IDLE, []).append(item.full_name)
-    if kind == "universal" and abs(axes[0].direction @ axes[1].direction) > LARGEST_COSINE:
+    if kind == UNIVERSAL and abs(axes[0].direction @ axes[1].direction) > LARGEST_COSINE:
         raise node.error("the axes of a universal joint are perpendicular; mend them, or write revolute2")
     if kind == "revolute2" and abs(axes[0].direction @ axes[1].direction) <= LARGEST_COSINE:
-        kind = "universal"
+        kind = UNIVERSAL
     if any(node.child(tag) is not None for tag in FOREIGN if kind not in FOREIGN[tag]):
         notes.setdefault(OTHERS, []).append(item.full_name)
     if kind == CONTINUOUS and any(math.isfinite(axes[0].numbers[word]) for word in ENDLESS):
@@ -283,7 +283,7 @@ def _read_joint(item: Item, models: SdfModels, file: str, notes: Notes) -> State
 
 #: Children of screws and gearboxes, and the types of joints that have them.
 FOREIGN = {
-    "thread_pitch": ("screw",), "screw_thread_pitch": ("screw",), "gearbox_ratio": ("gearbox",),
+    "thread_pitch": (SCREW,), "screw_thread_pitch": (SCREW,), "gearbox_ratio": ("gearbox",),
     "gearbox_reference_body": ("gearbox",),
 }  # fmt: skip
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from ...spatial import quaternion_from_rotation
 from ..joint_graph import WORLD, StatedJoint, outwards, starts
+from ..joint_words import CYLINDRICAL, UNIVERSAL
 from ..names import unique
 from ..placement import inverse, placement_from
 from ..records import Array, Coupling, Curve, RobotFile
@@ -27,7 +28,7 @@ from .stage import Prim, UsdStage
 #: Free axes of a PhysicsJoint by the word `dofs` of its customData, which Newton's Kamino reads: the first is
 #: fixed in the first body, the last in the second one.
 HINTS = {
-    "universal": ("rotX", "rotY"), "cylindrical": ("transX", "rotX"), "cartesian": AXES[:3],
+    UNIVERSAL: ("rotX", "rotY"), CYLINDRICAL: ("transX", "rotX"), "cartesian": AXES[:3],
 }  # fmt: skip
 #: Numbers by which a joint needs its position.
 WEIGHTS = ("rotor_inertia", "friction", "damping")

@@ -19,6 +19,7 @@ from ...errors import ModelError
 from ...joints.kinds import JointKind
 from ..closure_forms import ROWS, closure_of, form_of_rows
 from ..joint_graph import Chain, GraphTree, JointGraph, span, step
+from ..joint_words import UNIVERSAL
 from ..motors import MEND
 from ..names import noted
 from ..placement import rotation_to_axis
@@ -365,11 +366,9 @@ def _drives(prim: Prim) -> list[str]:
 
 def _closing(joint: UsdJoint, links: tuple[str, str]) -> Closure:
     """Return a joint as a closure between two links."""
-    if tuple(joint.limits) == HINTS["universal"]:
+    if tuple(joint.limits) == HINTS[UNIVERSAL]:
         axes = [rotation_to_axis(direction(axis)) for axis in joint.limits]
-        return closure_of(
-            joint.name, "universal", zip(links, joint.frames, strict=True), axes, line=joint.line
-        )
+        return closure_of(joint.name, UNIVERSAL, zip(links, joint.frames, strict=True), axes, line=joint.line)
     form = form_of_rows(
         " ".join(row for row, axis in zip(ROWS, AXES, strict=True) if axis not in joint.limits)
     )
