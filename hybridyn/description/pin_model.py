@@ -238,12 +238,9 @@ CONFIGURATION_SLACK = 1e-4
 
 
 def read_model(
-    model: pin.Model,
-    constraint_models: Any = (),
-    *,
-    kinds: Mapping[str | int, str] | None = None,
+    model: pin.Model, constraint_models: Any = (), *, kinds: Mapping[str | int, str] | None = None,
     home: str | Sequence[float] | Array | None = None,
-) -> RobotFile:
+) -> RobotFile:  # fmt: skip
     """Read a Pinocchio model and its constraints.
 
     Args:
@@ -254,21 +251,14 @@ def read_model(
     Raises:
         ModelError: The model or a constraint has something that hybridyn does not have.
     """
-    if not isinstance(model, pin.Model):
-        raise ModelError(f"the model is a {type(model).__name__}, not a pinocchio.Model")
     check_model(model)
     robot = RobotFile(str(model.name) or "robot", f"Pinocchio model '{model.name}'", format="Pinocchio")
     constraints = plain_constraints(constraint_models)
     first = 1 if _floats(model, constraints) else 0
     robot.base = "floating" if first else "fixed"
     names = _link_names(model)
-    taken = {*names, *(str(frame.name) for frame in model.frames if frame.type in LINKS)}
     robot.links.append(_link(names[first], model.inertias[first]))
-    chains: dict[int, list[Joint]] = {}
-    followers: Followers = {}
-    for number in range(first + 1, model.njoints):
-        chains[number] = _chain(robot, model, number, names, taken, followers)
-    robot.couplings += followers.values()
+    chains, followers = _add_chains(robot, model, names, first)
     _add_frames(robot, model, names, first)
     robot.closures = closures_of(model, constraints, names, kinds or {})
     robot.notes += noted(notes_on(constraints) | {
@@ -315,16 +305,24 @@ def _link(name: str, inertia: pin.Inertia) -> Link:
     return Link(name, float(inertia.mass), np.array(inertia.lever), np.array(inertia.inertia))
 
 
-def _chain(
-    robot: RobotFile, model: pin.Model, number: int, names: Sequence[str], taken: set[str],
-    followers: Followers,
-) -> list[Joint]:  # fmt: skip
-    """Add the joints and links from a joint's parent to its body, and return the joints."""
-    chain = joints_of(model, number, followers)
-    between = [unique(f"{names[number]}_{place}", taken) for place in range(1, len(chain))]
-    add_chain(robot, chain, [names[model.parents[number]], *between, names[number]])
-    robot.links.append(_link(names[number], model.inertias[number]))
-    return chain
+def _add_chains(
+    robot: RobotFile, model: pin.Model, names: Sequence[str], first: int
+) -> tuple[dict[int, list[Joint]], Followers]:
+    """Add the joints behind joint `first` with their links and couplings.
+
+    Returns:
+        The joints that stand for each joint of the model, by its number; and those that follow others.
+    """
+    taken = {*names, *(str(frame.name) for frame in model.frames if frame.type in LINKS)}
+    chains: dict[int, list[Joint]] = {}
+    followers: Followers = {}
+    for number in range(first + 1, model.njoints):
+        chains[number] = chain = joints_of(model, number, followers)
+        between = [unique(f"{names[number]}_{place}", taken) for place in range(1, len(chain))]
+        add_chain(robot, chain, [names[model.parents[number]], *between, names[number]])
+        robot.links.append(_link(names[number], model.inertias[number]))
+    robot.couplings += followers.values()
+    return chains, followers
 
 
 def _add_frames(robot: RobotFile, model: pin.Model, names: Sequence[str], first: int) -> None:
@@ -401,8 +399,11 @@ def check_model(model: pin.Model) -> None:
     """Check the tree, placements, inertias and numbers of a model.
 
     Raises:
-        ModelError: A joint hangs on one that follows it, or a number is not finite, or out of its range.
+        ModelError: It is none, a joint hangs on one that follows it, or a number is not finite, or out of its
+            range.
     """
+    if not isinstance(model, pin.Model):
+        raise ModelError(f"the model is a {type(model).__name__}, not a pinocchio.Model")
     name = f"Pinocchio model '{model.name}'"
     for joint in range(1, model.njoints):
         inertia = model.inertias[joint]

@@ -68,21 +68,12 @@ def read(
     root = open_robot(path, xacro_args, package_dirs)
     file, model = split_model(path)
     robot = _read_root(root, model, package_dirs)
-    if root.tag == "robot":
-        _read_side_cars(robot, file)
-    home = _read_model_file(robot, file)
-    validate(robot)
-    if root.tag == "robot":
-        refuse_unclosed_frames(robot)
-    out = replace(
-        complete(robot, motors=motors, home=home, source=file),
-        read_from=ReadFrom(
-            os.fspath(path),
-            None if motors is None else tuple(motors),
-            dict(xacro_args or {}),
-            tuple(os.fspath(folder) for folder in package_dirs),
-        ),
-    )
+    home = _read_beside(robot, file, is_urdf=root.tag == "robot")
+    asked = ReadFrom(
+        os.fspath(path), None if motors is None else tuple(motors), dict(xacro_args or {}),
+        tuple(os.fspath(folder) for folder in package_dirs),
+    )  # fmt: skip
+    out = replace(complete(robot, motors=motors, home=home, source=file), read_from=asked)
     if strict:
         _refuse_notes(out, file)
     return out
@@ -103,6 +94,17 @@ def _read_root(root: XmlNode, model: str, package_dirs: Sequence[str | os.PathLi
     )
     robot.notes += root.notes
     return robot
+
+
+def _read_beside(robot: RobotFile, file: str, *, is_urdf: bool) -> dict[str, tuple[float, ...]]:
+    """Add what the files beside state, check the whole robot, and return its home posture."""
+    if is_urdf:
+        _read_side_cars(robot, file)
+    home = _read_model_file(robot, file)
+    validate(robot)
+    if is_urdf:
+        refuse_unclosed_frames(robot)
+    return home
 
 
 def _refuse_notes(d: Description, file: str) -> None:
