@@ -76,6 +76,14 @@ def _calls_of(robot: HybridRobot, effects: Choice) -> RepeatedCalls:
     return RepeatedCalls(robot, effects)
 
 
+def _is_single(q: object) -> bool:
+    """Return whether positions are those of a single sample."""
+    try:
+        return np.ndim(q) == 1  # type: ignore[arg-type]
+    except ValueError:  # rows of different lengths
+        return False
+
+
 def _model_of(robot: HybridRobot, effects: Choice, name: str) -> CompiledRobot | None:
     """Count a call of a model; return what computes it, or None for the general path."""
     if os.environ.get(VARIABLE) == "general":
@@ -97,7 +105,7 @@ def repeated(general: Model) -> Model:
         """Compute the model."""
         stated = dict(zip(names, given, strict=False)) | options
         robot, effects = stated.get("robot"), stated.pop("effects", None)
-        if stated.keys() == set(names) and isinstance(robot, HybridRobot) and np.ndim(stated["q"]) == 1:
+        if stated.keys() == set(names) and isinstance(robot, HybridRobot) and _is_single(stated["q"]):
             model = _model_of(robot, effects, name)
             if model is not None:
                 return getattr(model, name)(*(stated[x] for x in names[1:]))

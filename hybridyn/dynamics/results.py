@@ -37,7 +37,7 @@ class Result(NamedTuple):
                 f"{MANY_CALLS:,} calls for a single sample: hybridyn.compile(robot) gives a model whose idm "
                 "and ddm take microseconds a call, a thousandth of this; or pass all samples in one call",
                 PerformanceWarning,
-                stacklevel=3,
+                stacklevel=4,  # the caller of `compiled.repeated`, which calls the model
             )
         values = self.values[0] if single else self.values
         if self.reactions is None:
