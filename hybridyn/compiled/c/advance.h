@@ -26,6 +26,13 @@ INLINE V largest_lanes(const V *x) {
 INLINE V size_in(const NewtonOut *out, int m) { return FMAX(out->step[m], out->wrist[m]); }
 INLINE V size_of(const NewtonOut *out) { return FMAX(largest_lanes(out->step), largest_lanes(out->wrist)); }
 
+/* Where a step opens each module less than the one before, in `before`, or is one of the last. */
+static M nearer(const Work *w) {
+    M good = EVERY;
+    for (int m = 0; m < MODULES; m++) good = AND(good, OR(LT(w->moved.open[m], w->before[m]), LT(w->moved.step[m], C(NEAR))));
+    return good;
+}
+
 /* Newton's method from the guess in `at` without damping; gives where it comes to the positions. */
 static M reached(Work *w) {
     M good = EVERY, near = NOT(EVERY);
@@ -33,14 +40,9 @@ static M reached(Work *w) {
     for (int k = 0; k < PATIENCE; k++) {
         w->newton.at = w->now.at;
         const M trusted = RUN(newton, w->newton, w->moved);
-        M nearer = EVERY, there = EVERY;
-        for (int m = 0; m < MODULES; m++) {
-            const V step = w->moved.step[m], far = w->moved.open[m];
-            nearer = AND(nearer, OR(LT(far, w->before[m]), LT(step, C(NEAR))));
-            there = AND(there, AND(LE(step, C(NEAR)), LE(w->moved.wrist[m], C(NEAR))));
-            w->before[m] = far;
-        }
-        good = AND(good, OR(near, AND(trusted, nearer)));
+        const M there = LE(size_of(&w->moved), C(NEAR));
+        good = AND(good, OR(near, AND(trusted, nearer(w))));
+        memcpy(w->before, w->moved.open, sizeof(w->before));
         take(NOT(near), (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
         near = OR(near, there);
         if (!ANY(AND(good, NOT(near)))) break;
@@ -78,8 +80,9 @@ static M not_far(Work *w) {
     return LE(w->far, C(0));
 }
 
-/* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain. */
-static M advanced(Work *w, M certain, int lone) {
+/* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain, and with
+   `guess` where it is by steps of which `reached` approves. */
+static M advanced(Work *w, M certain, int lone, int guess) {
     w->newton.at = w->settle.start = w->branch.start = w->now.at;
     memcpy(w->newton.g, w->settle.row.g, sizeof(w->newton.g));
     memcpy(w->branch.g, w->settle.row.g, sizeof(w->branch.g));
@@ -99,10 +102,11 @@ static M advanced(Work *w, M certain, int lone) {
         const M trusted = RUN(newton, w->newton, w->moved);
         const V size = size_of(&w->moved);
         good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
+        if (guess) good = AND(good, OR(NOT(left), nearer(w)));
         for (int m = 0; KEPT && m < MODULES; m++) { /* the general path damps steps that open what they should close */
             good = AND(good, OR(NOT(left), OR(LE(w->taken[m], C(NEVER_DAMPED)), LT(w->moved.open[m], w->before[m]))));
-            w->before[m] = w->moved.open[m];
         }
+        if (KEPT || guess) memcpy(w->before, w->moved.open, sizeof(w->before));
         take(left, (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
         before = SELECT(left, size, before);
         for (int m = 0; m < MODULES; m++) {
@@ -152,7 +156,7 @@ static M walked(Work *w, M certain, M whole) {
         }
         memcpy(w->settle.g_0, w->there, sizeof(w->there));
         w->now.at = w->here;
-        const M good = advanced(w, left, 0), moved = AND(good, NOT(last));
+        const M good = advanced(w, left, 0, 0), moved = AND(good, NOT(last));
         take(AND(good, last), (V *)&w->end, (V *)&w->now, NUMBERS(State));
         take(moved, (V *)&w->here, (V *)&w->now.at, NUMBERS(Posture));
         take(moved, w->there, w->settle.row.g, NG);
@@ -171,8 +175,13 @@ static M walked(Work *w, M certain, M whole) {
 static M closed(Work *w, M good, int guess, int lone) {
     memcpy(w->newton.g, w->settle.row.g, sizeof(w->newton.g));
     w->last = w->now.at;
+    if (guess && !lone) { /* most guesses lead there by the very steps of the branch */
+        const M whole = advanced(w, good, 0, 1);
+        if (!ANY(AND(good, NOT(whole)))) return whole;
+        w->now.at = w->last;
+    }
     if (guess) good = AND(good, reached(w));
     if (!lone) w->now.at = w->last;
-    const M whole = advanced(w, good, lone);
+    const M whole = advanced(w, good, lone, 0);
     return !KEPT && !lone && ANY(AND(good, NOT(whole))) ? walked(w, good, whole) : whole; /* a chain walks in other steps */
 }
