@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from threading import Thread
 from typing import Any
 
 import casadi as ca
@@ -9,14 +10,15 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.assembly.requests import first_guess, gather_requests
+from hybridyn.assembly.requests import Requests, first_guess, gather_requests
 from hybridyn.compiled.equations.expressions import Folding, pack, unpack
-from hybridyn.compiled.programs.closing import libraries
+from hybridyn.compiled.programs.closing import assembling, libraries
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.extended import extended
 from hybridyn.compiled.programs.closing.given import Given, GivenCoordinates
 from hybridyn.compiled.programs.closing.kernels import Unknowns
 from hybridyn.compiled.programs.closing.rows import rows_at
+from hybridyn.errors import warn
 from hybridyn.linkage import targets
 from hybridyn.linkage.targets import CoordinateTarget
 from hybridyn.spatial import Array
@@ -354,3 +356,31 @@ def test_a_tick_that_cannot_be_reached_is_refused(ticks: Any) -> None:
     shape = "position has shape .*as robot.motors"
     refused(lambda: compiled.close(np.zeros(3)), hybridyn.TrajectoryError, shape)
     refused(lambda: compiled.close(np.full(2, np.nan), last=q), hybridyn.TrajectoryError, "not finite")
+
+
+def test_a_warning_of_some_rows_is_left_to_the_whole_table(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It names a sample of the table; warnings of other threads are none of its business."""
+    robot, asked = hybridyn.load("five_bar"), []
+    assembler, right = Assembler(robot), assembling.assemble_requests
+    motors = {name: np.linspace(0.0, 0.3, 20) for name in robot.motors}
+    wanted = hybridyn.assemble(robot, motors=motors)
+
+    def assembled(robot: hybridyn.HybridRobot, requests: Requests, guess: Array) -> States:
+        """Assemble rows, and warn of them, here and in another thread."""
+        asked.append(requests.samples)
+        warn("here at %d rows", requests.samples)
+        other = Thread(target=warn, args=["elsewhere"])
+        other.start()
+        other.join()
+        return right(robot, requests, guess)
+
+    in_c(assembler, motors=motors)
+    monkeypatch.setattr(assembling, "assemble_requests", assembled)
+    closing = assembler._libraries.asked(gather_requests(robot, motors, {}))
+    assert closing is not None
+    monkeypatch.setattr(closing[0].rows, "close", lambda *_, **__: np.zeros(1))
+    close_to(in_c(assembler, motors=motors), wanted, SAME, 1.0)
+    assert asked == [2 * assembling.AT_ONCE, 20]  # some rows, then the table
+    assert [record.getMessage() for record in caplog.records] == ["elsewhere", "here at 20 rows", "elsewhere"]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import logging
 from functools import partial
 
 import numpy as np
 
 from ....assembly.assemble import assemble_requests, place_base
 from ....assembly.requests import Requests, in_root
-from ....errors import HybridynError, inform
+from ....errors import HybridynError, held_warnings, inform
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import ClosedRows, Rows
@@ -98,22 +97,13 @@ class Assembler:
         Returns:
             Whether they are those that it finds in the whole table; errors and warnings name its samples.
         """
-        lead, warned = min(at.start, 1), list[logging.LogRecord]()
+        lead = min(at.start, 1)
         guess = out[0][at.start - 1] if lead else guess
-        logger = logging.getLogger("hybridyn")
-
-        def hold(record: logging.LogRecord) -> bool:
-            """Keep a record, and drop it from the log."""
-            warned.append(record)
-            return False
-
-        logger.addFilter(hold)
         try:
-            rows = assemble_requests(self.robot, requests.part(at.start - lead, at.stop), guess)
+            with held_warnings() as warned:
+                rows = assemble_requests(self.robot, requests.part(at.start - lead, at.stop), guess)
         except HybridynError:
             return False
-        finally:
-            logger.removeFilter(hold)
         scale = 1.0 + np.abs(guess).max(initial=0.0)
         base = 7 if self.robot.base != "fixed" else 0
         off = np.abs(rows[0][0, base:] - guess[base:]).max(initial=0.0)
