@@ -176,13 +176,13 @@ def test_a_lone_angle_near_that_of_the_guess_moves_little(tmp_path: Path, name: 
     """Of tools that point down, with a roll of half a turn; the plainer triple is often the other one."""
     robot, start = arm(tmp_path, "zyx"), np.array([yaw, 0.05, 3.1])
     at = ("yaw", "pitch", "roll").index(name)
-    held = {f"j{i}": start[i] for i in range(3) if i != at}
+    held, in_c = {f"j{i}": start[i] for i in range(3) if i != at}, Assembler(robot)
     for step in (0.0, 0.1, -0.2):
         wanted = start.copy()
         wanted[at] += step
         goal = {"l2@base": ({name: wanted[at]},)}
         close_to(hybridyn.assemble(robot, motors=held, platforms=goal, guess=start)[0], wanted, ROUNDING)
-        found = Assembler(robot).assemble(gather_requests(robot, held, goal), start)
+        found = in_c.assemble(gather_requests(robot, held, goal), start)
         close_to(found[0][0], wanted, ROUNDING)
 
 

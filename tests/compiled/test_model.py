@@ -3,6 +3,7 @@
 import dataclasses
 import logging
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import BLOCK
 from hybridyn.compiled.programs.sources import robot_key
 from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
+from tests.robots.robot_texts import door
 from tests.support.comparing import refused, same_bits, same_words
 from tests.support.engines import General
 from tests.support.samples import slow
@@ -160,11 +162,17 @@ def test_what_cannot_be_written_out_says_so() -> None:
     refused(lambda: hybridyn.compile(robot, effects="none"), hybridyn.HybridynError, "")
 
 
-def test_keys_tell_robots_apart() -> None:
-    """What changes a number changes the key; reading the files again does not."""
+def test_keys_tell_robots_apart(tmp_path: Path) -> None:
+    """What changes a number changes the key; reading the files again, or from elsewhere, does not."""
     on = hybridyn.load("five_bar")
     default = hybridyn.ddm.__globals__["choose"](on, None)
     assert robot_key(on, default) == robot_key(hybridyn.load("five_bar"), default)
+    texts = [folder.joinpath("r.urdf") for folder in (tmp_path, tmp_path / "elsewhere")]
+    texts[1].parent.mkdir()
+    for path in texts:
+        path.write_text(door(1))
+    here, there = map(hybridyn.load, texts)
+    assert robot_key(here, None) == robot_key(there, None)
     keys = {
         robot_key(robot, default)
         for robot in (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
@@ -41,9 +42,13 @@ def kept(known: dict[Key, Value], key: Key, make: Callable[[], Value], most: int
 
 
 def robot_key(robot: HybridRobot, effects: Effects | None) -> str:
-    """Return a hash of everything that the models of a robot depend on; without effects, its kinematics."""
+    """Return a hash of everything that the models of a robot depend on; without effects, its kinematics.
+
+    Where its file lies, and what its reader remarked, are no part of it.
+    """
+    told = replace(robot.description, source=None, read_from=None, notes=())
     facts = (
-        robot.description, robot.base, robot.gravity, robot.motors, robot.home, robot.closure_tolerance,
+        told, robot.base, robot.gravity, robot.motors, robot.home, robot.closure_tolerance,
         robot.rank_tolerance, sorted(robot.held), robot.payloads, effects,
     )  # fmt: skip
     return hashlib.sha256(pickle.dumps(facts)).hexdigest()
