@@ -343,7 +343,7 @@ def test_attacks_from_a_file(tmp_path: Path, said: str, message: str) -> None:
 @pytest.mark.parametrize("name", RUNAWAYS)
 def test_what_runs_away_is_refused(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A smaller bound is met sooner, also by arguments, and before what is traced is expanded once more."""
-    bound(monkeypatch, made=20_000_000)
+    bound(monkeypatch, made=4_000_000)
     argument = '<xacro:arg name="k" default="1"/>'
     file = save_all(
         tmp_path,

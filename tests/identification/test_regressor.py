@@ -8,6 +8,7 @@ from hybridyn.structure.building import build_robot
 from tests.identification.robots import described
 from tests.robots.mechanisms import KINDS, random_states
 from tests.robots.shipped import ROBOTS, shipped, states_near_home
+from tests.support.samples import CHOSEN, slow
 
 #: Rounding of two orders of summation, relative to the largest effort.
 AGREE = 1e-12
@@ -29,7 +30,9 @@ def test_shipped_robots(name: str, symmetric: bool) -> None:
     agrees(robot, q, v, a, None, symmetric)
 
 
-@pytest.mark.parametrize(("seed", "kind"), list(enumerate(KINDS)))
+@pytest.mark.parametrize(
+    ("seed", "kind"), [(i, kind) if kind in CHOSEN else slow(i, kind) for i, kind in enumerate(KINDS)]
+)
 def test_random_mechanisms(kind: str, seed: int) -> None:
     base = ("fixed", "moving", "floating")[seed % 3] if kind != "sps_thin" else "fixed"
     description = described(kind, seed, base)
