@@ -76,6 +76,15 @@ def symbolic(*arrays: Array) -> bool:
     return any(x.dtype.hasobject for x in arrays)
 
 
+def added(a: Array, b: Array) -> Array:
+    """Compute a + b; NumPy's own sum of symbols takes eight times longer."""
+    if symbolic(a, b):
+        from .symbols import plus
+
+        return np.asarray(plus(a, b))
+    return a + b
+
+
 def cross(a: Array, b: Array) -> Array:
     """Compute a x b along the last axis, shapes (..., 3), without the overhead of np.cross."""
     if symbolic(a, b):
@@ -134,7 +143,13 @@ def hat(x: Array) -> Array:
 def motion_to_body(R: Array, p: Array, V: Array) -> Array:
     """Compute X V: transform a twist from the base frame to a body at (R, p), shape (..., 6), Eq. (24)."""
     v, w = V[..., :3], V[..., 3:]
-    return np.concatenate([rotate_back(R, v + cross(w, p)), rotate_back(R, w)], axis=-1)
+    return np.concatenate([rotate_back(R, added(v, cross(w, p))), rotate_back(R, w)], axis=-1)
+
+
+def motion_to_base(R: Array, p: Array, V: Array) -> Array:
+    """Compute X^-1 V: transform a twist from a body at (R, p) to the base frame, shape (..., 6)."""
+    w = rotate(R, V[..., 3:])
+    return np.concatenate([added(rotate(R, V[..., :3]), cross(p, w)), w], axis=-1)
 
 
 def to_body_axes(R: Array, J: Array) -> Array:
@@ -146,7 +161,7 @@ def to_body_axes(R: Array, J: Array) -> Array:
 def wrench_to_base(R: Array, p: Array, W: Array) -> Array:
     """Compute X^T W: transform a wrench from the body frame to the base frame, shape (..., 6)."""
     f = rotate(R, W[..., :3])
-    return np.concatenate([f, rotate(R, W[..., 3:]) + cross(p, f)], axis=-1)
+    return np.concatenate([f, added(rotate(R, W[..., 3:]), cross(p, f))], axis=-1)
 
 
 def motion_matrix(R: Array, p: Array) -> Array:
@@ -161,13 +176,13 @@ def motion_matrix(R: Array, p: Array) -> Array:
 def crm(V: Array, U: Array) -> Array:
     """Compute the spatial product of two twists, V cross U, shapes (..., 6)."""
     v, w = V[..., :3], V[..., 3:]
-    return np.concatenate([cross(w, U[..., :3]) + cross(v, U[..., 3:]), cross(w, U[..., 3:])], axis=-1)
+    return np.concatenate([added(cross(w, U[..., :3]), cross(v, U[..., 3:])), cross(w, U[..., 3:])], axis=-1)
 
 
 def crf(V: Array, F: Array) -> Array:
     """Compute the spatial product of a twist and a wrench, V cross* F, shapes (..., 6)."""
     v, w, f = V[..., :3], V[..., 3:], F[..., :3]
-    return np.concatenate([cross(w, f), cross(w, F[..., 3:]) + cross(v, f)], axis=-1)
+    return np.concatenate([cross(w, f), added(cross(w, F[..., 3:]), cross(v, f))], axis=-1)
 
 
 def spatial_inertia(mass: float, com: Array, inertia: Array) -> Array:

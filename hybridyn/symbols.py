@@ -75,8 +75,10 @@ def dot(A: Expression, B: Expression) -> Expression:
 def compose(A: Expression, B: Expression) -> Expression:
     """Multiply matrices, shapes (..., m, k) and (..., k, n)."""
     batch = np.broadcast_shapes(A.shape[:-2], B.shape[:-2])
+    if not batch:
+        return dot(A, B)
     out = np.empty((*batch, A.shape[-2], B.shape[-1]), dtype=object)
-    left, right = (np.broadcast_to(x.astype(object), (*batch, *x.shape[-2:])) for x in (A, B))
+    left, right = (np.broadcast_to(x, (*batch, *x.shape[-2:])) for x in (A, B))
     for at in np.ndindex(*batch):
         out[at] = dot(left[at], right[at])
     return out
@@ -84,6 +86,9 @@ def compose(A: Expression, B: Expression) -> Expression:
 
 def cross(a: Expression, b: Expression) -> Expression:
     """Compute a x b along the last axis, shapes (..., 3)."""
-    x, y = ([v[..., i : i + 1] for i in (1, 2, 0)] for v in (a, b))
-    parts = [_subtracted(_product(x[i], y[i - 2]), _product(x[i - 2], y[i])) for i in range(3)]
-    return np.concatenate(parts, axis=-1)
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), dtype=object)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i : i + 1] = _subtracted(
+            _product(a[..., j : j + 1], b[..., k : k + 1]), _product(a[..., k : k + 1], b[..., j : j + 1])
+        )
+    return out

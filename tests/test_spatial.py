@@ -16,6 +16,7 @@ from hybridyn.spatial import (
     cross,
     hat,
     motion_matrix,
+    motion_to_base,
     motion_to_body,
     quaternion_from_rotation,
     rotate,
@@ -51,6 +52,7 @@ def test_twists_and_wrenches_change_frame_as_in_pinocchio(rng: np.random.Generat
     R, p = np.array([m.rotation for m in M]), np.array([m.translation for m in M])
     there = np.array([m.actInv(pin.Motion(t)).vector for m, t in zip(M, x, strict=True)])
     close_to(motion_to_body(R, p, x), there, ROUNDING)
+    close_to(motion_to_base(R, p, there), x, ROUNDING)
     close_to(np.einsum("tij,tj->ti", motion_matrix(R, p), x), there, ROUNDING)
     back = np.array([m.act(pin.Force(t)).vector for m, t in zip(M, x, strict=True)])
     close_to(wrench_to_base(R, p, x), back, ROUNDING)

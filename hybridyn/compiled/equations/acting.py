@@ -13,14 +13,14 @@ import numpy as np
 
 from ...description.names import did_you_mean
 from ...errors import ModelError
-from ...spatial import Array
+from ...spatial import Array, wrench_to_base
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ...symbols import dot
 from .arguments import ModuleArguments
 from .chains import sweep
 from .expressions import pack, symbols, zeros
-from .rigid import links_of, to_parent
+from .rigid import links_of
 
 
 class Acting(NamedTuple):
@@ -93,7 +93,7 @@ def along_path(module: Module, at: Acting, arguments: ModuleArguments | None) ->
     efforts, body = [], at.own
     while body:
         efforts += list(reversed(dot(chain.S[body - 1].T, wrench)))
-        wrench = to_parent(chain.R[body - 1], chain.p[body - 1], wrench)
+        wrench = wrench_to_base(chain.R[body - 1], chain.p[body - 1], wrench)
         body = m.spanning.joints[body - 1].parent
     inputs = [q_col, w_col, *([] if arguments is None else [arguments.column])]
     return ca.Function("along", inputs, [pack(np.array(efforts, dtype=object)), pack(wrench)])

@@ -19,21 +19,10 @@ import casadi as ca
 import numpy as np
 
 from ...linkage.joints import TreeJoint
-from ...spatial import cross, hat, slices
+from ...spatial import crf, crm, cross, hat, motion_to_base, motion_to_body, slices, wrench_to_base
 from ...symbols import Expression, dot, is_zero, plus, times
 from .expressions import eye, numbers, plain, zeros
-from .rigid import (
-    LinkNumbers,
-    crf,
-    crm,
-    inertia_matrix,
-    momentum,
-    motion_to_parent,
-    moved,
-    quaternion_matrix,
-    to_child,
-    to_parent,
-)
+from .rigid import LinkNumbers, inertia_matrix, momentum, moved, quaternion_matrix
 
 
 @dataclass(frozen=True)
@@ -125,8 +114,8 @@ def sweep(
             R, p = dot(numbers(link.R), turn), plus(numbers(link.p), dot(numbers(link.R), shift))
             below, S = chain.R0[link.parent], motion_subspace(link)
             rate = dot(S, v[cols])
-            V = plus(to_child(R, p, chain.V[link.parent]), rate)
-            c = plus(to_child(R, p, chain.c[link.parent]), crm(V, rate))
+            V = plus(motion_to_body(R, p, chain.V[link.parent]), rate)
+            c = plus(motion_to_body(R, p, chain.c[link.parent]), crm(V, rate))
             c = c if a is None else plus(c, dot(S, a[cols]))
             R0, p0 = dot(below, R), plus(chain.p0[link.parent], dot(below, p))
             root = chain.root[link.parent]
@@ -188,11 +177,11 @@ def forces(chain: Chain) -> Expression:
     for i, cols in reversed(list(enumerate(chain.v_slices))):
         at = slice(6 + cols.start, 6 + cols.stop)
         if i in chain.platforms:
-            out[at] = to_parent(chain.R0[i + 1], chain.p0[i + 1], wrench[i + 1])
+            out[at] = wrench_to_base(chain.R0[i + 1], chain.p0[i + 1], wrench[i + 1])
             continue
         out[at] = dot(chain.S[i].T, wrench[i + 1])
         parent = chain.links[i].parent
-        wrench[parent] = wrench[parent] + to_parent(chain.R[i], chain.p[i], wrench[i + 1])
+        wrench[parent] = wrench[parent] + wrench_to_base(chain.R[i], chain.p[i], wrench[i + 1])
     out[:6] = wrench[0]
     return out
 
@@ -228,9 +217,9 @@ def _inwards(chain: Chain, i: int, F: Expression) -> Iterator[tuple[list[int], E
         if joint != i:
             at = slices[joint]
             yield list(range(6 + at.start, 6 + at.stop)), dot(chain.S[joint].T, F)
-        F = np.stack([to_parent(chain.R[joint], chain.p[joint], f) for f in F.T], axis=1)
+        F = np.stack([wrench_to_base(chain.R[joint], chain.p[joint], f) for f in F.T], axis=1)
     if root:
-        F = np.stack([to_parent(chain.R0[root], chain.p0[root], f) for f in F.T], axis=1)
+        F = np.stack([wrench_to_base(chain.R0[root], chain.p0[root], f) for f in F.T], axis=1)
     yield chain.columns_of(root), F
 
 
@@ -240,7 +229,7 @@ def motion_map(chain: Chain, body: int) -> Expression:
     J[:, chain.columns_of(chain.root[body])] = eye(6)
     for i in carriers(chain, body):
         for k, col in enumerate(range(slices[i].start, slices[i].stop)):
-            J[:, 6 + col] = motion_to_parent(chain.R0[i + 1], chain.p0[i + 1], chain.S[i][:, k])
+            J[:, 6 + col] = motion_to_base(chain.R0[i + 1], chain.p0[i + 1], chain.S[i][:, k])
     return J
 
 
@@ -264,7 +253,7 @@ def own_columns(chain: Chain, body: int) -> dict[int, Expression]:
     """Return the twist of a body, in its own frame, at a unit rate of each freedom that carries it."""
     columns: dict[int, Expression] = {}
     for i in reversed(carriers(chain, body)):
-        columns = {k: to_child(chain.R[i], chain.p[i], column) for k, column in columns.items()}
+        columns = {k: motion_to_body(chain.R[i], chain.p[i], column) for k, column in columns.items()}
         columns |= {chain.v_slices[i].start + k: chain.S[i][:, k] for k in range(chain.links[i].nv)}
     return columns
 

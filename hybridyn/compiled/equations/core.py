@@ -11,7 +11,7 @@ import numpy as np
 
 from ...assembly.free_motions import IDLE
 from ...linkage.reduction import RANK_TOLERANCE
-from ...spatial import Index
+from ...spatial import Index, motion_to_base, motion_to_body
 from ...symbols import Expression, dot, is_zero
 from .chains import Chain, Placed, sweep
 from .core_rows import CoreRows, write_rows
@@ -19,7 +19,6 @@ from .expressions import plain, scalar, zeros
 from .leg_groups import Leg
 from .legs import PlatformMotion, WrittenLeg
 from .module_plan import ModulePlan
-from .rigid import motion_to_parent, to_child
 from .scales import Scale, largest, size_of, weighed
 from .spins import UNFELT, first_moment
 
@@ -133,11 +132,11 @@ def write_core(
 def _platform(at: Placed, base: tuple[Expression, Expression | None], scale: Scale) -> PlatformMotion:
     """Return a platform's motion for its legs; the base's acceleration is None without accelerations."""
     V_base, A_base = base
-    V = motion_to_parent(at.R, at.p, at.V)
+    V = motion_to_base(at.R, at.p, at.V)
     speed = size_of(zeros(0), [], [V_base, V], scale.length)
     if A_base is None:
         return PlatformMotion(at.R, at.p, V, scale.weight(speed))
-    A = motion_to_parent(at.R, at.p, at.c)
+    A = motion_to_base(at.R, at.p, at.c)
     haste = size_of(zeros(0), [], [A_base, A], scale.length) + speed * speed
     return PlatformMotion(at.R, at.p, V, scale.weight(speed), A, scale.weight(haste))
 
@@ -205,4 +204,4 @@ def pick(values: Expression, index: Index) -> Expression:
 
 def whole(chain: Chain, body: int, s: Expression, J: Expression) -> Expression:
     """Compute a body's acceleration for s, own frame, shape (6,)."""
-    return to_child(chain.R0[body], chain.p0[body], dot(J, s)) + chain.c[body]
+    return motion_to_body(chain.R0[body], chain.p0[body], dot(J, s)) + chain.c[body]

@@ -13,13 +13,12 @@ import numpy as np
 
 from ...linkage.closures import TreeClosure
 from ...linkage.couplings import CouplingRows
-from ...spatial import Array, cross, hat
+from ...spatial import Array, cross, hat, wrench_to_base
 from ...symbols import Expression, dot, minus
 from .chains import Chain, motion_map, point_acceleration, point_map, point_velocity
 from .expressions import along, numbers, scalar, zeros
 from .legs import turned_apart
 from .parts import Parts
-from .rigid import to_parent
 from .rods import Rod
 from .scales import Scale, weighed
 from .spins import UNFELT
@@ -165,7 +164,7 @@ def _closure(
     apart = b.a - a.a
     if exact or not given or len(axes) < 3:  # else `b.v - a.v` is a residual, and zero
         apart = apart - cross(a.alpha, r) - 2 * cross(a.w, b.v - a.v) + cross(a.w, cross(a.w, r))
-    normals = [to_parent(numbers(np.eye(3)), b.p, np.concatenate([n, zeros(3)])) for n in axes]
+    normals = [wrench_to_base(numbers(np.eye(3)), b.p, np.concatenate([n, zeros(3)])) for n in axes]
     gamma = [along(n, apart) for n in axes]
     z = b.A[:, 2]
     turning: list[tuple[Expression, Expression]] = []

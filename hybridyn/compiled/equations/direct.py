@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import hat
+from ...spatial import crf, hat, wrench_to_base
 from ...symbols import Expression, dot, plus, times
 from .chains import forces, mass_matrix, motion_map
 from .core import Core, motions_of, own_inertia, rank_guard
@@ -24,7 +24,7 @@ from .guarded_elimination import solve_definite
 from .least_inertia import NEARLY_NO_INERTIA, least_inertia, unforced_spins
 from .module_plan import ModulePlan
 from .options import Options
-from .rigid import classical, crf, inertia_matrix, matrix_moved, momentum, moved, resting, to_parent
+from .rigid import classical, inertia_matrix, matrix_moved, momentum, moved, resting
 from .scales import squares
 from .stages import GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
 
@@ -89,7 +89,7 @@ def _add_output(
     at_zero = np.concatenate([dot(R0, c[:3]), dot(R0, c[3:])])
     at_zero[:3] = at_zero[:3] + dot(hat(p0), at_zero[3:])
     M[:] = M + congruence(J, inertia)
-    b[:] = b + dot(J.T, dot(inertia, at_zero) + to_parent(R0, p0, beta))
+    b[:] = b + dot(J.T, dot(inertia, at_zero) + wrench_to_base(R0, p0, beta))
 
 
 def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:

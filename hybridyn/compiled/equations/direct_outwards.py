@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Index
+from ...spatial import Index, motion_to_body
 from ...symbols import Expression
 from .chains import motion_map, sweep
 from .core import Core, core_body, whole
@@ -15,7 +15,7 @@ from .expressions import numbers, pack
 from .guarded_elimination import solve
 from .module_plan import ModulePlan
 from .options import Options
-from .rigid import classical, to_child
+from .rigid import classical
 from .scales import squares
 from .stages import GivenColumns
 from .wrist_paths import wrist_jacobian
@@ -64,7 +64,7 @@ def add_wrists(
         chain = sweep(list(path.links), q[path.q], v[path.v], base[0], a, base[1])
         body = core_body(plan, path.wrist.target)
         target = whole(core.chain, body, s, motion_map(core.chain, body))
-        target = to_child(numbers(path.wrist.R), numbers(path.wrist.p), target)
+        target = motion_to_body(numbers(path.wrist.R), numbers(path.wrist.p), target)
         miss = target - chain.c[-1]
         X, doubts = solve(wrist_jacobian(path, chain), miss[:, None], pivots)
         out |= {int(col): value for col, value in zip(path.v[path.wrist_v], X[:, 0], strict=True)}

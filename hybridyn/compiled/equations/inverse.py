@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Array
+from ...spatial import Array, crf, crm, motion_to_body, wrench_to_base
 from ...symbols import Expression, dot, plus, times
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, leg_guard, motions_of, own_inertia, pick, rank_guard, spins_of_legs
@@ -21,7 +21,7 @@ from .legs import PlatformMotion, write_leg
 from .module_plan import ModulePlan
 from .motor_balance import motor_efforts
 from .options import Options
-from .rigid import classical, crf, crm, momentum, resting, to_child, to_parent
+from .rigid import classical, momentum, resting
 from .scales import squares
 from .stages import GivenColumns, Stage, WrittenModule, begun, cut, read_by_core, twist_width
 
@@ -163,7 +163,7 @@ def _add_output(
         F = received.take(f"F {o}", 6)
         W = W + F
         terms += received.take(f"size {o}", 1).tolist() if options.measures else _works(F, plan)
-    b[:] = b + dot(motion_map(chain, body).T, to_parent(chain.R0[body], chain.p0[body], W))
+    b[:] = b + dot(motion_map(chain, body).T, wrench_to_base(chain.R0[body], chain.p0[body], W))
 
 
 def _without_rates(
@@ -174,7 +174,7 @@ def _without_rates(
     placed = {}
     for i in core.platforms:
         R, p, V = chain.R0[i + 1], chain.p0[i + 1], chain.V[i + 1]
-        product = crm(V, V - to_child(R, p, base[0]))
+        product = crm(V, V - motion_to_body(R, p, base[0]))
         placed[i] = Placed(R, p, zeros(6), chain.c[i + 1] - product)
     still, tree_q, tree_a = zeros(len(parts.v)), pick(q, parts.q), pick(a, parts.v)
     return sweep(list(parts.links), tree_q, still, zeros(6), tree_a, base[1], placed)

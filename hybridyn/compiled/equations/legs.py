@@ -19,13 +19,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Array, cross, hat
+from ...spatial import Array, cross, hat, wrench_to_base
 from ...symbols import Expression, dot, minus, plus, times
 from .chains import Chain, forces, mass_matrix, own_columns, point_acceleration, point_velocity, sweep
 from .expressions import Folding, along, congruence, numbers, pack, plain, sampled, symbols, upper, zeros
 from .guarded_elimination import Pivots, choose_pivots, solve
 from .leg_groups import Leg
-from .rigid import LinkNumbers, matrix_moved, to_parent
+from .rigid import LinkNumbers, matrix_moved
 from .scales import Scale, squares, weighed
 from .spins import Spin
 
@@ -93,7 +93,7 @@ class WrittenLeg:
 
     def wrench(self, F: Expression) -> Expression:
         """Transform a wrench at the closure's point to the base's frame, shape (6,)."""
-        return to_parent(numbers(np.eye(3)), self.point, F)
+        return wrench_to_base(numbers(np.eye(3)), self.point, F)
 
 
 def fold_links(folding: Folding, copies: list[list[LinkNumbers]]) -> list[LinkNumbers]:

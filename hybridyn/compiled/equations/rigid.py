@@ -65,33 +65,6 @@ def momentum(inertia: Expression, V: Expression) -> Expression:
     return np.concatenate([plus(linear, cross(w, h)), turning])
 
 
-def to_child(R: Expression, p: Expression, V: Expression) -> Expression:
-    """Transform a motion vector from the parent's frame to the child's."""
-    return np.concatenate([dot(R.T, plus(V[:3], cross(V[3:], p))), dot(R.T, V[3:])])
-
-
-def to_parent(R: Expression, p: Expression, F: Expression) -> Expression:
-    """Transform a wrench from the child's frame to the parent's."""
-    f = dot(R, F[:3])
-    return np.concatenate([f, plus(dot(R, F[3:]), cross(p, f))])
-
-
-def motion_to_parent(R: Expression, p: Expression, V: Expression) -> Expression:
-    """Transform a motion vector from the child's frame to the parent's."""
-    w = dot(R, V[3:])
-    return np.concatenate([plus(dot(R, V[:3]), cross(p, w)), w])
-
-
-def crm(V: Expression, U: Expression) -> Expression:
-    """Compute the cross product V x U of motion vectors, shape (6,)."""
-    return np.concatenate([plus(cross(V[3:], U[:3]), cross(V[:3], U[3:])), cross(V[3:], U[3:])])
-
-
-def crf(V: Expression, F: Expression) -> Expression:
-    """Compute the cross product V x* F of a twist and a wrench, shape (6,)."""
-    return np.concatenate([cross(V[3:], F[:3]), plus(cross(V[3:], F[3:]), cross(V[:3], F[:3]))])
-
-
 def matrix_moved(M: Expression, R: Expression, p: Expression) -> Expression:
     """Transform a symmetric spatial inertia matrix from the child's frame to the parent's, shape (6, 6)."""
     a, b, c = congruence(R.T, M[:3, :3]), dot(R, dot(M[:3, 3:], R.T)), congruence(R.T, M[3:, 3:])

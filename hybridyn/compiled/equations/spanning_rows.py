@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
 from ...linkage.closures import TreeClosure, residual_of, rows_of
-from ...spatial import cross
+from ...spatial import cross, motion_to_base
 from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, own_columns, point_acceleration, point_velocity
 from .expressions import zeros
-from .rigid import motion_to_parent
 
 #: Frames of a closure on its bodies: axes and origin of A, axes and origin of B.
 Frames = tuple[Expression, Expression, Expression, Expression]
@@ -22,22 +22,28 @@ class SpanningRows:
 
     def __init__(self, chain: Chain) -> None:
         self._chain = chain
-        self._columns = [
-            [motion_to_parent(chain.R0[i + 1], chain.p0[i + 1], column) for column in S.T]
+
+    @cached_property
+    def _columns(self) -> list[Expression]:
+        """Twist of each joint's child at unit rates, at the base's origin, shape (6, nv)."""
+        chain = self._chain
+        return [
+            np.stack([motion_to_base(chain.R0[i + 1], chain.p0[i + 1], column) for column in S.T], axis=1)
             for i, S in enumerate(chain.S)
         ]
 
     def closure(self, c: TreeClosure, frames: Frames) -> tuple[Expression, Expression]:
         """Compute a closure's residual, shape (rows,), and Jacobian, shape (rows, nv)."""
         (A, pa), (B, pb) = self._placed(c, frames)
-        columns = zeros(2, self._chain.nv, 3)
+        linear, angular = zeros(self._chain.nv, 3), zeros(self._chain.nv, 3)
         for sign, body, other in ((1.0, c.body_b, c.body_a), (-1.0, c.body_a, c.body_b)):
             for joint in self._path(body) - self._path(other):
                 R, at, S = self._chain.R0[joint + 1], self._chain.v_slices[joint], sign * self._chain.S[joint]
-                linear, angular = (dot(R, part).T for part in (S[:3], S[3:]))
-                columns[:, at] = linear + cross(angular, pb - self._chain.p0[joint + 1]), angular
+                angular[at] = dot(R, S[3:]).T
+                lever = cross(angular[at], minus(pb, self._chain.p0[joint + 1]))
+                linear[at] = plus(dot(R, S[:3]).T, lever)
         residual = residual_of(c.translations, c.rotation, (A, pa), (B, pb))
-        return residual, rows_of(c.translations, c.rotation, A, B[:, 2], (columns[0], columns[1]))
+        return residual, rows_of(c.translations, c.rotation, A, B[:, 2], (linear, angular))
 
     def rates(self, c: TreeClosure, frames: Frames, v: Expression) -> Expression:
         """Compute the rates of a closure's residual, its Jacobian times v, from the twists of its bodies.
@@ -95,8 +101,7 @@ class SpanningRows:
         """Compute the twist of a body in the base frame, without joints that carry the other body, too."""
         out = zeros(6)
         for joint in sorted(self._path(body) - self._path(other)):
-            columns = np.stack(self._columns[joint], axis=1)
-            out = plus(out, dot(columns, v[self._chain.v_slices[joint]]))
+            out = plus(out, dot(self._columns[joint], v[self._chain.v_slices[joint]]))
         return out
 
     def _placed(self, c: TreeClosure, frames: Frames) -> Sequence[tuple[Expression, Expression]]:

@@ -23,12 +23,12 @@ import numpy as np
 
 from ...assembly.free_motions import IDLE, effects
 from ...dynamics.guards import FORCED
-from ...spatial import Array, Index
+from ...spatial import Array, Index, motion_to_body
 from ...structure.mechanism import Mechanism
 from ...symbols import Expression, dot, is_zero, minus, times
 from .chains import motion_subspace
 from .expressions import along, numbers, scalar, snap
-from .rigid import LinkNumbers, momentum, to_child
+from .rigid import LinkNumbers, momentum
 from .scales import Scale, squares
 
 #: A closure does not feel a motion that opens it by less than this, without units: rounding. The spin of a
@@ -135,7 +135,7 @@ def twists_of(spin: Spin, links: Sequence[LinkNumbers]) -> dict[int, Expression]
     twists = {first + 1: dot(motion_subspace(links[first]), numbers(spin.axis))}
     for i, link in enumerate(links):
         if link.kind.slides and link.parent in twists:
-            twists[i + 1] = to_child(numbers(link.R), numbers(link.p), twists[link.parent])
+            twists[i + 1] = motion_to_body(numbers(link.R), numbers(link.p), twists[link.parent])
     return twists
 
 

@@ -12,14 +12,13 @@ from ...effects.bodies import GravityCompensation, LineSprings
 from ...effects.bushings import Bushings, Moving
 from ...effects.catalogue import OfMotion
 from ...effects.links import GroundContact
-from ...spatial import cross
+from ...spatial import cross, wrench_to_base
 from ...structure.robot import HybridRobot
 from ...symbols import Expression, dot
 from ..equations.acting import Acting, along_path
 from ..equations.arguments import ChosenNumbers
 from ..equations.expressions import numbers, pack, symbols, zeros
 from ..equations.request import Request
-from ..equations.rigid import to_parent
 from ..program import Shared, Source
 from .general import WIDTH
 from .kinematics import write_motions
@@ -43,7 +42,7 @@ class ActingWrenches:
         self._count = 0
         for i, at in enumerate(request.given_wrenches):
             column, given = symbols("wrench", 6)
-            in_body = pack(to_parent(numbers(at.R), numbers(at.p), given))
+            in_body = pack(wrench_to_base(numbers(at.R), numbers(at.p), given))
             self._add(at, "wrench", [column], in_body, w.from_given("wrenches", 6 * i + np.arange(6)))
         if not request.contacts:
             return
