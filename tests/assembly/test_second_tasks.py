@@ -340,3 +340,15 @@ def test_compiled_models_leave_the_rule_to_the_general_path(tmp_path: Path) -> N
     for one, other in zip(compiled.assemble(**given), hybridyn.assemble(robot, **given), strict=True):
         np.testing.assert_array_equal(one, other)
     assert compiled.recomputed == len(s)
+
+
+@pytest.mark.slow
+def test_designs_follow_the_rule(tmp_path: Path) -> None:
+    """The general path computes them, each with its own robot."""
+    robot, s = limited(tmp_path), np.linspace(0.0, 0.1, 5)
+    compiled, given = hybridyn.compile(robot, parameters=["mass:l1"]), {"l3": ({"x": 1.1 - s, "z": s},)}
+    found = compiled.designs([[1.0], [1.5]], platforms=given, redundancy=MIDDLE)
+    q = hybridyn.assemble(robot, platforms=given, redundancy=MIDDLE)[0]
+    assert not found.errors
+    for one in found.q:
+        close_to(one, q, SAME)

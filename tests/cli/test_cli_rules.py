@@ -14,12 +14,14 @@ import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.cli import main
 from hybridyn.cli.view import _run
+from hybridyn.errors import ModelError
 from hybridyn.scenes.stage import play, stage
 from hybridyn.spatial import Array
 from hybridyn.studies.sweep.compiled_chunks import evaluate_chunk
 from hybridyn.studies.sweep.designs import designs_of
 from hybridyn.studies.sweep.evaluation import Chunk
 from hybridyn.studies.sweep.reading import read_study
+from hybridyn.studies.workspace.workspace import workspace
 from hybridyn.view.posing import Poser
 from tests.assembly.test_second_tasks import MIDDLE, limited, waves
 from tests.support.command_line import call
@@ -74,17 +76,39 @@ def tool_at(row: int) -> str:
     return f"platforms = {{ l3 = {{ x = {float(X[0][row])!r}, z = {float(Z[0][row])!r} }} }}\n"
 
 
-def of_sweep(arm: Ruled) -> None:
-    means = ", ".join(f'{name} = "mean {name}/position"' for name in arm.robot.motors)
-    study = '[robot]\nfile = "arm.urdf"\n[designs]\nmethod = "grid"\n'
-    study += '[parameters]\nmass = { scale_inertia = "l1", values = [0.9] }\n'
-    for name, rule in (("motors", ""), ("tool", f"redundancy = '{MIDDLE}'\n")):
-        study += f"[tasks.{name}]\ntrajectory = '{name}.csv'\n{rule}measure = {{ {means} }}\n"
-    source = read_study(save(Path(), study, "study.toml"))
+def study(tasks: str) -> Path:
+    """Write a study of one design with some tasks."""
+    head = '[robot]\nfile = "arm.urdf"\n[designs]\nmethod = "grid"\n'
+    head += '[parameters]\nmass = { scale_inertia = "l1", values = [0.9] }\n'
+    return save(Path(), head + tasks, "study.toml")
+
+
+def measured(tasks: str) -> tuple[float, ...]:
+    """Return what a study of one design measures."""
+    source = read_study(study(tasks))
     (row,) = evaluate_chunk(source, Chunk(0, designs_of(source)), None).rows
     assert row.status == "ok", row.message
-    wanted, ours = np.reshape(row.measures, (2, -1))
+    return row.measures
+
+
+def of_sweep(arm: Ruled) -> None:
+    means, tasks = ", ".join(f'{name} = "mean {name}/position"' for name in arm.robot.motors), ""
+    for name, rule in (("motors", ""), ("tool", f"redundancy = '{MIDDLE}'\n")):
+        tasks += f"[tasks.{name}]\ntrajectory = '{name}.csv'\n{rule}measure = {{ {means} }}\n"
+    wanted, ours = np.reshape(measured(tasks), (2, -1))
     close_to(ours, wanted, EXACT)
+
+
+def of_workspace(arm: Ruled) -> None:
+    """Postures have the conditioning of those that `assemble` finds at the same poses."""
+    where, task = {"link": "l3", "axes": ["z"], "steps": {"z": 0.8}}, "measure = ['min_conditioning']\n"
+    task += f"redundancy = '{MIDDLE}'\nworkspace = {{ link = 'l3', axes = ['z'], steps = {{ z = 0.8 }} }}\n"
+    (least,) = measured(f"[tasks.reach]\n{task}")
+    found = workspace(arm.robot, **where, redundancy=MIDDLE)
+    poses = dict(zip(found.sweep.names, found.coordinates.T, strict=True))
+    q = hybridyn.assemble(arm.robot, platforms={"l3": (poses,)}, guess=found.q[0], redundancy=MIDDLE)[0]
+    close_to(found.q, q, EXACT)
+    assert found.measures["conditioning"].min() == pytest.approx(least, rel=EXACT)
 
 
 def of_start(arm: Ruled) -> None:
@@ -125,7 +149,9 @@ def of_effects(arm: Ruled) -> None:
 
 
 @pytest.mark.parametrize(
-    "case", [of_sweep, of_start, of_motion, of_points, of_view, of_drag, of_effects], ids=lambda f: f.__name__
+    "case",
+    [of_sweep, of_workspace, of_start, of_motion, of_points, of_view, of_drag, of_effects],
+    ids=lambda f: f.__name__,
 )
 def test_tools_with_a_rule_move_as_the_motors_that_it_finds(
     case: Callable[[Ruled], None], arm: Ruled
@@ -157,6 +183,10 @@ def test_scenes_and_studies_refuse_unknown_rules(arm: Ruled, capsys: pytest.Capt
     text = scene("").read_text().replace(MIDDLE, "middle")
     assert main(["simulate", str(save(Path(), text, "wrong.toml"))]) == 1
     known = "should be 'least motion', 'middle of ranges' or 'away from singular'"
+    with pytest.raises(ModelError, match="study.toml:8: 'tasks.a.redundancy': " + known):
+        read_study(study("[tasks.a]\nredundancy = 'middle'\ntrajectory = 'tool.csv'\nmeasure = ['time']\n"))
+    with pytest.raises(ModelError, match="a scene states its own 'redundancy': write it there"):
+        read_study(study(f"[tasks.a]\nredundancy = '{MIDDLE}'\nscene = 'scene.toml'\nmeasure = ['time']\n"))
     assert f"wrong.toml:2: 'redundancy': {known}" in capsys.readouterr().err
     assert main(["cost", "scene.toml", "--redundancy", MIDDLE]) == 2
     assert "write the rule in the scene" in capsys.readouterr().err
