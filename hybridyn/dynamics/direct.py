@@ -5,6 +5,7 @@ There are three recursions: forward for placements and twists (`forward`), backw
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal, overload
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
 from .backward import reactions_of
 from .direct_recursion import accelerate, articulate
 from .forward import forward
+from .load_friction import settle
 from .loads import Loads, all_loads, in_every_sample
 from .reactions import Reactions
 from .results import Result
@@ -94,7 +96,7 @@ def direct_model(
     reactions: bool = False,
 ) -> Result:  # fmt: skip
     """Compute the result of `ddm` as a batch, together with the closure residuals of the states."""
-    on = choose(robot, effects)
+    on = choose(robot, effects, loaded=True)
     q = as_positions(robot, q, base_given=on.base is None)[0]
     v, tau = as_rates(robot, v)[0], as_efforts(robot, tau)[0]
     same_samples(q=q, v=v, tau=tau)
@@ -108,6 +110,15 @@ def direct_model(
     if on.limits is not None:
         tau = on.limits.clip(robot, tau)
     loads = all_loads(robot, on, q, v, time, wrenches)
+    if on.loaded is not None:
+
+        def under(efforts: Array) -> Reactions:
+            """Compute the reactions under efforts of joints."""
+            more, moved = replace(loads, joints=loads.joints + efforts), a.copy()
+            solve(robot, q, v, moved, tau, more)
+            return reactions_of(robot, q, v, moved, tau, more)
+
+        loads = replace(loads, joints=loads.joints + settle(robot, on.loaded, v, under, apart=False))
     residual = solve(robot, q, v, a, tau, loads)
     result = reactions_of(robot, q, v, a, tau, loads) if reactions else None
     return Result(a, residual, result)

@@ -1,6 +1,7 @@
 """Inverse dynamic model: compute motor efforts from a motion, Eqs. (30)-(33) in their general form."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Literal, overload
 
 import numpy as np
@@ -15,7 +16,8 @@ from ..structure.samples import as_positions, as_rates, one_of, same_samples
 from .actuation import Sharing
 from .backward import backward
 from .forward import forward
-from .loads import all_loads
+from .load_friction import settle
+from .loads import Loads, all_loads
 from .reactions import Reactions
 from .results import Result
 from .state_checks import check_closed
@@ -107,7 +109,7 @@ def inverse_model(
     weights: Mapping[str, float] | Array | None = None, on_singular: str = "raise", reactions: bool = False,
 ) -> Result:  # fmt: skip
     """Compute the result of `idm` as a batch, together with the closure residuals of the states."""
-    on = choose(robot, effects)
+    on = choose(robot, effects, loaded=True)
     q = as_positions(robot, q, base_given=on.base is None)[0]
     v, a = as_rates(robot, v)[0], as_rates(robot, a, "a", "acceleration")[0]
     same_samples(q=q, v=v, a=a)
@@ -117,23 +119,53 @@ def inverse_model(
     if on.base is not None:
         q, v, a = on.base.into(robot, time, q, v, a)
     loads = all_loads(robot, on, q, v, time, wrenches)
-    if passive == "solved":
+    driven = HINT if passive == "given" else "Add a motor there"
+    hint = driven if robot.motors else "The robot has no motors: name them, motors=[...]"
+    if robot.description.left_out:
+        hint += f"; the file's actuators {listed(robot.description.left_out)} are no motors here"
+    sharing = Sharing(_weights(robot, weights), on_singular, hint)
+    solved = passive == "solved"
+    if on.loaded is not None:
+
+        def under(efforts: Array) -> Reactions:
+            """Compute the reactions under efforts of joints."""
+            more = replace(loads, joints=loads.joints + efforts)
+            found = _under_loads(robot, q, v, a, more, sharing, solved=solved, reactions=True).reactions
+            assert found is not None
+            return found
+
+        friction = settle(robot, on.loaded, v, under, apart=not solved)
+        loads = replace(loads, joints=loads.joints + friction)
+    out = _under_loads(robot, q, v, a, loads, sharing, solved=solved, reactions=reactions)
+    if on.limits is not None:
+        on.limits.check(robot, out.values)
+    return out
+
+
+def _under_loads(
+    robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads, sharing: Sharing, *, solved: bool,
+    reactions: bool,
+) -> Result:  # fmt: skip
+    """Compute the inverse model under known loads.
+
+    Args:
+        q, v, a: Positions, rates and accelerations, shapes (T, nq), (T, nv), (T, nv).
+        loads: External wrenches and effects.
+        sharing: How the load is distributed among motors.
+        solved: Whether passive accelerations are computed for zero effort.
+        reactions: Whether reactions are computed.
+    """
+    on = loads.on
+    if solved:
         from .direct import solve_passive  # which most calls need not
 
         a = solve_passive(robot, q, v, a, loads)
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
     residual = check_closed(robot, states, q, v, a)
-    driven = HINT if passive == "given" else "Add a motor there"
-    hint = driven if robot.motors else "The robot has no motors: name them, motors=[...]"
-    if robot.description.left_out:
-        hint += f"; the file's actuators {listed(robot.description.left_out)} are no motors here"
-    sharing = Sharing(_weights(robot, weights), on_singular, hint)
     result = Reactions(np.zeros((len(q), 6))) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
     backward(robot, states, loads, sharing, tau, result, q, v, a)
-    if on.limits is not None:
-        on.limits.check(robot, tau)
     return Result(tau, residual, result)
 
 

@@ -16,6 +16,7 @@ from .choice import Effects, choose
 from .inputs import BaseMotion, Limits
 from .joint_laws import CoulombFriction, Damper, RotorInertia, StribeckFriction, ViscousFriction
 from .links import GroundContact, Wrench
+from .load_friction import LoadFriction
 from .rebuild import with_effects
 from .springs import BallSpring, PolynomialDamper, PolynomialSpring, Spring, Stop
 from .tendons import Tendons
@@ -37,6 +38,7 @@ __all__ = [
     "LegInertia",
     "Limits",
     "LineSprings",
+    "LoadFriction",
     "MasslessLegs",
     "Payload",
     "PolynomialDamper",

@@ -10,6 +10,7 @@ from .bushings import Bushings
 from .inputs import BaseMotion, Limits
 from .joint_laws import CoulombFriction, Damper, RotorInertia, StribeckFriction, ViscousFriction
 from .links import GroundContact, Wrench
+from .load_friction import LoadFriction
 from .springs import BallSpring, PolynomialDamper, PolynomialSpring, Spring, Stop
 from .tendons import Tendons
 from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
@@ -26,8 +27,8 @@ OfMotion = GroundContact | GravityCompensation | LineSprings | Bushings
 UNITS: dict[str, type[Any]] = {
     unit.name: unit
     for unit in (
-        Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms, *JOINTS, *LINKS, Payload, BaseMotion,
-        Limits,
+        Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms, *JOINTS, *LINKS, LoadFriction, Payload,
+        BaseMotion, Limits,
     )
 }  # fmt: skip
 

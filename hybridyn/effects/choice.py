@@ -22,6 +22,7 @@ from .inputs import BaseMotion, Limits
 from .joint_laws import RotorInertia
 from .joints import OnJoints, placed
 from .links import Wrench
+from .load_friction import LoadFriction, OnLoads, on_loads
 from .tendons import OnTendons, Tendons, on_tendons
 from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
 
@@ -40,6 +41,7 @@ class Effects:
         links: Laws of wrenches on links.
         limits: Effort limits, or None.
         base: The base's prescribed motion, or None.
+        loaded: Friction that grows with load, or None.
         names: Names of the selected effects, including payloads.
     """
 
@@ -52,6 +54,7 @@ class Effects:
     links: tuple[Wrench | OfMotion, ...] = ()
     limits: Limits | None = None
     base: BaseMotion | None = None
+    loaded: OnLoads | None = None
     names: tuple[str, ...] = ()
 
     def only(self, names: Collection[str]) -> Effects:
@@ -66,6 +69,7 @@ class Effects:
             tuple(law for law in self.joints if law.effect.name in names),
             tuple(law for law in self.rotors if law.effect.name in names),
             tuple(law for law in self.links if law.name in names), kept(self.limits), kept(self.base),
+            self.loaded if LoadFriction.name in names else None,
         )  # fmt: skip
         return replace(out, names=out.named({*self.names} & {*names}))
 
@@ -157,7 +161,7 @@ STANDARD = Effects(Gravity(), Inertia(), LegInertia(), VelocityTerms(), names=DE
 Choice = str | Iterable[Any] | Effects | None
 
 
-def choose(robot: HybridRobot, effects: Choice) -> Effects:
+def choose(robot: HybridRobot, effects: Choice, *, loaded: bool = False) -> Effects:
     """Select the effects of a call for a robot.
 
     Args:
@@ -165,14 +169,25 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
             those and all effects stated in the robot's files; "none"; or a list of names (including these
             words) and effect objects. Only named effects are computed: `["default", Spring({"elbow": 40.0})]`
             adds a spring.
+        loaded: Whether the caller computes friction that grows with load.
 
     Raises:
-        ModelError: A name is unknown, an effect lacks parameters, or effects contradict each other.
+        ModelError: A name is unknown, an effect lacks parameters, or effects contradict each other; or the
+            caller does not compute friction that grows with load.
     """
     if effects is None:
         return STANDARD
-    if isinstance(effects, Effects):
-        return effects
+    out = effects if isinstance(effects, Effects) else _chosen(robot, effects)
+    if out.loaded is not None and not loaded:
+        raise ModelError(
+            f"the effect '{LoadFriction.name}' is computed by hybridyn.idm and ddm and the commands of these "
+            "names, on the general path alone: leave it out here", element=LoadFriction.name,
+        )  # fmt: skip
+    return out
+
+
+def _chosen(robot: HybridRobot, effects: Choice) -> Effects:
+    """Select the effects of names and objects."""
     units = listed_units(robot, effects)
     names = {unit.name for unit in units}
     _check(robot, units, names)
@@ -190,7 +205,7 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
         tuple(law for law in laws if not isinstance(law.effect, RotorInertia)),
         tuple(law for law in laws if isinstance(law, OnJoints) and isinstance(law.effect, RotorInertia)),
         tuple(bound_to(unit, robot) for unit in units if isinstance(unit, LINKS)), one(Limits),
-        one(BaseMotion),
+        one(BaseMotion), None if (load := one(LoadFriction)) is None else on_loads(load, robot),
     )  # fmt: skip
     return replace(out, names=out.named(names))
 

@@ -7,6 +7,7 @@ from ..structure.robot import HybridRobot
 from .catalogue import JOINTS
 from .choice import Choice, Effects, listed_units
 from .inputs import BaseMotion
+from .load_friction import LoadFriction
 
 
 def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
@@ -26,6 +27,7 @@ def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
         return robot
     units = listed_units(robot, effects)
     joints = {name for unit in units if isinstance(unit, JOINTS) for name in unit.numbers(robot)}
+    joints |= {name for unit in units if isinstance(unit, LoadFriction) for name in unit.joints}
     payloads = [unit for unit in units if isinstance(unit, Payload) and unit not in robot.payloads]
     held, base = robot.held | (joints & robot.cut_joints), robot.base
     if any(isinstance(unit, BaseMotion) for unit in units):

@@ -88,10 +88,16 @@ def choose_engine(
     if asked == "general":
         return EngineChoice(None, "as asked")
     size = (samples or 0) * robot.nv
-    cached = alone and asked is None and LOADED * worth <= size < worth and _is_built(robot, effects)
+    wanted = ", ".join(name for name, there in obstacles.items() if there)
+    cached = (
+        alone
+        and not wanted
+        and asked is None
+        and LOADED * worth <= size < worth
+        and _is_built(robot, effects)
+    )
     if asked is None and size < worth and not cached:
         return EngineChoice(None, f"{size:,} samples times freedoms; compiled from {worth:,} on")
-    wanted = ", ".join(name for name, there in obstacles.items() if there)
     if wanted and asked:
         raise ModelError(f"--engine compiled: compiled models cannot do: {wanted}; use --engine general")
     if wanted:

@@ -124,6 +124,10 @@ EFFECTS: dict[str, dict[str, Any]] = {
         "points": dict[str, list[Point]], "stiffness": Positive, "damping": NotNegative | None,
         "friction": NotNegative | None, "width": Positive | None, "height": FiniteFloat | None,
     },
+    "load_friction": {
+        "radial": ByJoint | None, "axial": ByJoint | None, "tilt": ByJoint | None, "normal": ByJoint | None,
+        "width": Positive | None,
+    },
     "payload": {
         "link": str, "mass": NotNegative, "com": Point | None,
         "inertia": Annotated[list[Point], Field(min_length=3, max_length=3)] | None,

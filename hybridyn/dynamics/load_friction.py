@@ -1,0 +1,162 @@
+"""Solve for friction that depends on reactions, which depend on friction.
+
+Wrenches of joints are linear in efforts: w = w_0 + B n, where n is the friction of each joint and B holds the
+wrenches that unit frictions cause. The law asks for n = N(w). As |N_i(w) - N_i(w')| <= N_i(w - w'), the law
+changes by at most L |change of n|, where L[i, j] = N_i(column j of B). If the spectral radius of L is below
+1, there is one solution, and n -> N(w_0 + B n) leads to it from anywhere.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..description.names import listed
+from ..effects.load_friction import OnLoads
+from ..errors import AT_SAMPLE, ActuationError, ModelError
+from ..spatial import Array
+from ..structure.robot import HybridRobot
+from .reactions import Reactions
+
+#: Spectral radius from which friction is refused: at 1 joints may jam.
+JAM = 1.0
+#: Steps of Newton's method or of the contraction, of which some ten are usual.
+STEPS = 200
+#: A residual below this part of the largest friction is rounding.
+SETTLED = 4 * np.finfo(float).eps
+
+
+def settle(
+    robot: HybridRobot, law: OnLoads, v: Array, reactions_under: Callable[[Array], Reactions], *, apart: bool
+) -> Array:
+    """Compute the efforts of friction that grows with load.
+
+    Args:
+        robot: The robot.
+        law: The law and its joints.
+        v: Rates, shape (T, nv).
+        reactions_under: Computes the reactions under efforts of joints, shape (T, nv).
+        apart: Whether friction in a module changes no wrench in another, as in the inverse model.
+
+    Returns:
+        Shape (T, nv), [N or N m].
+
+    Raises:
+        ModelError: The motion does not determine a wrench on which friction depends.
+        ActuationError: Joints may jam: several frictions, or none, satisfy the law.
+    """
+    D = law.directions(v)
+    start = reactions_under(np.zeros_like(v))
+    _check_determined(law, start)
+    w = _wrenches(law, start)
+    B = _unit_wrenches(robot, law, D, reactions_under, w, apart)
+    _check_jamming(law, B)
+    n = _solve(law, w, B)
+    for _ in range(2):  # what the model computes under this friction has the rounding of its own load
+        w_0 = _wrenches(law, reactions_under(np.einsum("tij,tj->ti", D, n))) - np.einsum("tikj,tj->tik", B, n)
+        n = _solve(law, w_0, B)
+    out: Array = np.einsum("tij,tj->ti", D, n)
+    return out
+
+
+def _wrenches(law: OnLoads, reactions: Reactions) -> Array:
+    """Return the wrenches of the law's joints, shape (T, joints, 6)."""
+    return np.stack([reactions.joints[name] for name in law.joints], axis=1)
+
+
+def _unit_wrenches(
+    robot: HybridRobot, law: OnLoads, D: Array, reactions_under: Callable[[Array], Reactions], w: Array,
+    apart: bool,
+) -> Array:  # fmt: skip
+    """Compute the wrenches that unit frictions cause, shape (T, joints, 6, joints).
+
+    Joints of several modules are taken at once where modules do not feel each other.
+    """
+    module = [next(k for k, m in enumerate(robot.modules) if apart and name in m.joints) if apart else 0
+              for name in law.joints]  # fmt: skip
+    unit = np.maximum(law.sizes(w).max(axis=1), 1.0)[:, None]
+    out = np.zeros((*w.shape, len(law.joints)))
+    for together in _turns(module):
+        efforts = unit * D[:, :, together].sum(axis=2)
+        change = (_wrenches(law, reactions_under(efforts)) - w) / unit[..., None]
+        for j in together:
+            mates = [i for i, k in enumerate(module) if k == module[j]]
+            out[..., j][:, mates] = change[:, mates]
+    return out
+
+
+def _turns(module: Sequence[int]) -> list[list[int]]:
+    """Group joints, given their modules, so that each group has at most one joint of a module."""
+    count: dict[int, int] = {}
+    out: list[list[int]] = []
+    for joint, k in enumerate(module):
+        count[k] = count.get(k, -1) + 1
+        if count[k] == len(out):
+            out.append([])
+        out[count[k]].append(joint)
+    return out
+
+
+def _check_determined(law: OnLoads, reactions: Reactions) -> None:
+    """Raise if a wrench on which friction depends is not determined.
+
+    Raises:
+        ModelError: The message names joints and coefficients.
+    """
+    vague = [
+        f"{word} of '{law.joints[joint]}'"
+        for joint, word, needs in zip(law.of_joint, law.words, law.needs(), strict=True)
+        if not reactions.joints_determined[law.joints[joint]][:, needs].all()
+    ]
+    if vague:
+        raise ModelError(
+            f"{law.effect.name}: redundant closures share loads on which friction depends: {listed(vague)}. "
+            "Leave these out, or let closures hold fewer rows (type=\"spherical\", or rows=...)",
+            element=law.joints[0],
+        )  # fmt: skip
+
+
+def _check_jamming(law: OnLoads, B: Array) -> None:
+    """Raise if frictions feed on each other so much that joints may jam.
+
+    Raises:
+        ActuationError: The message names the joint that carries most of it, the sample and the ratio.
+    """
+    L = np.moveaxis(law.sizes(np.moveaxis(B, 3, 1)), 1, 2)
+    values, vectors = np.linalg.eig(L)
+    ratio = np.abs(values).max(axis=1)
+    if not (ratio >= JAM).any():
+        return
+    t = int(np.argmax(ratio))
+    worst = law.joints[int(np.argmax(np.abs(vectors[t][:, int(np.argmax(np.abs(values[t])))])))]
+    raise ActuationError(
+        f"{law.effect.name}: joint '{worst}' may jam{AT_SAMPLE}: friction adds to its own load "
+        f"by {ratio[t]:.4g} times itself, and only below {JAM:g} is there one solution. Lower coefficients "
+        "or keep away from this posture",
+        direction=worst, size=float(ratio[t]), sample=t,
+    )  # fmt: skip
+
+
+def _solve(law: OnLoads, w: Array, B: Array) -> Array:
+    """Solve n = N(w + B n), shape (T, joints), by Newton's method, kept safe by the contraction.
+
+    Raises:
+        ActuationError: The iteration does not settle.
+    """
+    n = law.sizes(w)
+    last = np.full(len(n), np.inf)
+    for _ in range(STEPS):
+        under = w + np.einsum("tikj,tj->tik", B, n)
+        N = law.sizes(under)
+        left = np.abs(N - n).max(axis=1)
+        if (left <= SETTLED * N.max(axis=1)).all():
+            return N
+        slope = np.einsum("tik,tikj->tij", law.slopes(under), B)
+        newton = n + np.linalg.solve(np.eye(len(law.joints)) - slope, (N - n)[..., None])[..., 0]
+        n = np.where((left <= 0.5 * last)[:, None], newton, N)
+        last = left
+    t = int(np.argmax(left))
+    raise ActuationError(
+        f"{law.effect.name}: friction does not settle{AT_SAMPLE}; joint "
+        f"'{law.joints[int(np.argmax(np.abs(N - n)[t]))]}' is left with {left[t]:.3g}",
+        size=float(left[t]), sample=t,
+    )  # fmt: skip

@@ -1,0 +1,156 @@
+"""Friction that grows with the load that a joint carries; `dynamics.load_friction` solves for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from ..errors import ModelError
+from ..joints.kinds import JointKind
+from ..linkage.joints import TreeJoint
+from ..spatial import Array, Index, Mask
+from ..structure.robot import HybridRobot
+from .joints import WIDTH, Numbers, given, joint_number, positive, refuse_cut
+
+#: A part of a direction below this is rounding of the joint's axis.
+ALONG = 1e-12
+
+
+@dataclass(frozen=True)
+class LoadFriction:
+    """Dry friction in proportion to the wrench that a joint transmits, smoothed like Coulomb friction.
+
+    A hinge or a screw has the effort -(radial |F_radial| + axial |F_axial| + tilt |M_tilt|) tanh(v / width),
+    a slide -(normal |F_normal| + tilt |M|) tanh(v / width), and a ball joint radial |F| tanh(|w| / width)
+    against its angular velocity w. F and M are those of `Reactions.joints`: radial, normal and tilt are at
+    right angles to the joint's axis.
+
+    `radial`, `axial`: friction coefficient times radius of the bearing, by joint [m]; `tilt`: by joint,
+    without unit for hinges and balls, [1/m] for slides; `normal`: friction coefficient of a slide, by joint;
+    `width` [m/s or rad/s]. Source: the laws of plain bearings, e.g. Harris & Kotzalas (2006), chapter 10.
+    """
+
+    radial: Numbers = field(default_factory=dict)
+    axial: Numbers = field(default_factory=dict)
+    tilt: Numbers = field(default_factory=dict)
+    normal: Numbers = field(default_factory=dict)
+    width: float = WIDTH
+    name: ClassVar[str] = "load_friction"
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """Names of the joints with a coefficient."""
+        return frozenset({*self.radial, *self.axial, *self.tilt, *self.normal})
+
+
+class OnLoads(NamedTuple):
+    """The law applied to joints of one robot.
+
+    Attributes:
+        effect: The law.
+        joints: Names of its joints.
+        freedoms: For each joint, its freedoms in v.
+        of_joint: For each term of the law, the number of its joint among `joints`.
+        factor: Coefficient of each term.
+        part: What a term takes from the wrench of its joint, shape (terms, 3, 6).
+        words: Name of each term's coefficient.
+    """
+
+    effect: LoadFriction
+    joints: tuple[str, ...]
+    freedoms: tuple[slice, ...]
+    of_joint: Index
+    factor: Array
+    part: Array
+    words: tuple[str, ...]
+
+    def directions(self, v: Array) -> Array:
+        """Compute each joint's effort per unit of friction, shape (T, nv, joints), from rates (T, nv)."""
+        out = np.zeros((*v.shape, len(self.joints)))
+        for i, at in enumerate(self.freedoms):
+            speed = np.linalg.norm(v[:, at], axis=1, keepdims=True)
+            slope = np.tanh(speed / self.effect.width) / np.where(speed > 0, speed, 1.0)
+            out[:, at, i] = -slope * v[:, at]
+        return out
+
+    def sizes(self, wrenches: Array) -> Array:
+        """Compute the friction of each joint, shape (..., joints), from wrenches, shape (..., joints, 6)."""
+        return self._by_joint(self.factor * np.linalg.norm(self._parts(wrenches), axis=-1))
+
+    def slopes(self, wrenches: Array) -> Array:
+        """Compute the derivative of the friction of each joint by its wrench, shape (..., joints, 6)."""
+        parts = self._parts(wrenches)
+        size = np.linalg.norm(parts, axis=-1, keepdims=True)
+        along = np.where(size > 0, parts, 0.0) / np.where(size > 0, size, 1.0)
+        each = self.factor[:, None] * np.einsum("...ki,kij->...kj", along, self.part)
+        return np.moveaxis(self._by_joint(np.moveaxis(each, -1, 0)), 0, -1)
+
+    def needs(self) -> Mask:
+        """Return which components of its wrench each term takes, shape (terms, 6)."""
+        out: Mask = np.abs(self.part).max(axis=1) > ALONG
+        return out
+
+    def _parts(self, wrenches: Array) -> Array:
+        """Compute the part of the wrench that each term takes, shape (..., terms, 3)."""
+        out: Array = np.einsum("kij,...kj->...ki", self.part, wrenches[..., self.of_joint, :])
+        return out
+
+    def _by_joint(self, terms: Array) -> Array:
+        """Sum terms, shape (..., terms), by joint, shape (..., joints)."""
+        out = np.zeros((*terms.shape[:-1], len(self.joints)))
+        for k, joint in enumerate(self.of_joint):
+            out[..., joint] += terms[..., k]
+        return out
+
+
+def on_loads(effect: LoadFriction, robot: HybridRobot) -> OnLoads | None:
+    """Find the law's joints in a robot; None if it has none.
+
+    Raises:
+        ModelError: A joint is unknown or of a kind without this coefficient, or a number is negative.
+    """
+    positive(effect.name, "width", effect.width)
+    tables = {word: getattr(effect, word) for word in ("radial", "axial", "tilt", "normal")}
+    terms: list[tuple[str, str, float, Array]] = []
+    for word, table in tables.items():
+        for name, (factor,) in given(f"{effect.name}: {word}", table).items():
+            number = joint_number(effect.name, robot, name)
+            part = _parts_of(_joint(robot, name)).get(word)
+            if part is None:
+                raise ModelError(
+                    f"{effect.name}: joint '{name}' is {robot.kinds[number]}; it has no '{word}'",
+                    element=name,
+                )
+            if factor:
+                terms.append((name, word, factor, part))
+    if not terms:
+        return None
+    joints = tuple(dict.fromkeys(name for name, *_ in terms))
+    refuse_cut(effect.name, robot, joints)
+    names, words, factors, parts = zip(*terms, strict=True)
+    freedoms = tuple(robot.v_slices[robot.joint_index[name]] for name in joints)
+    of_joint = np.array([joints.index(name) for name in names])
+    return OnLoads(effect, joints, freedoms, of_joint, np.array(factors), np.array(parts), words)
+
+
+def _joint(robot: HybridRobot, name: str) -> TreeJoint:
+    """Return the joint of a module's spanning tree by its name."""
+    module = next(module for module in robot.modules if name in module.joints)
+    return module.mechanism.spanning.joints[module.joints.index(name)]
+
+
+def _parts_of(joint: TreeJoint) -> Mapping[str, Array]:
+    """Return what each coefficient takes from the wrench of a joint of this kind, shape (3, 6)."""
+    force, moment = np.eye(6)[:3], np.eye(6)[3:]
+    if joint.kind is JointKind.SPHERICAL:
+        return {"radial": force}
+    if not joint.kind.single:
+        return {}
+    along = np.outer(joint.axis, joint.axis)
+    across = np.eye(3) - along
+    if joint.kind.slides:
+        return {"normal": across @ force, "tilt": moment}
+    return {"radial": across @ force, "axial": along @ force, "tilt": across @ moment}
