@@ -27,7 +27,7 @@ FLOORS = (
     {"dynamics", "loading"},
     {"compiled", "conversion"},
     {"simulation", "streams"},
-    {"scenes", "view"},
+    {"scenes", "view", "ros"},
     {"studies", "identification", "warp_batch"},
     {"figures"},
     {"cli"},

@@ -87,14 +87,14 @@ def posture_at(
     check_joints(robot, list(positions))
     moved = modules_of(robot, list(positions))
     near = robot.home if guess is None else guess
-    others = [j for k, module in enumerate(robot.modules) if k not in moved for j in _held_joints(module)]
+    others = [j for k, module in enumerate(robot.modules) if k not in moved for j in held_joints(module)]
     held = dict(zip(others, positions_of(robot, near[None], others)[0], strict=True))
     given = {name: (value, 0.0, 0.0) for name, value in {**held, **positions}.items()}
     close = partial(assemble, robot) if close is None else close
     return close(motors=given, guess=guess)[0]
 
 
-def _held_joints(module: Module) -> Sequence[str]:
+def held_joints(module: Module) -> Sequence[str]:
     """Return the joints that hold a module: its motors, or in a tree every joint with one freedom."""
     if module.closures:
         return module.motors

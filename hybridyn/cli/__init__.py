@@ -24,7 +24,7 @@ from ..threads import start_none
 #: Commands in the order of `--help`.
 COMMANDS = (
     "idm", "ddm", "simulate", "cost", "convert", "plot", "view", "info",
-    "home", "compare", "workspace", "sweep", "identify",
+    "home", "compare", "workspace", "sweep", "identify", "ros",
 )  # fmt: skip
 
 #: What stands in the place of commands that were.

@@ -1,7 +1,7 @@
 """Make a robot of the joints and closures that a format has.
 
-A planar joint, or a floating one inside the tree, becomes a chain. A closure that a format has no word for
-becomes one that it has, behind a chain of joints that the closure leaves free. The links of chains are
+A planar joint, a floating one inside the tree, or a ball becomes a chain. A closure that a format has no word
+for becomes one that it has, behind a chain of joints that the closure leaves free. The links of chains are
 massless.
 """
 
@@ -18,6 +18,8 @@ from ..description.names import unique
 from ..description.placement import inverse, placement_from, poses_at
 from ..description.records import Array, Closure, Coupling, Description, Joint, massless
 from ..joints.kinds import JointKind, RotationKind, Turn
+from ..linkage.angles import angles_of, rate_map
+from ..spatial import rotation_from_quaternion
 from .as_text import quaternion_of
 from .renamed import effects_on
 from .request import Losses, home_of
@@ -27,6 +29,8 @@ FULL, AXES = (0, 1, 2), np.eye(3)
 
 def in_words(kind: JointKind) -> str:
     """Return what becomes of joints that are written as their parts: "two slides and a hinge"."""
+    if kind is JointKind.SPHERICAL:
+        return f"{kind} joints are three hinges"
     slides = ("", "a slide", "two slides", "three slides")[kind.shift]
     turn = {Turn.NONE: "", Turn.BALL: "a ball"}.get(kind.turn, "a hinge")
     return f"{kind} joints are {' and '.join(filter(None, (slides, turn)))}"
@@ -65,6 +69,27 @@ def in_parts(
             closure = parts.led(closure, rotation)
         closures.append(closure)
     return parts.described(closures)
+
+
+def hinge_angles(quaternion: Array) -> Array:
+    """Return the angles of the hinges about x, y, z that stand for a ball, shape (3,), [rad].
+
+    Args:
+        quaternion: Position of the ball, x, y, z, w, shape (4,).
+    """
+    out: Array = -angles_of(rotation_from_quaternion(quaternion).T)  # R^T = Rz(-z) Ry(-y) Rx(-x)
+    return out
+
+
+def hinge_rates(quaternion: Array, spin: Array) -> Array:
+    """Return the rates of the hinges of `hinge_angles`, shape (3,), [rad/s].
+
+    Args:
+        quaternion: As for `hinge_angles`.
+        spin: Angular velocity of the child, in its own axes, shape (3,), [rad/s].
+    """
+    out: Array = rate_map(angles_of(rotation_from_quaternion(quaternion).T)[None])[0] @ spin
+    return out
 
 
 def without_screws(d: Description, losses: Losses) -> Description:
@@ -116,6 +141,8 @@ class RobotParts:
         """Add the chain of parts that stands for a joint."""
         self.losses.add(in_words(joint.kind), joint.name)
         home, steps = home_of(self.d, joint), {}
+        if joint.kind is JointKind.SPHERICAL:
+            home = tuple(hinge_angles(np.array(home)).tolist())
         for i, (ending, kind) in enumerate(joint.kind.parts.items()):
             at = home[i : i + kind.nq]
             steps[joint.name + ending] = _ChainJoint(kind, AXES[i % 3], at)

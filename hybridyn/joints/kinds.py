@@ -129,6 +129,8 @@ class JointKind(StrEnum):
     @property
     def parts(self) -> dict[str, JointKind]:
         """Joints with its freedoms, one behind the other, by the ending of their names."""
+        if self is JointKind.SPHERICAL:
+            return dict.fromkeys(("_x", "_y", "_z"), JointKind.REVOLUTE)
         out = dict.fromkeys(("_x", "_y", "_z")[: self.shift], JointKind.PRISMATIC)
         if self.turn is not Turn.NONE:
             out["_turn"] = JointKind.SPHERICAL if self.ball else JointKind.REVOLUTE

@@ -13,7 +13,7 @@ MODULES = {
     "io": "polars", "mjcf": "mujoco", "sdf": "rod", "usd": "pxr", "view": "viser", "bench": "mujoco",
     "docs": "sphinx", "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
     "gpu": "warp", "identify": "clarabel",
-    "search": "optuna",
+    "search": "optuna", "ros": "rclpy",
 }  # fmt: skip
 
 
