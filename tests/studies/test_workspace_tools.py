@@ -12,6 +12,10 @@ import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.assembly.redundancy import LEAST, MIDDLE
 from hybridyn.spatial import Array
+from hybridyn.studies.sweep.compiled_chunks import evaluate_chunk
+from hybridyn.studies.sweep.designs import designs_of
+from hybridyn.studies.sweep.evaluation import Chunk
+from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.workspace.link_sweep import find_sweep
 from hybridyn.studies.workspace.workspace import Workspace, workspace
 from tests.oracle import Oracle
@@ -140,6 +144,24 @@ def test_efforts_and_conditioning_go_from_the_motors_to_the_teeth(tmp_path: Path
     tau = hybridyn.idm(robot, found.q, *rest)
     for column, name in enumerate(robot.motors):
         close_to(found.measures[f"{name}/effort"], tau[:, column], EXACT)
+
+
+def test_studies_measure_the_region_of_a_tool(tmp_path: Path) -> None:
+    """Largest efforts, least conditioning, and reach are those of the poses that `workspace` finds."""
+    robot, steps = machine(tmp_path, STROKE), {"x": 0.3, "z": 0.3, "pitch": 0.3}
+    found, words = workspace(robot, link="teeth", steps=steps), ["poses", "size", "reach", "min_conditioning"]
+    words += ["max_effort_per_force", "max_effort_per_torque"]
+    task = (
+        f"workspace = {{ link = 'teeth', steps = {{ x = 0.3, z = 0.3, pitch = 0.3 }} }}\nmeasure = {words}\n"
+    )
+    study = "[robot]\nfile = 'excavator.urdf'\n[designs]\nmethod = 'grid'\n[parameters]\n"
+    study += f"mass = {{ scale_inertia = 'bucket', values = [1.0] }}\n[tasks.reach]\n{task}"
+    source = read_study(save(tmp_path, study, "study.toml"))
+    (row,) = evaluate_chunk(source, Chunk(0, designs_of(source)), None).rows
+    m, far = found.measures, np.linalg.norm(found.coordinates[:, :2], axis=1).max()
+    wanted = [len(found.index), len(found.index) * 0.3**3, far, m["conditioning"].min()]
+    wanted += [m["effort_per_force"].max(), m["effort_per_torque"].max()]
+    assert row.measures == pytest.approx(wanted, rel=EXACT)
 
 
 def check_of_motions(robot: HybridRobot, found: Workspace) -> None:

@@ -87,6 +87,8 @@ OF_WORKSPACE: dict[str, Callable[[Workspace], float]] = {
     "reach": lambda found: _reach(found),
     "min_conditioning": lambda found: float(found.measures["conditioning"].min()),
     "mean_conditioning": lambda found: float(found.measures["conditioning"].mean()),
+    "max_effort_per_force": lambda found: _largest(found, "effort_per_force"),
+    "max_effort_per_torque": lambda found: _largest(found, "effort_per_torque"),
 }
 
 #: Statistics of a column over time; means are time integrals where the table has times.
@@ -103,6 +105,11 @@ STATISTICS: dict[str, Callable[[Array, Array | None], float]] = {
 OF_SCENE = ("time", "events")
 #: A measure of a scene: the time of its first event of this name [s]; empty where it does not happen.
 EVENT = "event"
+
+
+def _largest(found: Workspace, name: str) -> float:
+    """Return the largest effort in a workspace; inf if a pose is singular, nan if motors are too few."""
+    return float(found.measures[name].max()) if name in found.measures else math.nan
 
 
 def _reach(found: Workspace) -> float:
