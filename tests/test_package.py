@@ -5,6 +5,7 @@ import pydoc
 import re
 import tomllib
 from collections import Counter
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -36,10 +37,17 @@ FLOORS = (
 LEVEL = {room: level for level, floor in enumerate(FLOORS) for room in floor}
 
 
+@cache
+def statements(path: Path) -> list[ast.AST]:
+    """Return the imports and the classes of a file, inside functions too."""
+    wanted = ast.Import | ast.ImportFrom | ast.ClassDef
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, wanted)]
+
+
 def imports(file: str) -> list[tuple[str, str]]:
     """Room and place of what a file imports, inside functions and under TYPE_CHECKING too."""
     path, found = PACKAGE / file, []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in statements(path):
         if isinstance(node, ast.ImportFrom) and node.level:
             above = path.relative_to(PACKAGE).parts[: -node.level]
             parts = [*above, *(node.module or "").split(".")]
@@ -72,7 +80,7 @@ def file_of(place: Path) -> Path | None:
 def imported_files(path: Path) -> set[str]:
     """Return the files of the package that a file imports, inside functions and under TYPE_CHECKING too."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in statements(path):
         if isinstance(node, ast.ImportFrom) and node.level:
             base = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
             found |= {file_of(base / alias.name) or file_of(base) for alias in node.names}
@@ -108,10 +116,7 @@ def test_one_name_means_one_thing() -> None:
     """No class name stands twice; a file name may stand for a command, its study and its figure."""
     files = [path for path in PACKAGE.rglob("*.py") if path.name != "__init__.py"]
     classes = Counter(
-        node.name
-        for path in files
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.ClassDef)
+        node.name for path in files for node in statements(path) if isinstance(node, ast.ClassDef)
     )
     assert [name for name, count in classes.items() if count > 1] == []
     assert [name for name, count in Counter(path.name for path in files).items() if count > 3] == []
