@@ -126,26 +126,16 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array, *, cut: bool = 
             redundant and the file is rounded, the rows hold only in the least-squares sense, whereas joints
             hold exactly; modules of this kind are therefore not cut.
     """
-    joints = [bodies.joints[i] for i in graph.joints]
-    number = {graph.base: 0} | {j.child: i + 1 for i, j in enumerate(joints)}
-    joint_number = {joint: i for i, joint in enumerate(graph.joints)}
-    own = [replace(bodies.bodies[b], name="", joint=0, heaviest=0.0) for b in number]
-    spanning = tuple(j.in_tree("", number[j.parent]) for j in joints)
-    closures = tuple(_renumbered(replace(c, name="", kind=""), number) for c in graph.closures)
-    couplings = tuple(c.of(joint_number) for c in graph.couplings)
-    carried = [number[b] for b in graph.carried]
-    held = {i for joint, i in joint_number.items() if joint in graph.held}
-    held |= {i for c in couplings for i, _ in c.terms}
-    records = [j.joint for j in joints]
-    parts = Cutting(spanning, records, own, list(closures), couplings, carried, held, bodies.reach)
+    parts = _uncut(bodies, graph)
+    closures, couplings = tuple(parts.closures), tuple(parts.couplings)
     if cut:
         parts.cut()
     parts.wrists.sort(key=lambda wrist: wrist.joints)
     whole, source, every_body = _whole_tree(parts)
     tree_body = every_body[: len(every_body) - sum(len(wrist.joints) for wrist in parts.wrists)]
     of_tree = {body: i for i, body in enumerate(tree_body)}
-    serial = range(1, len(own)) if not closures and not couplings else ()
-    outputs = sorted({*parts.platforms, *carried, *serial})
+    serial = range(1, len(parts.bodies)) if not closures and not couplings else ()
+    outputs = sorted({*parts.platforms, *parts.carried, *serial})
     return ModuleSpec(
         whole=tuple(whole),
         source=tuple(source),
@@ -157,9 +147,28 @@ def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array, *, cut: bool = 
         wrists=tuple(parts.wrists),
         legs=tuple(tuple(of_tree[b] for b in leg) for leg in parts.legs()),
         outputs=tuple(of_tree[b] for b in outputs),
-        outputs_inertia=tuple(own[b] for b in outputs),
-        leg_bodies=tuple(None if b in outputs else own[b] for b in tree_body[1:]),
+        outputs_inertia=tuple(parts.bodies[b] for b in outputs),
+        leg_bodies=tuple(None if b in outputs else parts.bodies[b] for b in tree_body[1:]),
         home=home,
+    )
+
+
+def _uncut(bodies: Bodies, graph: ModuleGraph) -> Cutting:
+    """Return a module before it is cut, counted from zero and without names."""
+    joints = [bodies.joints[i] for i in graph.joints]
+    number = {graph.base: 0} | {j.child: i + 1 for i, j in enumerate(joints)}
+    joint_number = {joint: i for i, joint in enumerate(graph.joints)}
+    couplings = tuple(c.of(joint_number) for c in graph.couplings)
+    held = {i for joint, i in joint_number.items() if joint in graph.held}
+    return Cutting(
+        joints=tuple(j.in_tree("", number[j.parent]) for j in joints),
+        records=[j.joint for j in joints],
+        bodies=[replace(bodies.bodies[b], name="", joint=0, heaviest=0.0) for b in number],
+        closures=[_renumbered(replace(c, name="", kind=""), number) for c in graph.closures],
+        couplings=couplings,
+        carried=[number[b] for b in graph.carried],
+        held=held | {i for c in couplings for i, _ in c.terms},
+        reach=bodies.reach,
     )
 
 

@@ -6,7 +6,7 @@ for processors with AVX, others take the plain numbers, with the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ..program import Call, Program, stored
 from .c_tables import Tables
@@ -59,49 +59,18 @@ def plain_source(
     """
     lanes, public = in_lanes(programs), len(programs)
     programs = [trimmed(program) for program in (*programs, *inner)]
-    kernels: dict[tuple[str, bool], str] = {}
-    names: list[list[str]] = []
-    for program in programs:
-        check(program)
-        legs = {x.kernel for x in program.steps if isinstance(x, Call) and x.copies > 1}
-        texts = [(kernel_text(kernel_graph(x)), k in legs) for k, x in enumerate(program.kernels)]
-        for kernel, text in zip(program.kernels, texts, strict=True):
-            kernels.setdefault(text, kernel.name)
-        names.append([kernels[text] for text in texts])
-    places = {
-        called: placed(program, f"{name}_")
-        for program, its in zip(programs, names, strict=True)
-        for called in its
-        if program.name in CALLED_ALONE
-    }
-    plain, each = (
-        "\n\n".join(
-            f"{places.get(x, '')}static void {x}{text}" for (text, of), x in kernels.items() if of is legs
-        )
-        for legs in (False, True)
-    )
+    kernels, names = _named_kernels(programs)
+    plain, each = _functions(programs, names, kernels, f"{name}_")
     alone = {called: called for (_, of), called in kernels.items() if not of}
-    tables, tables_in_lanes = Tables(dtype), Tables(dtype)
-    drivers, in_lanes_too = [], []
-    for program, called in zip(programs, names, strict=True):
-        head = placed(program, f"{name}_")
-        drivers.append(across_samples(program, called, tables, head + HEAD))
-        if lanes:
-            in_lanes_too.append(across_copies(program, called, LANES, tables_in_lanes, head + COPIES, alone))
-    every_driver = "\n\n".join([MOVES, tables.text, *drivers])
+    every_driver = _drivers(programs, names, dtype, f"{name}_", alone if lanes else None)
     own = f"#ifdef EXACT\n{text_of('sines.h')}#else\n{SINES}\n#endif" if dtype == "float64" else SINES
-    vectors = ""
-    if lanes:
-        vectors = f"#ifdef VECTORS\n{_vectors(own)}\n#endif"
-        in_vectors = "\n\n".join([tables_in_lanes.text, *in_lanes_too])
-        every_driver = f"#ifdef VECTORS\n{in_vectors}\n#else\n{every_driver}\n#endif"
     sections = [
         f'/* {WRITTEN}. What it offers stands in {name}.h. */\n#include <math.h>\n\n#include "{name}.h"',
         single(dtype) + text_of("plain.h").strip(),
         text_of("fetching.h").strip(),
         "\n".join([arithmetic(1), PLAIN_ROOM, own]),
         plain,
-        vectors,
+        f"#ifdef VECTORS\n{_vectors(own)}\n#endif" if lanes else "",
         each,
         every_driver,
         *(_call(program, name, dtype) for program in programs[:public]),
@@ -112,6 +81,70 @@ def plain_source(
         more,
     ]
     return "\n\n".join(text for text in sections if text) + "\n"
+
+
+def _named_kernels(programs: Sequence[Program]) -> tuple[dict[tuple[str, bool], str], list[list[str]]]:
+    """Return the kernels of programs, equal ones once, and the name of each kernel of each program.
+
+    Returns:
+        Names by the kernel's text and whether it computes several copies; lists of names.
+    """
+    kernels: dict[tuple[str, bool], str] = {}
+    names: list[list[str]] = []
+    for program in programs:
+        check(program)
+        legs = {x.kernel for x in program.steps if isinstance(x, Call) and x.copies > 1}
+        texts = [(kernel_text(kernel_graph(x)), k in legs) for k, x in enumerate(program.kernels)]
+        for kernel, text in zip(program.kernels, texts, strict=True):
+            kernels.setdefault(text, kernel.name)
+        names.append([kernels[text] for text in texts])
+    return kernels, names
+
+
+def _functions(
+    programs: Sequence[Program], names: list[list[str]], kernels: dict[tuple[str, bool], str], prefix: str
+) -> list[str]:
+    """Return the C functions of kernels: of those that compute one copy, and of the others."""
+    places = {
+        called: placed(program, prefix)
+        for program, its in zip(programs, names, strict=True)
+        for called in its
+        if program.name in CALLED_ALONE
+    }
+    return [
+        "\n\n".join(
+            f"{places.get(x, '')}static void {x}{text}" for (text, of), x in kernels.items() if of is legs
+        )
+        for legs in (False, True)
+    ]
+
+
+def _drivers(
+    programs: Sequence[Program],
+    names: list[list[str]],
+    dtype: str,
+    prefix: str,
+    in_lanes: Mapping[str, str] | None,
+) -> str:
+    """Return the functions that call the kernels of programs, and the tables that they read.
+
+    Args:
+        names: Names of each program's kernels.
+        in_lanes: Names of the kernels that run in lanes by themselves; None if no program has lanes.
+    """
+    tables, tables_in_lanes = Tables(dtype), Tables(dtype)
+    drivers, in_vectors = [], []
+    for program, called in zip(programs, names, strict=True):
+        head = placed(program, prefix)
+        drivers.append(across_samples(program, called, tables, head + HEAD))
+        if in_lanes is not None:
+            each = across_copies(program, called, LANES, tables_in_lanes, head + COPIES, in_lanes)
+            in_vectors.append(each)
+    text = "\n\n".join([MOVES, tables.text, *drivers])
+    if in_lanes is None:
+        return text
+    vectors = "\n\n".join([tables_in_lanes.text, *in_vectors])
+    return f"#ifdef VECTORS\n{vectors}\n#else\n{text}\n#endif"
 
 
 def prototype(program: Program, name: str, dtype: str = "float64") -> str:

@@ -96,28 +96,15 @@ def write_core(
         A_base: Acceleration of its base less gravity, for the inverse model.
     """
     parts = plan.parts
-    placed, platforms = {}, {}
-    for path in plan.paths:
-        if path.wrist.carries:
-            own = None if a is None else a[path.v]
-            chain = sweep(list(path.links), q[path.q], v[path.v], V_base, own, A_base)
-            i = core_body(plan, path.wrist.end) - 1  # the link that represents the platform
-            R, p, V = chain.R0[-1], chain.p0[-1], chain.V[-1]
-            placed[i] = Placed(R, p, V, zeros(6) if a is None else chain.c[-1])
-            platforms[i] = _platform(Placed(R, p, V, chain.c[-1]), (V_base, A_base), plan.scale)
+    placed, platforms = _platforms(plan, (q, v, a), (V_base, A_base))
     tree_q, tree_v = pick(q, parts.q), pick(v, parts.v)
     tree_a = None if a is None else pick(a, parts.v)
     chain = sweep(list(parts.links), tree_q, tree_v, V_base, tree_a, A_base, placed)
-    length, units = plan.mechanism.length, plan.mechanism.reduction.col_scale[parts.tree_v]
-    sizes = [size_of(tree_v, units, [V_base, *(p.V for p in platforms.values())], length)]
     twists = tree_v.copy()
     for i, motion in platforms.items():
         twists[chain.v_slices[i]] = motion.V
-    if tree_a is not None and A_base is not None:
-        haste = size_of(tree_a, units, [A_base, *(p.A for p in platforms.values())], length)
-        sizes.append(haste + sizes[0] * sizes[0])
     rates = np.concatenate([V_base, twists])
-    weights = [plan.scale.weight(size) for size in sizes]
+    weights = _weights(plan, (tree_v, tree_a), (V_base, A_base), list(platforms.values()))
     rows = write_rows(chain, parts, tree_q, rates, tree_a, plan.scale, weights)
     for spin in parts.spins:
         if plan.column is not None:
@@ -127,6 +114,52 @@ def write_core(
         rows.K[:, 6 + spin.col] = 0.0  # the rows do not feel the freedoms that stand for spins
     outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
     return Core(chain, platforms, rows, outputs)
+
+
+def _platforms(
+    plan: ModulePlan,
+    own: tuple[Expression, Expression, Expression | None],
+    base: tuple[Expression, Expression | None],
+) -> tuple[dict[int, Placed], dict[int, PlatformMotion]]:
+    """Return the motion of each platform, by its link, from the joints of the wrist that carries it.
+
+    Args:
+        own: q, v and a of the spanning tree.
+        base: Twist and acceleration of the base.
+    """
+    q, v, a = own
+    placed, platforms = {}, {}
+    for path in plan.paths:
+        if path.wrist.carries:
+            along = None if a is None else a[path.v]
+            chain = sweep(list(path.links), q[path.q], v[path.v], base[0], along, base[1])
+            i = core_body(plan, path.wrist.end) - 1  # the link that represents the platform
+            R, p, V = chain.R0[-1], chain.p0[-1], chain.V[-1]
+            placed[i] = Placed(R, p, V, zeros(6) if a is None else chain.c[-1])
+            platforms[i] = _platform(Placed(R, p, V, chain.c[-1]), base, plan.scale)
+    return placed, platforms
+
+
+def _weights(
+    plan: ModulePlan,
+    own: tuple[Expression, Expression | None],
+    base: tuple[Expression, Expression | None],
+    platforms: Sequence[PlatformMotion],
+) -> list[Any]:
+    """Return the weights of what opens the loops: of rates, and of accelerations where they are given.
+
+    Args:
+        own: Rates and accelerations of the core's freedoms.
+        base: Twist and acceleration of the base.
+        platforms: Motion of the platforms.
+    """
+    (v, a), (V_base, A_base), length = own, base, plan.mechanism.length
+    units = plan.mechanism.reduction.col_scale[plan.parts.tree_v]
+    sizes = [size_of(v, units, [V_base, *(p.V for p in platforms)], length)]
+    if a is not None and A_base is not None:
+        haste = size_of(a, units, [A_base, *(p.A for p in platforms)], length)
+        sizes.append(haste + sizes[0] * sizes[0])
+    return [plan.scale.weight(size) for size in sizes]
 
 
 def _platform(at: Placed, base: tuple[Expression, Expression | None], scale: Scale) -> PlatformMotion:

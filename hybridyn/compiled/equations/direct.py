@@ -194,17 +194,42 @@ def _solve(
     solved, definite = solve_definite(A_t, right, NEARLY_NO_INERTIA, least)
     G, u_0 = solved[:, :6], solved[:, 6]
     guard = rank_guard(plan, core.rows, guard + unforced, Psi)
-    guard = ca.SX(np.inf) if options.massless else ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
+    guard = ca.SX(np.inf) if options.massless else _inertia_guard(guard, options, A_t, definite)
+    out = {"guard": ca.SX(guard)}
+    if options.base is None:
+        inertia, bias = _on_base(form, (Psi_b, y_0), f, (E, G, u_0))
+        out |= {"I_base": pack(upper(inertia)), "b_base": pack(bias)}
+    return u_0, G, out
+
+
+def _inertia_guard(guard: Any, options: Options, A_t: Expression, definite: Any) -> Any:
+    """Return a guard that is also above 1 where the inertia A_t of a module nearly vanishes."""
+    guard = ca.fmax(guard, 2.0 - ca.fmin(definite, 2.0))
     for k, usual in enumerate(options.usual):
         if usual > 0:
             guard = ca.fmax(guard, 2.0 - ca.fmin(A_t[k, k] / (NEARLY_NO_INERTIA * usual), 2.0))
-    out = {"guard": ca.SX(guard)}
-    if options.base is None:  # Eqs. (45)-(48) as congruences
-        across = dot(M_yb.T, Psi_b)
-        inertia = M[:6, :6] + (across + across.T) + congruence(Psi_b, M_yy) - symmetric_product(E, G)
-        bias = b[:6] + dot(M_yb.T, y_0) + dot(Psi_b.T, f) + dot(E.T, u_0)
-        out |= {"I_base": pack(upper(inertia)), "b_base": pack(bias)}
-    return u_0, G, out
+    return guard
+
+
+def _on_base(
+    form: tuple[Expression, Expression],
+    driven: tuple[Expression, Expression],
+    f: Expression,
+    solved: tuple[Expression, Expression, Expression],
+) -> tuple[Expression, Expression]:
+    """Return a module's inertia and bias on a base that moves, Eqs. (45)-(48) as congruences.
+
+    Args:
+        form: The module's quadratic form M, b.
+        driven: The core's accelerations over that of the base and at rest, Psi_b and y_0.
+        f: Forces on the core at the accelerations y_0.
+        solved: E, G and u_0 of `_solve`.
+    """
+    (M, b), (Psi_b, y_0), (E, G, u_0) = form, driven, solved
+    M_yy, M_yb = M[6:, 6:], M[6:, :6]
+    across = dot(M_yb.T, Psi_b)
+    inertia = M[:6, :6] + (across + across.T) + congruence(Psi_b, M_yy) - symmetric_product(E, G)
+    return inertia, b[:6] + dot(M_yb.T, y_0) + dot(Psi_b.T, f) + dot(E.T, u_0)
 
 
 def _hold_thin(

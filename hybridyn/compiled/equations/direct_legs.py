@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
-from ...spatial import Array
-from ...symbols import dot, plus, times
+from ...spatial import Array, cross, hat
+from ...symbols import Expression, dot, plus, times
+from .chains import forces, mass_matrix
 from .core import leg_guard, spins_of_legs
-from .expressions import along, pack, zeros
+from .expressions import along, congruence, numbers, pack, upper, zeros
 from .least_inertia import unforced_spins
-from .legs import PlatformMotion, leg_accelerations, leg_sums, write_leg
+from .legs import PlatformMotion, WrittenLeg, write_leg
 from .module_plan import ModulePlan
 from .options import Options
+from .rigid import matrix_moved
 from .stages import GivenColumns, Stage, cut
 
-#: Contributions of the legs of a platform (`legs.leg_sums`), and the size of each.
+#: Contributions of the legs of a platform (`leg_sums`), and the size of each.
 LEG_SUMS = (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
 
 
@@ -53,3 +58,77 @@ def write_direct_legs(
         certain = certain + unforced_spins(plan, left, sums["f"], leg.tree_v)
     outputs["guard"] = leg_guard(plan, written) + certain
     return cut([inputs, later], [outputs, {"a": pack(a)}]), written.folding.table(len(group))
+
+
+def leg_sums(
+    leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression, spinning: Any
+) -> tuple[dict[str, Expression], WrittenLeg]:
+    """Compute a leg's contributions to the direct model, over [V_dot_base; delta], and free its spin.
+
+    Args:
+        tau: Generalised forces on its joints.
+        velocity: Whether velocity terms are on.
+        rotor: Rotor inertias of its joints, shape (nv,).
+        spinning: 1 if its spin has inertia; 0 if not: its acceleration is then zero.
+
+    Returns:
+        "S1": ten numbers on the base; "B": M_base,delta row by row; "L": M_delta,delta, upper triangle;
+        "b_base", "b_delta": forces at zero accelerations; "over_base": joint accelerations that the spin has
+        over that of the base, shape (nv, 6); "f": forces on the joints before it is free; "A": their inertia.
+        The leg, whose X and y0 have the acceleration of the spin.
+    """
+    M, S1 = mass_matrix(leg.chain)
+    D, A = M[:6, 6:], M[6:, 6:]
+    for i, inertia in enumerate(rotor):
+        A[i, i] = A[i, i] + inertia
+    bias = forces(leg.chain) if velocity else zeros(6 + leg.chain.nv)
+    f = bias[6:] + dot(A, leg.y0) - tau
+    needed, over_base = f, zeros(leg.chain.nv, 6)
+    if leg.spin:
+        leg, needed, over_base, turned = _with_free_spin(leg, (D, A), f, spinning)
+        S1 = np.concatenate([S1[:4], plus(S1[4:], upper(turned))])
+    B = dot(D, leg.X)
+    B[:, 3:] = B[:, 3:] - dot(B[:, :3], hat(leg.point))
+    sums = {
+        "over_base": over_base,
+        "f": f,
+        "A": A,
+        "S1": S1,
+        "B": B.ravel(),
+        "L": upper(matrix_moved(congruence(leg.X, A), numbers(np.eye(3)), leg.point)),
+        "b_base": bias[:6] + dot(D, leg.y0),
+        "b_delta": leg.wrench(dot(leg.X.T, needed)),
+    }
+    return sums, leg
+
+
+def _with_free_spin(
+    leg: WrittenLeg, inertia: tuple[Expression, Expression], f: Expression, spinning: Any
+) -> tuple[WrittenLeg, Expression, Expression, Expression]:
+    """Return a leg whose X and y0 have the acceleration of its spin.
+
+    Args:
+        inertia: D and A of the leg, Eq. (34).
+        f: Forces on its joints before the spin is free.
+        spinning: 1 if the spin has inertia, else 0.
+
+    Returns:
+        The leg; the forces on its joints; the joint accelerations that the spin has over that of the base,
+        shape (nv, 6); the inertia about the base's axes that the spin takes away, shape (3, 3).
+    """
+    D, A = inertia
+    h, momenta = dot(D, leg.S), dot(A, leg.S)
+    per = spinning / (spinning * along(leg.S, momenta) + (1.0 - spinning))
+    freed = np.array([[times(-x, per) for x in leg.S]], dtype=object).T  # joint accelerations by a force
+    over_base = dot(freed, h[None])
+    turned = dot(dot(D[3:], freed), h[None, 3:])  # it moves no mass: nothing of this is linear
+    force = np.array([along(leg.S, f)], dtype=object)
+    needed = plus(f, dot(dot(A, freed), force))
+    X = plus(leg.X, dot(freed, dot(momenta[None], leg.X)))
+    return replace(leg, X=X, y0=plus(leg.y0, dot(freed, force))), needed, over_base, turned
+
+
+def leg_accelerations(leg: WrittenLeg, delta: Expression) -> Expression:
+    """Compute a leg's joint accelerations from its platform's relative acceleration, base's frame."""
+    at_point = np.concatenate([delta[:3] + cross(delta[3:], leg.point), delta[3:]])
+    return dot(leg.X, at_point) + leg.y0

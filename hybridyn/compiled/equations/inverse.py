@@ -54,28 +54,54 @@ def write_inverse(
     X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
     guard = rank_guard(plan, core.rows, core.rows.guard + squares(doubts), X[:, 1:])
     if balance:
-        left = dot(X[:, 1:].T, b[6:])
-        u_dot = _along_motions(core, plan, a)
-        for i, spin in enumerate(plan.spinning(options.rotor)):
-            left[i] = plus(times(spin.has, left[i]), times(1.0 - spin.has, u_dot[i]))
-        efforts = {"guard": ca.SX(guard), "Q of core": pack(left)}
+        efforts = {"guard": ca.SX(guard), "Q of core": pack(_left_along(core, plan, options, X[:, 1:], b, a))}
     else:
         Psi = X[:, 1 + len(parts.spins) :]
         B = _motor_map(core, plan, options, Psi, received)
-        units = plan.mechanism.reduction.col_scale[parts.tree_v[plan.motions[len(parts.spins) :]]]
-        size = sum(map(ca.fabs, terms), ca.SX(0.0))
-        summed = (size, units, plan.scale)
-        moving, tau = list(options.moving), zeros(len(options.motors))
-        Q, share = dot(Psi.T, b[6:]), np.array(options.share)
-        tau[moving], measure = motor_efforts(B[:, moving], Q, summed, share, pivots)
-        efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
-        efforts |= {"size_base": pack([size])} if options.measured else {}
+        efforts = _balanced(plan, options, (B, Psi), (b, terms), pivots, guard)
     if options.base is None:
         platforms = (b[core.chain.columns_of(i + 1)] for i in sorted(core.chain.platforms))
         efforts["F_base"] = pack(sum(platforms, b[:6]))
     along = {"u_dot of core": pack(_along_motions(core, plan, a))} if motions else {}
     stages = cut([given, received], [_motion_outwards(core, options) | along, efforts])
     return WrittenModule(stages, *read_by_core(plan), {"laws": parts.tree_v[laws]})
+
+
+def _balanced(
+    plan: ModulePlan,
+    options: Options,
+    maps: tuple[Expression, Expression],
+    required: tuple[Expression, list[Any]],
+    pivots: Pivots | None,
+    guard: Any,
+) -> dict[str, ca.SX]:
+    """Return the motor efforts that balance forces, Eq. (33), with their guard.
+
+    Args:
+        maps: The motor map B and the motions Psi without spins.
+        required: The forces, and their terms.
+        pivots: Pivots of the motor map.
+        guard: Guard of the loops.
+    """
+    (B, Psi), (b, terms), parts = maps, required, plan.parts
+    size = sum(map(ca.fabs, terms), ca.SX(0.0))
+    units = plan.mechanism.reduction.col_scale[parts.tree_v[plan.motions[len(parts.spins) :]]]
+    moving, tau = list(options.moving), zeros(len(options.motors))
+    Q, share = dot(Psi.T, b[6:]), np.array(options.share)
+    tau[moving], measure = motor_efforts(B[:, moving], Q, (size, units, plan.scale), share, pivots)
+    efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
+    return efforts | ({"size_base": pack([size])} if options.measured else {})
+
+
+def _left_along(
+    core: Core, plan: ModulePlan, options: Options, motions: Expression, b: Expression, a: Expression
+) -> Expression:
+    """Return what is left of the forces b along the core's motions; along thin spins, their acceleration."""
+    left = dot(motions.T, b[6:])
+    u_dot = _along_motions(core, plan, a)
+    for i, spin in enumerate(plan.spinning(options.rotor)):
+        left[i] = plus(times(spin.has, left[i]), times(1.0 - spin.has, u_dot[i]))
+    return left
 
 
 def _along_motions(core: Core, plan: ModulePlan, a: Expression) -> Expression:

@@ -14,18 +14,20 @@ S (`parts.Spin`), whose acceleration s follows from
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import add
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ...spatial import Array, cross, hat, wrench_to_base
-from ...symbols import Expression, dot, minus, plus, times
-from .chains import Chain, forces, mass_matrix, own_columns, point_acceleration, point_velocity, sweep
-from .expressions import Folding, along, congruence, numbers, pack, plain, sampled, symbols, upper, zeros
+from ...spatial import Array, cross, wrench_to_base
+from ...symbols import Expression, dot, minus, plus
+from .chains import Chain, own_columns, point_acceleration, point_velocity, sweep
+from .expressions import Folding, along, numbers, pack, plain, sampled, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots, solve
 from .leg_groups import Leg
-from .rigid import LinkNumbers, matrix_moved
+from .rigid import LinkNumbers
 from .scales import Scale, squares, weighed
 from .spins import Spin
 
@@ -136,15 +138,9 @@ def _rows(rotation: str, R_s: Expression) -> Expression:
 
 
 def write_leg(
-    group: tuple[Leg, ...],
-    q: Expression,
-    v: Expression,
-    base: tuple[Expression, Expression],
-    platform: PlatformMotion,
-    scale: Scale,
-    pivots: Pivots,
-    a: Expression | None = None,
-) -> WrittenLeg:
+    group: tuple[Leg, ...], q: Expression, v: Expression, base: tuple[Expression, Expression],
+    platform: PlatformMotion, scale: Scale, pivots: Pivots, a: Expression | None = None,
+) -> WrittenLeg:  # fmt: skip
     """Write the kinematics of a group's legs.
 
     Args:
@@ -166,9 +162,7 @@ def write_leg(
     N = _rows(rotation, R_s)
     J, T = dot(N, _jacobian(chain, leg.end, p_s)), folding.array([leg.unspun for leg in group])
     S, share = (folding.array([leg.of_spin(x) for leg in group]) for x in ("axis", "share"))
-    v_other, w_other = point_velocity(platform.V, point), platform.V[3:]
-    apart = minus(dot(R0.T, v_other), point_velocity(V, p_s))
-    turning = minus(dot(R0.T, w_other), V[3:])
+    apart, turning = _between(R0, (platform.V, point), (V, p_s))
     drift = minus(dot(R0.T, point_acceleration(platform.V, platform.A, point)), point_acceleration(V, c, p_s))
     k = dot(N, np.concatenate([drift, minus(dot(R0.T, platform.A[3:]), c[3:])]))
     if rotation == "parallel":
@@ -176,15 +170,10 @@ def write_leg(
     right = np.concatenate([dot(N, np.kron(plain(np.eye(2)), R0.T)), k[:, None]], axis=1)
     solved, doubts = solve(dot(J, T), right, pivots)
     X = dot(T, solved)
-    other = plus(platform.p, dot(platform.R, p_o))
-    open_by = [
-        (minus(other, point), scale.length),
-        (turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o)), 1.0),
-    ]
-    slipping = [(apart, scale.length), (dot(N[3:, 3:], turning), 1.0)]
-    opened = weighed(open_by, scale.weight_of_positions) + weighed(slipping, platform.rate_weight)
-    if a is not None:
-        opened = opened + weighed([(k[:3], scale.length), (k[3:], 1.0)], platform.acceleration_weight)
+    turned = turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o))
+    gaps = minus(plus(platform.p, dot(platform.R, p_o)), point), apart, k[:3]
+    turns = turned, dot(N[3:, 3:], turning), k[3:]
+    opened = _opened(platform, scale, list(zip(gaps, turns, strict=True))[: 2 if a is None else 3])
     guard = squares(doubts) + (opened if scale.compared else 0.0)
     return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], leg.spin, S, share, dot(J, S), guard)
 
@@ -193,6 +182,32 @@ def write_leg(
 PERPENDICULAR = {
     "free": (), "fixed": ((0, 1), (1, 2), (2, 0)), "parallel": ((0, 2), (1, 2)), "perpendicular": ((2, 2),),
 }  # fmt: skip
+
+
+def _between(
+    R0: Expression, platform: tuple[Expression, Expression], leg: tuple[Expression, Expression]
+) -> tuple[Expression, Expression]:
+    """Return the velocity and the angular velocity of a platform's point over a leg's, in the leg's axes R0.
+
+    Args:
+        platform, leg: The twist of each, and its point.
+    """
+    apart = minus(dot(R0.T, point_velocity(*platform)), point_velocity(*leg))
+    return apart, minus(dot(R0.T, platform[0][3:]), leg[0][3:])
+
+
+def _opened(platform: PlatformMotion, scale: Scale, apart: list[tuple[Expression, Expression]]) -> Any:
+    """Return the guard of positions, rates and perhaps accelerations that open a leg's closure.
+
+    Args:
+        apart: Of each, by how much it moves the ends apart, and turns them.
+    """
+    weights = scale.weight_of_positions, platform.rate_weight, platform.acceleration_weight
+    guards = [
+        weighed([(gap, scale.length), (turn, 1.0)], weight)
+        for (gap, turn), weight in zip(apart, weights, strict=False)
+    ]
+    return reduce(add, guards)
 
 
 def turned_apart(rotation: str, A: Expression, B: Expression) -> Expression:
@@ -217,56 +232,3 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
     numbers_of = zip(group, folding.table(len(group)), strict=True)
     points = [(x[leg.tree_q], own) for leg, own in numbers_of for x in mechanism_postures]
     return choose_pivots(sampled(J, [column, folding.symbol()], points), len(J), *scales)
-
-
-def leg_sums(
-    leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression, spinning: Any
-) -> tuple[dict[str, Expression], WrittenLeg]:
-    """Compute a leg's contributions to the direct model, over [V_dot_base; delta], and free its spin.
-
-    Args:
-        tau: Generalised forces on its joints.
-        velocity: Whether velocity terms are on.
-        rotor: Rotor inertias of its joints, shape (nv,).
-        spinning: 1 if its spin has inertia; 0 if not: its acceleration is then zero.
-
-    Returns:
-        "S1": ten numbers on the base; "B": M_base,delta row by row; "L": M_delta,delta, upper triangle;
-        "b_base", "b_delta": forces at zero accelerations; "over_base": joint accelerations that the spin has
-        over that of the base, shape (nv, 6); "f": forces on the joints before it is free; "A": their inertia.
-        The leg, whose X and y0 have the acceleration of the spin.
-    """
-    M, S1 = mass_matrix(leg.chain)
-    D, A = M[:6, 6:], M[6:, 6:]
-    for i, inertia in enumerate(rotor):
-        A[i, i] = A[i, i] + inertia
-    bias = forces(leg.chain) if velocity else zeros(6 + leg.chain.nv)
-    f = bias[6:] + dot(A, leg.y0) - tau
-    sums, needed = {"over_base": zeros(leg.chain.nv, 6), "f": f, "A": A}, f
-    if leg.spin:
-        h, momenta = dot(D, leg.S), dot(A, leg.S)
-        per = spinning / (spinning * along(leg.S, momenta) + (1.0 - spinning))
-        freed = np.array([[times(-x, per) for x in leg.S]], dtype=object).T  # joint accelerations by a force
-        sums["over_base"] = dot(freed, h[None])
-        turned = dot(dot(D[3:], freed), h[None, 3:])  # it moves no mass: nothing of this is linear
-        S1 = np.concatenate([S1[:4], plus(S1[4:], upper(turned))])
-        force = np.array([along(leg.S, f)], dtype=object)
-        needed = plus(f, dot(dot(A, freed), force))
-        X = plus(leg.X, dot(freed, dot(momenta[None], leg.X)))
-        leg = replace(leg, X=X, y0=plus(leg.y0, dot(freed, force)))
-    B = dot(D, leg.X)
-    B[:, 3:] = B[:, 3:] - dot(B[:, :3], hat(leg.point))
-    sums |= {
-        "S1": S1,
-        "B": B.ravel(),
-        "L": upper(matrix_moved(congruence(leg.X, A), numbers(np.eye(3)), leg.point)),
-        "b_base": bias[:6] + dot(D, leg.y0),
-        "b_delta": leg.wrench(dot(leg.X.T, needed)),
-    }
-    return sums, leg
-
-
-def leg_accelerations(leg: WrittenLeg, delta: Expression) -> Expression:
-    """Compute a leg's joint accelerations from its platform's relative acceleration, base's frame."""
-    at_point = np.concatenate([delta[:3] + cross(delta[3:], leg.point), delta[3:]])
-    return dot(leg.X, at_point) + leg.y0

@@ -35,6 +35,36 @@ def motor_pivots(plan: ModulePlan, module: Module, motors: tuple[int, ...]) -> P
     """
     if not motors:
         return Pivots((), (), ())
+    motions, B, function = _motor_map(plan, motors)
+    maps = [function(x) for x in generic_positions(module)]
+    good = np.array(
+        [float(worst) <= GUARD_LIMIT for _, worst in maps]
+    )  # B is no better than what it comes from
+    samples = np.array([np.array(entries).reshape(B.shape) for entries, _ in maps])
+    samples = samples[good if good.any() else np.isfinite(samples).all(axis=(1, 2))]
+    if len(motors) > motions:
+        usual = np.median(np.abs(samples).max(axis=1), axis=0) if len(samples) else np.zeros(len(motors))
+        return Pivots((), (), tuple(usual.tolist()))
+    size = np.abs(samples).max(axis=(0, 2))
+    size = np.where(
+        size > SINGULAR_MOTOR_MAP * size.max(), size, size.max()
+    )  # motions without a motor: rounding
+    size = np.where(size > 0, size, 1.0)
+    unit = np.abs(samples / size[:, None]).max(axis=(0, 1))
+    rows, cols = 1.0 / size, 1.0 / np.where(unit > 0, unit, 1.0)
+    s = np.linalg.svd(samples * rows[:, None] * cols, compute_uv=False)
+    regular = np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0)  # dead centres: zero maps
+    if np.median(regular) < SINGULAR_MOTOR_MAP:
+        return None
+    return choose_pivots(samples, len(motors), rows, cols)
+
+
+def _motor_map(plan: ModulePlan, motors: tuple[int, ...]) -> tuple[int, Expression, ca.Function]:
+    """Write a module's motor map B over positions of its spanning tree.
+
+    Returns:
+        The number of motions; B, shape (motions, motors); a function that computes it and its guard.
+    """
     m, parts, loose = plan.mechanism, plan.parts, Scale(plan.scale.length, 1.0)
     column, q = symbols("q", m.spanning.nq)
     core = write_core(plan, q, zeros(m.spanning.nv), zeros(6))
@@ -53,28 +83,7 @@ def motor_pivots(plan: ModulePlan, module: Module, motors: tuple[int, ...]) -> P
                 int(c): dot(delta, written.wrench(x)) for c, x in zip(leg.tree_v, written.X, strict=True)
             }
     B = np.stack([columns[c] for c in motors], axis=1)
-    function = ca.Function("B", [column], [pack(B), guard])
-    maps = [function(x) for x in generic_positions(module)]
-    good = np.array(
-        [float(worst) <= GUARD_LIMIT for _, worst in maps]
-    )  # B is no better than what it comes from
-    samples = np.array([np.array(entries).reshape(B.shape) for entries, _ in maps])
-    samples = samples[good if good.any() else np.isfinite(samples).all(axis=(1, 2))]
-    if len(motors) > len(Psi[0]):
-        usual = np.median(np.abs(samples).max(axis=1), axis=0) if len(samples) else np.zeros(len(motors))
-        return Pivots((), (), tuple(usual.tolist()))
-    size = np.abs(samples).max(axis=(0, 2))
-    size = np.where(
-        size > SINGULAR_MOTOR_MAP * size.max(), size, size.max()
-    )  # motions without a motor: rounding
-    size = np.where(size > 0, size, 1.0)
-    unit = np.abs(samples / size[:, None]).max(axis=(0, 1))
-    rows, cols = 1.0 / size, 1.0 / np.where(unit > 0, unit, 1.0)
-    s = np.linalg.svd(samples * rows[:, None] * cols, compute_uv=False)
-    regular = np.divide(s[:, -1], s[:, 0], out=np.zeros(len(s)), where=s[:, 0] > 0)  # dead centres: zero maps
-    if np.median(regular) < SINGULAR_MOTOR_MAP:
-        return None
-    return choose_pivots(samples, len(motors), rows, cols)
+    return len(Psi[0]), B, ca.Function("B", [column], [pack(B), guard])
 
 
 def motor_efforts(

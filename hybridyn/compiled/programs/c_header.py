@@ -99,10 +99,29 @@ def header_text(
         wrenches: Links on which wrenches are arguments.
         given: Lines that list what is given to the control step from poses.
     """
+    about = _about(robot, dtype, joints, parameters, wrenches, given)
+    guard, lanes = f"{name.upper()}_H", in_lanes(programs)
+    lines = [comment(about), f"#ifndef {guard}\n#define {guard}", '#ifdef __cplusplus\nextern "C" {\n#endif']
+    lines.append(f"#define {name.upper()}_OTHER_BRANCH (({REAL[dtype]}){OTHER_BRANCH!r})")
+    for program in programs:
+        lines.append(work_type(program, name, dtype, lanes=lanes))
+        lines.append(f"/* {WHAT[program.name]} */\n{prototype(program, name, dtype)};")
+    return "\n\n".join([*lines, "#ifdef __cplusplus\n}\n#endif", "#endif"]) + "\n"
+
+
+def _about(
+    robot: HybridRobot,
+    dtype: str,
+    joints: Sequence[str],
+    parameters: Sequence[Slot],
+    wrenches: Sequence[str],
+    given: Sequence[str],
+) -> list[str]:
+    """Return the lines that say what the functions' inputs and outputs are; arguments as of the header."""
     values = zip(parameters, values_of(robot.description, parameters), strict=True)
     arguments = _numbered([f"{slot} ({value!r})" for slot, value in values])
     bodies = [f"     {24 * i}..{24 * i + 23}  {link}" for i, link in enumerate(_body_names(robot))]
-    about = [
+    return [
         f"Dynamics of the robot '{robot.description.name}', base {robot.base}. {WRITTEN}.",
         "   SI units; positions and rates in the order and the coordinates of Pinocchio:",
         "   q", *_places(robot.joints, robot.q_slices),
@@ -124,13 +143,6 @@ def header_text(
         "   is not finite came in or out. `work` is memory of yours; nothing in it is kept between calls,",
         "   and nothing else is written: calls may run at the same time, each with its own.",
     ]  # fmt: skip
-    guard, lanes = f"{name.upper()}_H", in_lanes(programs)
-    lines = [comment(about), f"#ifndef {guard}\n#define {guard}", '#ifdef __cplusplus\nextern "C" {\n#endif']
-    lines.append(f"#define {name.upper()}_OTHER_BRANCH (({REAL[dtype]}){OTHER_BRANCH!r})")
-    for program in programs:
-        lines.append(work_type(program, name, dtype, lanes=lanes))
-        lines.append(f"/* {WHAT[program.name]} */\n{prototype(program, name, dtype)};")
-    return "\n\n".join([*lines, "#ifdef __cplusplus\n}\n#endif", "#endif"]) + "\n"
 
 
 def _posed(robot: HybridRobot) -> list[str]:

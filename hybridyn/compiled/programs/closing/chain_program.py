@@ -20,7 +20,6 @@ from ..writer import ModuleWriter, alike
 from .chain_kernels import ChainKernels, Ports
 from .chain_targets import ChainTargets
 from .coupled import Coupled
-from .extended import extended
 from .measure import measure_kernel
 from .module_parts import Part
 from .rows import Places
@@ -73,18 +72,8 @@ class ChainWriter:
 
         def key(k: int) -> tuple[object, ...]:
             """Return what modules with the same kernels have in common."""
-            part = own[k]
-            spins = tuple((spin.cols, tuple(spin.axis.tolist())) for spin in part.spins)
             mask = tuple(one.tobytes() for one in maps[k])
-            rank = coupled.problem.parts[k].rank
-            return (
-                extended(part.module.mechanism).shape,
-                part.given,
-                rank,
-                spins,
-                self._targets.bodies[k],
-                mask,
-            )
+            return *own[k].shape, coupled.problem.parts[k].rank, self._targets.bodies[k], mask
 
         self.groups = []
         for shape, members in alike(range(len(own)), key).items():

@@ -12,7 +12,7 @@ import numpy as np
 
 from ....assembly.follow import FARTHEST, MOST_TURNING, SAME_BRANCH, SMALL_STEP
 from ....linkage.newton import LONGEST_STEP, NEVER_DAMPED
-from ....spatial import LARGEST
+from ....spatial import LARGEST, Index
 from ....structure.robot import HybridRobot
 from ...code.library_source import Source as Generated
 from ...code.library_source import library_source
@@ -22,7 +22,6 @@ from ...program import Program
 from ..writer import ModuleWriter, alike
 from .chain_program import ChainWriter
 from .coupled import Coupled
-from .extended import extended
 from .kernels import ModuleKernels
 from .module_parts import (
     CLOSED_TO_ROUNDING,
@@ -72,13 +71,36 @@ def closing_programs(
         chosen: Numbers that are arguments, the input "parameters" of each program, or None.
         chains: Parts that poses couple.
     """
-    fixed = robot.bodies.place
-    places = fixed, fixed if chosen is None else chosen.places
-    index = [robot.modules.index(part.module) for part in parts]
-    own = [None if chosen is None else chosen.of_modules[i] for i in index]
+    places = robot.bodies.place, robot.bodies.place if chosen is None else chosen.places
+    own = [None if chosen is None else chosen.of_modules[robot.modules.index(x.module)] for x in parts]
     coupled = [ChainWriter(robot, parts, one, k, places, own) for k, one in enumerate(chains)]
     kept = {k: count for writer in coupled for k, count in writer.kept.items()}
     kinds = kinds_of(robot, parts, [one.given for one in chains], kept)
+    w = _writers(robot, kinds, chosen)
+
+    def key(k: int) -> tuple[object, ...]:
+        """Return what parts with the same kernels have in common."""
+        part = parts[k]
+        blocks = tuple(tuple(block.cols.tolist()) for block in part.blocks)
+        return *part.shape, blocks, part.module.mobility
+
+    alone = [k for k in range(len(parts)) if not any(k in one.parts for one in chains)]
+    for shape, numbers in alike(alone, key).items():
+        modules, first = [parts[k].module for k in numbers], parts[numbers[0]]
+        arguments = [own[k] for k in numbers], places
+        kernels = ModuleKernels(modules, first.given, first.blocks, *arguments, first.spins)
+        for name, kernel in kernels.write().items():
+            read, written = ([x for x, _ in some if x != "kept"] for some in FORMS[name])
+            w[name].add(shape, numbers, kernel, *read, written=written)
+    for writer in coupled:
+        writer.write(w)
+    return {name: writer.program() for name, writer in w.items()}
+
+
+def _writers(
+    robot: HybridRobot, kinds: dict[str, tuple[int, list[Index]]], chosen: ChosenNumbers | None
+) -> dict[str, ModuleWriter]:
+    """Return the writers of the three programs; `kinds` as from `kinds_of`."""
     column = None if chosen is None else chosen.column
     w = {
         name: ModuleWriter(name, dict(ins), dict(outs), kinds, column) for name, (ins, outs) in FORMS.items()
@@ -87,25 +109,7 @@ def closing_programs(
         pose, rates = ("q_0", np.arange(7)), ("", np.arange(6))
         w["newton"].keep(q=pose)
         w["settle"].keep(q=pose, v=rates, a=rates)
-
-    def key(k: int) -> tuple[object, ...]:
-        """Return what parts with the same kernels have in common."""
-        part = parts[k]
-        blocks = tuple(tuple(block.cols.tolist()) for block in part.blocks)
-        spins = tuple((spin.cols, tuple(spin.axis.tolist())) for spin in part.spins)
-        return extended(part.module.mechanism).shape, part.given, blocks, part.module.mobility, spins
-
-    alone = [k for k in range(len(parts)) if not any(k in one.parts for one in chains)]
-    for shape, numbers in alike(alone, key).items():
-        modules, first = [parts[k].module for k in numbers], parts[numbers[0]]
-        arguments = [own[k] for k in numbers]
-        kernels = ModuleKernels(modules, first.given, first.blocks, arguments, places, first.spins)
-        for name, kernel in kernels.write().items():
-            read, written = ([x for x, _ in some if x != "kept"] for some in FORMS[name])
-            w[name].add(shape, numbers, kernel, *read, written=written)
-    for writer in coupled:
-        writer.write(w)
-    return {name: writer.program() for name, writer in w.items()}
+    return w
 
 
 #: Shortest part of the way between two rows that is tried.

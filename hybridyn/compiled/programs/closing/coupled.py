@@ -259,24 +259,27 @@ def coupled_of(
     between = {k for k in between.difference(modules) if robot.modules[k].mobility}
     open_modules, modules = modules, tuple(sorted(between.union(modules)))
     parts = tuple(place[k] for k in modules)
-    if any(own[i].targets for i in parts) or not all(_given_alone(own[place[k]]) for k in between):
-        return None
-    if any(pose.frame is not None for pose in first):
+    alone = all(_given_alone(own[place[k]]) for k in between)
+    if not alone or any(own[i].targets for i in parts) or any(pose.frame is not None for pose in first):
         return None
     chain = CoupledModules(modules, first)
     task = chain_task(robot, chain, [one_sample(own[i]) for i in parts], states)
-    targets = [one.target for one in task.problem.relatives]
-    whole = sum(isinstance(target, PoseTarget) and not is_turn(target) for target in targets)
-    some = tuple(GivenCoordinates.of(t) for t in targets if isinstance(t, CoordinateTarget))
-    pointing = [Pointing(AXES[t.axis]) for t in targets if isinstance(t, DirectionTarget)]
-    pointing += [Pointing("distance") for t in targets if isinstance(t, DistanceTarget)]
-    pointing += [Pointing("turn") for t in targets if is_turn(t)]
-    given = Prescribed((), (), (1,) * whole, some, tuple(pointing))
+    given = _prescribed([one.target for one in task.problem.relatives])
     names = tuple(robot.modules[k].name for k in open_modules)
     left = LeftToRule(task.left, names) if task.redundant else None
     out = Coupled(modules, parts, tuple(poses), given, task.problem, left)
     ruled = task.redundant and requests.redundancy != LEAST
     return out if task.problem.rank == out.rows and not ruled else None
+
+
+def _prescribed(targets: Sequence[Target]) -> Prescribed:
+    """Return what targets prescribe."""
+    whole = sum(isinstance(target, PoseTarget) and not is_turn(target) for target in targets)
+    some = tuple(GivenCoordinates.of(t) for t in targets if isinstance(t, CoordinateTarget))
+    pointing = [Pointing(AXES[t.axis]) for t in targets if isinstance(t, DirectionTarget)]
+    pointing += [Pointing("distance") for t in targets if isinstance(t, DistanceTarget)]
+    pointing += [Pointing("turn") for t in targets if is_turn(t)]
+    return Prescribed((), (), (1,) * whole, some, tuple(pointing))
 
 
 def _given_alone(request: ModuleRequest) -> bool:

@@ -91,6 +91,12 @@ class Part:
     spins: tuple[Spin, ...] = ()
 
     @property
+    def shape(self) -> tuple[object, ...]:
+        """What parts have in common that the same kernels may close."""
+        spins = tuple((spin.cols, tuple(spin.axis.tolist())) for spin in self.spins)
+        return extended(self.module.mechanism).shape, self.given, spins
+
+    @property
     def platforms(self) -> int:
         """Number of the platforms' coordinates."""
         return 7 * len(self.module.mechanism.spec.platforms)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -136,19 +136,26 @@ def rows_at(
     out.exact = exact
     closures, couplings = [t.closures for t in trees], [t.couplings for t in trees]
     out.close_all(closures, couplings, trees[0].rods, folding, z)
-    for i, body in enumerate(given.bodies):
-        pose = targets[7 * i : 7 * i + 7]
-        out.frames.append(quaternion_matrix(pose[3:]))
-        out.close(_weld(body), (out.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)))
-    at = 7 * len(given.bodies)
-    for some in given.coordinates:
-        frames = [x for link in reversed(some.links) for x in places[link][1:]]
-        other_R, other_p, R, p = (folding.array([x] * len(trees)) for x in frames)
-        out.prescribe(some, targets[at : at + len(some.names)], (other_R, other_p, R, p))
-        at += len(some.names)
+    _prescribe(out, given, targets, places, lambda x: folding.array([x] * len(trees)))
     for same in zip(*(t.welds for t in trees), strict=True):
         out.close(same[0], folded(folding, same))
     return out
+
+
+def _prescribe(
+    rows: TreeRows, given: Given, targets: Expression, places: Places, fold: Callable[[Array], Expression]
+) -> None:
+    """Add the rows of targets; arguments as of `rows_at`, `fold` makes a number that modules share."""
+    for i, body in enumerate(given.bodies):
+        pose = targets[7 * i : 7 * i + 7]
+        rows.frames.append(quaternion_matrix(pose[3:]))
+        rows.close(_weld(body), (rows.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)))
+    at = 7 * len(given.bodies)
+    for some in given.coordinates:
+        frames = [x for link in reversed(some.links) for x in places[link][1:]]
+        other_R, other_p, R, p = map(fold, frames)
+        rows.prescribe(some, targets[at : at + len(some.names)], (other_R, other_p, R, p))
+        at += len(some.names)
 
 
 def row_scales(tree: Extended, given: Given) -> Array:

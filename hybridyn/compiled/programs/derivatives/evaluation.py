@@ -150,8 +150,7 @@ class Derivatives:
                 "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
             )
         check_coordinates(robot, model, coordinates)
-        self.robot, self._model = robot, model
-        self._motors = coordinates == "motors"
+        self.robot, self._model, self._motors = robot, model, coordinates == "motors"
         self._building: Thread | None = None
         self._at_once: Callable[..., int] = refuse
         self.library: Library | None = None
@@ -159,13 +158,18 @@ class Derivatives:
             self._find_library()
             about = self.program if self.library is None else self.library.programs[self._name]
         self._inputs, self._outputs = dict(about.inputs), dict(about.outputs)
-        motors, (values, *_) = len(robot.motors), self._outputs.values()
+        self._size, self._blocks = self._places()
+
+    def _places(self) -> tuple[int, list[tuple[str, slice, tuple[int, int]]]]:
+        """Return the size of all results, and the place and the shape of the derivative by each input."""
+        motors, (values, *_) = len(self.robot.motors), self._outputs.values()
         rows = motors if self._motors else values
-        widths = [motors if self._motors else robot.nv if x == "q" else n for x, n in self._inputs.items()]
+        widths = [
+            motors if self._motors else self.robot.nv if x == "q" else n for x, n in self._inputs.items()
+        ]
         shapes = [(rows, width) for width in widths]
         ends = np.cumsum([values, *map(prod, shapes)]).tolist()
-        self._size = ends[-1]
-        self._blocks = [*zip(self._inputs, map(slice, ends, ends[1:]), shapes, strict=True)]
+        return ends[-1], [*zip(self._inputs, map(slice, ends, ends[1:]), shapes, strict=True)]
 
     @property
     def _name(self) -> str:

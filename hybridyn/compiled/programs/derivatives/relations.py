@@ -85,10 +85,14 @@ class Relations:
         for reading, end in zip(wrenches, self.onto.values(), strict=True):
             self._add(reading, 6, {"forces": end})
         self._eliminate()
+        self._add_units(wrenches)
+
+    def _add_units(self, wrenches: Sequence[Reading]) -> None:
+        """Add what unit columns cause, given what reads those of wrenches."""
         columns = [(reading, 6) for reading in wrenches]
-        columns += [(self.unit_changes(end), len(end.numbers(0))) for end in group.moved()]
+        columns += [(self.unit_changes(end), len(end.numbers(0))) for end in self.group.moved()]
         self.unit, first = sum(count for _, count in columns), 0
-        self.of_units = {name: writer.each(self.unit, size) for name, size in self._caused.items()}
+        self.of_units = {name: self.writer.each(self.unit, size) for name, size in self._caused.items()}
         for reading, count in columns:
             places = {name: x.part(first) for name, x in self.of_units.items()}
             self._add(reading, count, dict(places))

@@ -230,14 +230,8 @@ class Quantities(Postures):
             self.hand_over(name, samples, "which it alone computes")
             out = general(**arrays).astype(self.dtype)
             return out[0] if single else out
-        size = max(1, ROWS_AT_ONCE // max(lanes, 1))
-        parts, good = [], []
-        for start in range(0, samples, size):
-            some = {key: x[start : start + size] for key, x in arrays.items()}
-            engine = CompiledEngine(self.robot, self._model, moves, len(some["q"]))
-            parts.append(formula(engine, **some))
-            good.append(engine.good)
-        out, doubtful = np.concatenate(parts), np.flatnonzero(~np.concatenate(good))
+        out, good = self._by_engines(moves, formula, lanes, arrays)
+        doubtful = np.flatnonzero(~good)
         self.say_of_table(name, len(doubtful), len(out))
         if len(doubtful):
             self.hand_over(name, len(doubtful))
@@ -247,6 +241,19 @@ class Quantities(Postures):
                 out = general(**arrays)  # its message has the sample's number in the batch
         out = out.astype(self.dtype, copy=False)
         return out[0] if single else out
+
+    def _by_engines(
+        self, moves: Following | None, formula: Formula, lanes: int, arrays: Mapping[str, Array]
+    ) -> tuple[Array, Mask]:
+        """Compute a quantity by compiled models, and at which samples it can be trusted."""
+        size = max(1, ROWS_AT_ONCE // max(lanes, 1))
+        parts, good = [], []
+        for start in range(0, len(arrays["q"]), size):
+            some = {key: x[start : start + size] for key, x in arrays.items()}
+            engine = CompiledEngine(self.robot, self._model, moves, len(some["q"]))
+            parts.append(formula(engine, **some))
+            good.append(engine.good)
+        return np.concatenate(parts), np.concatenate(good)
 
     def kinematics(
         self, q: Array, v: Array, a: Array | None = None, links: Sequence[str] | None = None
