@@ -5,7 +5,6 @@ from typing import Any
 
 import click
 
-from ..assembly.redundancy import LEAST
 from ..compiled.failures import needs_casadi
 from ..conversion.convert import convert
 from .common.options import RobotChoice, refuse
@@ -14,15 +13,11 @@ from .common.options import RobotChoice, refuse
 LOST = 1
 
 
-def run(
-    load: RobotChoice, output: str, tightness: float, as_c: bool, redundancy: str | None, **of_c: Any
-) -> int:
-    """Write a robot in another format, or its models as C."""
-    refuse((
-        redundancy not in (None, LEAST),
-        f"--redundancy: exported C knows '{LEAST}' alone. Give it the motors' positions that another rule "
-        "has: 'hybridyn idm --redundancy' and hybridyn.assemble compute them",
-    ))  # fmt: skip
+def run(load: RobotChoice, output: str, tightness: float, as_c: bool, as_ros: bool, **of_c: Any) -> int:
+    """Write a robot in another format, its models as C, or its tree for ROS."""
+    refuse((as_c and as_ros, "--c and --ros exclude each other"))
+    if as_ros:
+        return _for_ros(load, output, of_c["map_joints"])
     if as_c:
         _export(load, output, **of_c)
         return 0
@@ -53,6 +48,18 @@ def run(
     told = [*(f"lost: {line}" for line in done.losses), *(f"note: {line}" for line in done.notes)]
     click.echo("\n".join([*told, *map(str, done.files)]), err=True)
     return LOST if load.strict and done.losses else 0
+
+
+def _for_ros(load: RobotChoice, output: str, outputs: Sequence[str] | None) -> int:
+    """Write what shows a robot in RViz."""
+    from ..ros.bringup import write_bringup
+
+    files, losses = write_bringup(
+        load(), load.robot, output, outputs=outputs or (), xacro_args=load.xacro_args,
+        package_dirs=load.package_dirs,
+    )  # fmt: skip
+    click.echo("\n".join([*(f"lost: {line}" for line in losses), *map(str, files)]), err=True)
+    return LOST if load.strict and losses else 0
 
 
 def _export(

@@ -9,9 +9,15 @@ from hybridyn.description.records import Closure
 from hybridyn.structure.robot import HybridRobot
 
 
-def open_by(robot: HybridRobot, names: Sequence[str], position: Sequence[float]) -> float:
-    """Return by how much the closures are open: metres and radians together, of hinges and slides alone."""
-    model = robot.model
+def open_by(
+    robot: HybridRobot, names: Sequence[str], position: Sequence[float], tree: pin.Model | None = None
+) -> float:
+    """Return by how much the closures are open: metres and radians together, of hinges and slides alone.
+
+    Args:
+        tree: A model of its tree; the robot's own by default.
+    """
+    model = robot.model if tree is None else tree
     data, at = model.createData(), dict(zip(names, position, strict=True))
     q = np.array([at[name] for name in list(model.names)[1:]])
     pin.framesForwardKinematics(model, data, q)

@@ -48,8 +48,8 @@ convert = RobotCommand(
     params=[
         option(
             "-o", "--output", metavar="FILE", required=True,
-            help="The file; its ending names the format: .urdf, .xml (MJCF), .sdf, .usda. With --c, a "
-            "folder.",
+            help="The file; its ending names the format: .urdf, .xml (MJCF), .sdf, .usda. With --c and "
+            "--ros, a folder.",
         ),
         option(
             "--tightness", type=click.FloatRange(0, min_open=True), metavar="NUMBER", default=1e-4,
@@ -57,11 +57,17 @@ convert = RobotCommand(
             help="Distance by which closures may open in a simulator that holds them with springs [m].",
         ),
         option("--c", "as_c", is_flag=True, help="Write the dynamic models as C99."),
+        option(
+            "--ros", "as_ros", is_flag=True,
+            help="Write a folder for RViz: the tree with loops cut, a launch file, parameters of 'hybridyn "
+            "ros'.",
+        ),
         option("--name", metavar="NAME", help="With --c: prefix of files and names.  [default: the robot's]"),
         option("--float32", is_flag=True, help="With --c: single precision."),
         option(
             "--map", "map_joints", metavar="A,B,...", callback=split_names,
-            help="With --c: output joints, whose map to the motors that move them is written, too.",
+            help="With --c: output joints, whose map to the motors that move them is written, too. With "
+            "--ros: output joints of trajectories.",
         ),
         option(
             "--parameters", metavar="A,B,...", callback=split_names,
