@@ -25,6 +25,8 @@ import numpy as np
 from ..description.names import did_you_mean
 from ..description.records import Array
 from ..errors import TrajectoryError, required
+from .bag_folder import is_bag
+from .bags import bag_columns, bag_parts
 from .csv_rows import CsvForm, as_number, lines_of, parts_of
 
 #: Rows per block: enough for an efficient batch, few enough for the memory of any robot.
@@ -89,7 +91,8 @@ def open_table(
     """Open a table and check its header.
 
     Args:
-        path: A `.csv` (or any other text) file, a `.parquet` file, or "-" for CSV on standard input.
+        path: A `.csv` (or any other text) file, a `.parquet` file, a bag of ROS 2 (`bags.py`), or "-" for CSV
+            on standard input.
         block_rows: Rows per block.
         choose: Chooses the columns that are read, from all; the others may hold anything, and empty cells
             and "nan" are NaN.
@@ -101,11 +104,13 @@ def open_table(
         HybridynError: The file cannot be read, or its header is wrong; polars is missing.
     """
     file = str(path)
-    if Path(file).exists() and not Path(file).is_file():  # opening a pipe would wait
+    if Path(file).exists() and not (Path(file).is_file() or is_bag(file)):  # opening a pipe would wait
         raise TrajectoryError("cannot be read: it is not a regular file", file=file)
     with contextlib.ExitStack() as opened:
         try:
-            if file.lower().endswith(".parquet"):
+            if is_bag(file):
+                columns, parts, rows = _bag(file, block_rows, choose)
+            elif file.lower().endswith(".parquet"):
                 columns, parts, rows = _parquet(file, block_rows, choose)
             else:
                 columns, parts, rows = _csv(file, block_rows, opened, choose)
@@ -149,6 +154,13 @@ def _blocks(file: str, columns: tuple[str, ...], parts: Iterable[Array], gaps: b
         row += len(values)
     if row == 1:
         raise TrajectoryError("the table has a header but no rows", file=file)
+
+
+def _bag(file: str, block_rows: int, choose: Choose | None) -> tuple[tuple[str, ...], Iterator[Array], None]:
+    """Return the chosen columns of a bag, without efforts by default, and its rows in parts."""
+    motion = choose or (lambda every: [name for name in every if not name.endswith("/effort")])
+    columns = _chosen(file, bag_columns(file), motion)
+    return columns, bag_parts(file, columns, block_rows), None
 
 
 def _parquet(

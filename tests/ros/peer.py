@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -52,7 +51,7 @@ class Peer:
     """A driver and a viewer.
 
     Attributes:
-        heard: Messages by topic, with the time at which each came.
+        heard: Messages by topic.
     """
 
     def __init__(self) -> None:
@@ -62,7 +61,7 @@ class Peer:
         self.node = rclpy.create_node("peer", context=self.context)
         self.executor = rclpy.executors.SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self.heard: dict[str, list[tuple[float, Any]]] = {}
+        self.heard: dict[str, list[Any]] = {}
         self.out = {
             "motor_states": self.node.create_publisher(JointState, "motor_states", qos_profile_sensor_data),
             "commanded_states": self.node.create_publisher(JointState, "commanded_states", MANY),
@@ -76,8 +75,7 @@ class Peer:
             self.node.create_subscription(kind, name, self._hears(name), MANY)
 
     def _hears(self, topic: str) -> Callable[[Any], None]:
-        heard = self.heard.setdefault(topic, [])
-        return lambda message: heard.append((time.perf_counter(), message))
+        return self.heard.setdefault(topic, []).append
 
     def wait(self, holds: Callable[[], bool], what: str) -> None:
         """Wait until something holds; messages come meanwhile."""
@@ -108,8 +106,8 @@ class Peer:
         heard.clear()
         self.out[topic].publish(message)
         stamp = message.header.stamp
-        self.wait(lambda: any(one.header.stamp == stamp for _, one in heard), f"an answer on {answer}")
-        return heard[-1][1]
+        self.wait(lambda: any(one.header.stamp == stamp for one in heard), f"an answer on {answer}")
+        return heard[-1]
 
     def end(self) -> None:
         """End the process's part in ROS."""

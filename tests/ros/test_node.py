@@ -113,7 +113,7 @@ def test_wrong_messages_give_a_line_each_and_nothing_else(node: NodeProcess, pee
 
         def told(said: str = said) -> bool:
             """Return whether diagnostics say it."""
-            return any(said in one.status[0].message for _, one in peer.heard["/diagnostics"])
+            return any(said in one.status[0].message for one in peer.heard["/diagnostics"])
 
         peer.out["motor_states"].publish(message)
         peer.wait(told, said)
@@ -132,10 +132,10 @@ def test_a_node_that_was_killed_and_started_again_goes_on(tmp_path: Path, peer: 
         def answered(message: Any = message, heard: list[Any] = heard) -> bool:
             """Publish until the node is there."""
             peer.out["motor_states"].publish(message)
-            return any(one.header.stamp == message.header.stamp for _, one in heard)
+            return any(one.header.stamp == message.header.stamp for one in heard)
 
         peer.wait(answered, "an answer")
-        found = heard[-1][1]
+        found = heard[-1]
         assert found.header.stamp.sec == t
         assert open_by(robot, found.name, found.position) < CLOSED
         node.process.kill()
@@ -168,6 +168,6 @@ def test_ten_thousand_states_at_500_hz(tmp_path: Path, peer: Peer, name: str) ->
         peer.out["motor_states"].publish(peer.state(1 + i * 0.002, robot.motors, at))
         peer.wait(lambda i=i: len(peer.heard["joint_states"]) > i - 5, "what was sent")  # as sensors' queues
     peer.wait(lambda: len(peer.heard["joint_states"]) == count, "all states")
-    for _, found in peer.heard["joint_states"][::100]:
+    for found in peer.heard["joint_states"][::100]:
         assert open_by(robot, found.name, found.position) < CLOSED
     assert node.end() == 0

@@ -15,6 +15,7 @@ from ...description.names import closest
 from ...description.shipped import BARE_NAME, find_data, no_such_robot, shipped_file, shipped_robots, shown
 from ...description.writing import write_text
 from ...errors import HybridynError
+from ...tables.bag_folder import is_bag
 
 #: Endings of robots' files, where a scene belongs.
 ROBOTS = (".urdf", ".xacro", ".xml", ".sdf", ".usd", ".usda", ".usdc", ".usdz")
@@ -23,11 +24,11 @@ Path = TypeVar("Path", str, str | None)
 
 
 def existing_file(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
-    """Check that a file exists, if one is named ("-" is standard input); the error suggests the nearest one.
+    """Check that a file, or a bag, exists if one is named ("-" is standard input); else suggest the nearest.
 
     A word that is not a path may name a file of a shipped robot, "lx4/traj.csv".
     """
-    if value is None or value == "-" or os.path.isfile(value):
+    if value is None or value == "-" or os.path.isfile(value) or is_bag(value):
         return value
     if os.path.exists(value):
         what = "a folder" if os.path.isdir(value) else "not a regular file but a pipe or a device"
@@ -44,7 +45,7 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: Path) -> Pa
 
 def several(word: str) -> bool:
     """Return whether a word names several tables: it is a folder, or a pattern and no file."""
-    return os.path.isdir(word) or (glob.has_magic(word) and not os.path.exists(word))
+    return (os.path.isdir(word) and not is_bag(word)) or (glob.has_magic(word) and not os.path.exists(word))
 
 
 def robot_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
