@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import islice, pairwise
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -11,8 +12,10 @@ import hybridyn
 from hybridyn import AssemblyError, SingularityError
 from tests.assembly.aims import BENT, Aim, Array, quadratic, random_aims, straight
 from tests.assembly.fitted import ANGLES, differenced
+from tests.assembly.test_angles import arm
 from tests.assembly.test_stacks import ALIKE, DIFFERENCED, REACHED
 from tests.robots.as_written import WRITTEN
+from tests.support.comparing import refused
 from tests.support.samples import slow
 
 #: Steps of a path, and the times of one, drawn by their logarithm: motions of some hundredths to one [s].
@@ -102,6 +105,28 @@ def judged(aim: Aim, times: Array) -> tuple[int, int]:
         else:
             assert np.abs(off).max() < REACHED, k
     return len(times), 0
+
+
+@pytest.mark.parametrize(("away", "within"), [(0.45, True), (0.49, False)])
+def test_what_carries_a_chain_swings_on_its_arc(tmp_path: Path, away: float, within: bool) -> None:
+    """Two given joints carry two of 0.5 m, whose end stays; from a chord it would be within reach always."""
+    robot, middle = arm(tmp_path, "zzzzz"), np.array([0.75, 2.0])
+    turns = np.array([[0.0, 2.0], [1.5, 2.0]])
+    end = -away * np.array([np.cos(1.75), np.sin(1.75)])
+    far = [abs(end @ [1, 1j] - 0.5 * np.exp(1j * np.cumsum(turn)).sum()) for turn in (*turns, middle)]
+    assert max(far[:2]) < 1.0
+    assert (far[2] < 1.0) == within
+
+    def step(turn: Array, guess: Array) -> Array:
+        motors = {"j0": turn[0], "j1": turn[1], "j4": 0.0}
+        pose = {"x": end[0], "y": end[1]}
+        return hybridyn.assemble(robot, motors=motors, platforms={"l4": (pose,)}, guess=guess)[0]
+
+    start = step(turns[0], np.array([0.0, 2.0, 1.9, 0.6, 0.0]))
+    if within:
+        assert np.sign(step(turns[1], start)[3]) == np.sign(start[3])
+    else:
+        refused(lambda: step(turns[1], start), AssemblyError, "no continuous motion")
 
 
 def test_straight_angles_have_the_rates_of_a_steady_turn() -> None:

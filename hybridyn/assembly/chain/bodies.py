@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,16 +22,21 @@ class CarriedFrame:
     Attributes:
         part: Number of the part; -1 for the base of the chain.
         body: Number of the body in the part's tree.
-        inner: The frame's known motion in that body at every sample.
+        ways: Known motions at every sample, each of a frame in the one before, from that body to the frame.
     """
 
     part: int
     body: int
-    inner: Motion
+    ways: tuple[Motion, ...]
+
+    @cached_property
+    def inner(self) -> Motion:
+        """The frame's known motion in the body at every sample."""
+        return reduce(Motion.then, self.ways)
 
     def ahead(self, step: Array) -> CarriedFrame:
         """Return the place after small times, shape (T,), to second order."""
-        return replace(self, inner=self.inner.ahead(step))
+        return replace(self, ways=(self.inner.ahead(step),))
 
 
 class ChainMotion(NamedTuple):

@@ -131,20 +131,20 @@ class _Known:
     def place(self, link: str) -> CarriedFrame:
         """Return the place of a link."""
         body, R, p = self.robot.bodies.place[link]
-        inner = Motion.at_rest(len(self.q), R, p)
+        ways = (Motion.at_rest(len(self.q), R, p),)
         for k, local in way_to_root(self.robot, body):
             if k in self.parts:
                 number, *end = body_in_tree(self.robot, (k, local), link)
-                return CarriedFrame(self.parts[k], number, Motion.at_rest(len(self.q), *end).then(inner))
-            inner = self._motion(k).of_body(local).then(inner)
-        return CarriedFrame(-1, 0, inner)
+                return CarriedFrame(self.parts[k], number, (Motion.at_rest(len(self.q), *end), *ways))
+            ways = (self._motion(k).of_body(local), *ways)
+        return CarriedFrame(-1, 0, ways)
 
     def base(self, number: int) -> CarriedFrame:
         """Return the place of a module's base body."""
         _, R, p = self.robot.bodies.place[self.robot.modules[number].base]
         place = self.place(self.robot.modules[number].base)
         back = Motion.at_rest(len(self.q), R.T, -R.T @ p)
-        return CarriedFrame(place.part, place.body, place.inner.then(back))
+        return replace(place, ways=(*place.ways, back))
 
     def _motion(self, number: int) -> Motion:
         """Return the motion of a module's bodies in its base, at all samples."""
@@ -293,7 +293,7 @@ def _relatives(known: _Known, pose: PoseRequest, length: float) -> list[Relative
     """Return the targets of a pose between two links."""
     link, other = known.place(pose.link), known.place(pose.other)
     if pose.frame is not None:
-        other = CarriedFrame(other.part, other.body, other.inner.then(pose.frame))
+        other = replace(other, ways=(*other.ways, pose.frame))
     targets = partial_targets(pose, 1, _STILL, _STILL, length)
     if pose.motion is not None:
         targets.insert(0, whole_target(1, pose.motion, length))

@@ -188,11 +188,14 @@ class ChainTask:
         return replace(self, problem=replace(self.problem, relatives=relatives))
 
     def between(self, sample: int, fractions: Array) -> ChainTask:
-        """Interpolate the task from a sample to the next, one new sample per fraction, shape (n,)."""
+        """Interpolate the task from a sample to the next, one new sample per fraction, shape (n,).
+
+        Each known motion goes straight by itself: that of a joint is a turn, or a slide.
+        """
 
         def moved(place: CarriedFrame) -> CarriedFrame:
-            motion = PoseTarget(0, place.inner, np.ones(6)).between(sample, fractions).goal
-            return replace(place, inner=motion)
+            targets = [PoseTarget(0, way, np.ones(6)).between(sample, fractions) for way in place.ways]
+            return replace(place, ways=tuple(target.goal for target in targets))
 
         relatives = tuple(
             replace(
@@ -214,8 +217,11 @@ class ChainTask:
         start, here = self.start or self.problem, np.zeros_like(samples) if self.start else samples
 
         def way(place: CarriedFrame, before: CarriedFrame) -> CarriedFrame:
-            ends = before.inner.take(here), place.inner.take(samples)
-            return replace(place, inner=Motion(*map(in_turn, *(end.arrays for end in ends))))
+            ends = [
+                (x.take(here).arrays, y.take(samples).arrays)
+                for x, y in zip(before.ways, place.ways, strict=True)
+            ]
+            return replace(place, ways=tuple(Motion(*map(in_turn, *pair)) for pair in ends))
 
         frames = start.frames(start.tree.sweep(q), here)
         relatives = tuple(
