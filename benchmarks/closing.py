@@ -17,7 +17,7 @@ import hybridyn
 from benchmarks.results import Row
 from benchmarks.timing import interleaved
 from hybridyn import HybridRobot
-from hybridyn.assembly.chain.solve import motion_of
+from hybridyn.assembly.chain.places import motion_of
 from hybridyn.compiled.model import CompiledRobot
 from hybridyn.compiled.programs.closing.platform_program import platform_motions, posed_modules
 from hybridyn.spatial import Array, quaternion_from_rotation

@@ -21,7 +21,7 @@ from benchmarks.reference import round_trip, round_trip_limit
 from benchmarks.results import CHECK, NAN, Row
 from benchmarks.timing import MIB, forget_peak, in_own_process, interleaved, memory, timed
 from hybridyn import HybridRobot
-from hybridyn.assembly.chain.solve import motion_of
+from hybridyn.assembly.chain.places import motion_of
 from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.spatial import Array, quaternion_from_rotation
 from hybridyn.studies.compare.methods import written

@@ -31,7 +31,7 @@ class PoseRequest(NamedTuple):
         motion: The complete pose with rates and accelerations, in the reference link, or None.
         coordinates: Coordinate name to its value, rate and acceleration, shape (3, T).
         turn: The complete orientation without the position, as a motion in the reference link, or None.
-        frame: The motion, in the reference link, of the frame in which all this is measured; None for the
+        frame: The motion of the reference link in the frame in which all this is measured; None for the
             link's own frame.
         direction: Number of an axis of the link and the directions in which it points, with their first two
             derivatives, shape (3, T, 3), or None.

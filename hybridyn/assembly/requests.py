@@ -181,12 +181,12 @@ def in_root(robot: HybridRobot, requests: Requests, guess: Array) -> Requests:
         return requests
     at_rest = Motion.at_rest(requests.samples, rotation_from_quaternion(guess[3:7]), guess[:3])
     base, root = requests.base or at_rest, robot.description.root
-    world, poses = Motion.at_rest(requests.samples).seen_from(base), []
+    poses = []
     for pose in requests.poses:
         if pose.other in robot.bodies.place:
             poses.append(pose)
         elif pose.motion is None or pose.further:
-            poses.append(pose._replace(other=root, frame=world))
+            poses.append(pose._replace(other=root, frame=base))
         else:
             poses.append(pose._replace(other=root, motion=pose.motion.seen_from(base)))
     return requests._replace(poses=tuple(poses))

@@ -24,6 +24,7 @@ from hybridyn.linkage.angles import (
 )
 from hybridyn.spatial import Array
 from hybridyn.studies.workspace.workspace import workspace
+from tests.oracle import Base
 from tests.support.comparing import close_to, refused
 
 ROUNDING = 1e-9  # relative, through the conditioning of these arms
@@ -33,8 +34,8 @@ DIFFERENCED = 1e-5  # relative: truncation 1e-8, rounding 1e-12 / STEP^2 twice d
 AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
 
 
-def arm(folder: Path, axes: str, heading: float = 0.0) -> HybridRobot:
-    """Return a serial arm whose joints turn about these axes at home, on a base turned by a heading."""
+def arm(folder: Path, axes: str, heading: float = 0.0, base: Base = "fixed") -> HybridRobot:
+    """Return a serial arm whose joints turn about these axes at home, on a link turned by a heading."""
     parts = [f'<link name="root"/><link name="base"/><joint name="turned" type="fixed"><parent link="root"/>'
              f'<child link="base"/><origin rpy="0 0 {heading!r}"/></joint>']  # fmt: skip
     below = "base"
@@ -49,7 +50,7 @@ def arm(folder: Path, axes: str, heading: float = 0.0) -> HybridRobot:
         below = f"l{i}"
     path = folder / "arm.urdf"
     path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
-    return hybridyn.load(path)
+    return hybridyn.load(path, base=base)
 
 
 def placed(robot: HybridRobot, q: Array, link: str) -> Array:

@@ -143,6 +143,19 @@ def test_a_foot_stays_in_the_world_while_the_pelvis_moves(tmp_path: Path, base: 
         close_to(one, other, 1e-7)
 
 
+@pytest.mark.parametrize("base", ["moving", slow("floating")])
+def test_a_base_turns_below_what_stays_in_the_world_within_one_row(tmp_path: Path, base: Base) -> None:
+    """Far from the world's origin, which the base sees go along an arc: the first joint alone turns back."""
+    robot, turn = arm(tmp_path, "zzz", base=base), 1.5
+    guess = np.array([3.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.4, -0.9, 0.0])
+    wanted = np.r_[guess[:5], np.sin(turn / 2), np.cos(turn / 2), 0.4 - turn, -0.9, 0.0]
+    still = np.zeros((1, robot.nv))
+    foot = dict(zip("xy", of_world(robot, guess[None], still, still, "l2")[0][0], strict=False))
+    platforms = {"root": (wanted[:7],), "l2@world": (foot,)}
+    q = hybridyn.assemble(robot, motors={"j2": 0.0}, platforms=platforms, guess=guess)[0]
+    close_to(q, wanted, REACHED)
+
+
 @pytest.mark.slow
 def test_a_platform_is_posed_in_the_world_in_c_as_on_the_general_path() -> None:
     """Without lanes for C, both are the general path."""

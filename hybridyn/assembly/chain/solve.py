@@ -16,7 +16,7 @@ from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ..follow import first_postures, follow
 from ..free_motions import IDLE, effects
-from ..module_request import ModuleRequest, body_in_tree
+from ..module_request import ModuleRequest
 from ..pose_targets import partial_targets, whole_target
 from ..poses import PoseRequest
 from ..redundancy import LEAST, LeftToRule
@@ -24,9 +24,10 @@ from ..requests import Requests, in_root
 from ..spanning import settled, spanning_states
 from ..task import Task, module_task
 from .bodies import Carried, CarriedFrame, ChainMotion
-from .coupling import CoupledModules, chains_of, own_requests, way_to_root
+from .coupling import CoupledModules, chains_of, own_requests
 from .least import ease_of
 from .lowest import LowestTask
+from .places import ChainPlaces
 from .problem import ChainProblem, Relative, Split
 from .rates import ChainRates
 from .second import second_task
@@ -120,47 +121,6 @@ def left_to_rule(robot: HybridRobot, requests: Requests, q: Array) -> list[LeftT
     return out
 
 
-class _Known:
-    """Frames of the robot as places on the parts of a chain; other modules between them move as is known."""
-
-    def __init__(self, robot: HybridRobot, modules: Sequence[int], q: Array, v: Array, a: Array) -> None:
-        self.robot, self.parts = robot, {k: i for i, k in enumerate(modules)}
-        self.q, self.v, self.a = q, v, a
-        self._motions: dict[int, Motion] = {}
-
-    def place(self, link: str) -> CarriedFrame:
-        """Return the place of a link."""
-        body, R, p = self.robot.bodies.place[link]
-        ways = (Motion.at_rest(len(self.q), R, p),)
-        for k, local in way_to_root(self.robot, body):
-            if k in self.parts:
-                number, *end = body_in_tree(self.robot, (k, local), link)
-                return CarriedFrame(self.parts[k], number, (Motion.at_rest(len(self.q), *end), *ways))
-            ways = (self._motion(k).of_body(local), *ways)
-        return CarriedFrame(-1, 0, ways)
-
-    def base(self, number: int) -> CarriedFrame:
-        """Return the place of a module's base body."""
-        _, R, p = self.robot.bodies.place[self.robot.modules[number].base]
-        place = self.place(self.robot.modules[number].base)
-        back = Motion.at_rest(len(self.q), R.T, -R.T @ p)
-        return replace(place, ways=(*place.ways, back))
-
-    def _motion(self, number: int) -> Motion:
-        """Return the motion of a module's bodies in its base, at all samples."""
-        if number not in self._motions:
-            module = self.robot.modules[number]
-            at, to = module.q_index, module.v_index
-            tree = module.mechanism.spanning
-            self._motions[number] = tree.sweep(self.q[:, at], self.v[:, to], self.a[:, to])
-        return self._motions[number]
-
-
-def motion_of(robot: HybridRobot, link: str, states: tuple[Array, Array, Array]) -> Motion:
-    """Compute the motion of a link in the root body at states q, v, a, shapes (T, nq), (T, nv), (T, nv)."""
-    return _Known(robot, (), *states).place(link).inner
-
-
 def cut_positions(robot: HybridRobot, modules: Sequence[int], q: Array) -> Array:
     """Return positions of the trees of modules, one after the other, shape (T, their nq), from q (T, nq)."""
     own = [robot.modules[k] for k in modules]
@@ -233,7 +193,7 @@ def chain_problem(
 ) -> tuple[ChainProblem, tuple[Task, ...]]:
     """Build the problem of a chain, and the tasks of its modules alone; arguments as for `chain_task`."""
     numbers = chain.modules
-    known = _Known(robot, numbers, *states)
+    known = ChainPlaces(robot, chain, *states)
     parts = tuple(
         module_task(robot, robot.modules[k], request, alone=False)
         for k, request in zip(numbers, own, strict=True)
@@ -246,7 +206,7 @@ def chain_problem(
 
 
 def _standing(
-    robot: HybridRobot, chain: CoupledModules, known: _Known
+    robot: HybridRobot, chain: CoupledModules, known: ChainPlaces
 ) -> tuple[Carried, tuple[Relative, ...]]:
     """Return what carries the modules of a chain, and the targets of its poses."""
     length = max(robot.modules[k].mechanism.length for k in chain.modules)
@@ -259,10 +219,10 @@ def _at_guess(robot: HybridRobot, chain: CoupledModules, problem: ChainProblem, 
     poses = chain.poses
     if robot.base != "fixed":
         base = Motion.at_rest(1, rotation_from_quaternion(guess[3:7]), guess[:3])
-        world = Motion.at_rest(1).seen_from(base)
-        poses = tuple(pose if pose.frame is None else pose._replace(frame=world) for pose in poses)
-    known = _Known(robot, chain.modules, guess[None], *np.zeros((2, 1, robot.nv)))
-    carried, relatives = _standing(robot, chain._replace(poses=poses), known)
+        poses = tuple(pose if pose.frame is None else pose._replace(frame=base) for pose in poses)
+    chain = chain._replace(poses=poses)
+    known = ChainPlaces(robot, chain, guess[None], *np.zeros((2, 1, robot.nv)))
+    carried, relatives = _standing(robot, chain, known)
     return replace(problem, carried=carried, relatives=relatives)
 
 
@@ -289,11 +249,11 @@ def generic_motion(
     return problem.tree.sweep(np.concatenate(postures, axis=1))
 
 
-def _relatives(known: _Known, pose: PoseRequest, length: float) -> list[Relative]:
+def _relatives(known: ChainPlaces, pose: PoseRequest, length: float) -> list[Relative]:
     """Return the targets of a pose between two links."""
     link, other = known.place(pose.link), known.place(pose.other)
     if pose.frame is not None:
-        other = replace(other, ways=(*other.ways, pose.frame))
+        other = CarriedFrame(-1, 0, (Motion.at_rest(len(known.q)),))
     targets = partial_targets(pose, 1, _STILL, _STILL, length)
     if pose.motion is not None:
         targets.insert(0, whole_target(1, pose.motion, length))

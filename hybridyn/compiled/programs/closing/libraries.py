@@ -12,7 +12,7 @@ import numpy as np
 
 from ....assembly.assemble import assemble_requests
 from ....assembly.chain.coupling import ways_between
-from ....assembly.chain.solve import motion_of
+from ....assembly.chain.places import motion_of
 from ....assembly.poses import PoseRequest
 from ....assembly.requests import Requests
 from ....assembly.spanning import spanning_positions
