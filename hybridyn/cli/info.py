@@ -18,7 +18,7 @@ from ..studies.check.check import Finding, check, is_readable
 from ..studies.check.loops import home_residuals
 from ..studies.home import branch
 from .common.figures import save
-from .common.options import RobotChoice
+from .common.options import Grid, RobotChoice, refuse
 from .common.text import counted
 from .words.robots import PRINTED
 
@@ -27,6 +27,8 @@ FOUND = 1
 SEVERITIES = ("error", "warning", "note")
 #: Limits of the width of text [characters]: terminals may be tiny, and wide text is hard to read.
 NARROWEST, WIDEST = 40, 110
+#: Points between the limits of each output joint.
+POINTS = 9
 #: Width of a label such as "closures  " [characters].
 LABEL = 10
 LETTERS = "R revolute or continuous, P prismatic, H screw, S spherical, E planar, F floating; * motor"
@@ -41,8 +43,18 @@ def run(
     no_meshes: bool,
     as_json: bool,
     plot: str | None,
+    joints: Sequence[str] | None,
+    actuators: str | None,
+    grid: Grid | None,
 ) -> int:
-    """Show a robot and the findings, and return the exit status."""
+    """Show a robot and the findings, or its motors at output joints, and return the exit status."""
+    refuse(((joints is None) != (actuators is None), "--joints and --actuators belong together"))
+    refuse((grid is not None and joints is None, "--grid belongs to --joints"))
+    if joints is not None and actuators is not None:
+        from .common.maps import tell_actuators
+
+        tell_actuators(load(), joints, grid or POINTS, actuators)
+        return 0
     robot, problem = None, None
     try:
         robot = load(ranks=True)

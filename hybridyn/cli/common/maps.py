@@ -8,18 +8,18 @@ import numpy as np
 
 from ...assembly.posture import check_joints
 from ...description.names import listed
-from ...dynamics.quantities.joint_map import joint_map, motors_beside, regular_map
+from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside, regular_map
 from ...errors import SingularityError
 from ...spatial import Array
 from ...streams.departures import Departures
 from ...streams.one_pass import BlockResults
 from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
-from ...studies import map_table
+from ...studies import actuators, map_table
 from ...tables.layout import Layout
 from ...tables.results import open_results
 from .options import Grid, refuse
-from .text import counted
+from .text import aligned_rows, counted
 
 
 def map_rows(
@@ -75,6 +75,46 @@ def tell_map(robot: HybridRobot, joints: Sequence[str], grid: Grid, output: str 
     Raises:
         HybridynError: The joints do not fit the modules, or no point is reached.
     """
+    found, left_out = _map_on_grid(robot, joints, grid)
+    rows, summary = map_table.map_rows(found), MapSummary(robot, joints)
+    with open_results(output, map_table.map_columns(robot, joints)) as write:
+        write(rows)
+    summary.add(BlockResults(rows))
+    summary.show(None, None, quiet=False)
+    _tell_left_out(left_out)
+
+
+def tell_actuators(robot: HybridRobot, joints: Sequence[str], grid: Grid, output: str) -> None:
+    """Write what the motors are at the joints over a grid, and print the few numbers that do for all of it.
+
+    Raises:
+        HybridynError: As `tell_map`.
+    """
+    found, left_out = _map_on_grid(robot, joints, grid)
+    columns = actuators.actuator_columns(found)
+    with open_results(output, list(columns)) as write:
+        write(np.column_stack(list(columns.values())))
+    rows = [("joint", "number", "constant", "unit", "error")]
+    for one in actuators.constants(columns):
+        error = "largest" if math.isnan(one.error) else f"{100 * one.error:.2g} %"
+        rows.append((one.joint, one.what, f"{one.value:.4g}", actuators.UNITS.get(one.what, "1"), error))
+    click.echo("\n".join(aligned_rows(rows)))
+    _tell_left_out(left_out)
+
+
+def _tell_left_out(left_out: dict[str, int]) -> None:
+    """Say which points of a grid have no posture."""
+    for what, count in left_out.items():
+        if count:
+            click.echo(f"left out: {counted(count, 'point')} {what}", err=True)
+
+
+def _map_on_grid(robot: HybridRobot, joints: Sequence[str], grid: Grid) -> tuple[JointMap, dict[str, int]]:
+    """Return the map at the postures of a grid, and how many points have none, by the reason.
+
+    Raises:
+        HybridynError: As `tell_map`.
+    """
     check_joints(robot, joints)
     every = [q for _, q in map_table.postures_on_grid(robot, _values(robot, joints, grid))]
     reached = [q for q in every if q is not None]
@@ -83,15 +123,7 @@ def tell_map(robot: HybridRobot, joints: Sequence[str], grid: Grid, output: str 
         raise SingularityError(
             f"all {counted(len(reached), 'posture')} of the grid that are reached are singular"
         )
-    rows, summary = map_table.map_rows(found), MapSummary(robot, joints)
-    with open_results(output, map_table.map_columns(robot, joints)) as write:
-        write(rows)
-    summary.add(BlockResults(rows))
-    summary.show(None, None, quiet=False)
-    out = {"out of reach": len(every) - len(reached), "singular": len(reached) - len(kept)}
-    for what, count in out.items():
-        if count:
-            click.echo(f"left out: {counted(count, 'point')} {what}", err=True)
+    return found, {"out of reach": len(every) - len(reached), "singular": len(reached) - len(kept)}
 
 
 def _values(robot: HybridRobot, joints: Sequence[str], grid: Grid) -> dict[str, Array]:

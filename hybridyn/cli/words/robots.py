@@ -14,6 +14,7 @@ from ..common.options import (
     RobotCommand,
     known_names,
     numbers_by_name,
+    parse_grid,
     split_names,
 )
 from .shared import RULE, effects_option, one_or_several, option, run_module
@@ -191,6 +192,20 @@ info = RobotCommand(
         option("--all", "everything", is_flag=True, help=f"Print more than {PRINTED} findings of one code."),
         option("--no-meshes", is_flag=True, help="Do not search or load mesh files."),
         option("--json", "as_json", is_flag=True, help="Print the findings alone, as JSON."),
+        option(
+            "--joints", metavar="A,B,...", callback=split_names,
+            help="With --actuators: output joints, such as pitch and roll of a parallel ankle.",
+        ),
+        option(
+            "--actuators", metavar="FILE",
+            help="Write the motors as simulators of serial joints need them: armature, damping, gains and "
+            "limits of effort at the output joints, over their range; and print one number of each, with its "
+            "error.",
+        ),
+        option(
+            "--grid", metavar="GRID", callback=parse_grid,
+            help="With --actuators: points per joint, or FROM:TO:COUNT,...  [default: 9, between the limits]",
+        ),
     ],
 )  # fmt: skip
 
