@@ -2,10 +2,7 @@
 
 from .assembly.assemble import assemble
 from .assembly.task import closure_residual
-from .compiled.compiling import compile
-from .compiled.derivatives import ddm_jacobian, idm_jacobian
-from .compiled.model import CompiledRobot
-from .compiled.repeated import ddm, idm
+from .compiled import CompiledRobot, compile, ddm, ddm_jacobian, idm, idm_jacobian
 from .conversion.convert import convert
 from .conversion.target_files import Conversion
 from .dynamics.energy import Energy, Power, centre_of_mass, energy, momentum, power

@@ -8,6 +8,7 @@ from typing import Any
 
 import hybridyn
 from hybridyn import HybridRobot, HybridynError
+from hybridyn.dynamics import direct, inverse
 from hybridyn.studies.compare.methods import MODELS, Method, Model, Setting, Solver
 from hybridyn.studies.compare.peer_engine import NotComparableError
 from tests.oracle import Oracle
@@ -24,7 +25,8 @@ SINGLE_LIMIT = 1e-2
 
 def general(model: Model, robot: HybridRobot) -> Callable[[Setting], Solver]:
     """Prepare the general path: Pinocchio per module, NumPy over the batch."""
-    return lambda setting: partial(getattr(hybridyn, model), robot)
+    path: Any = {"idm": inverse.idm, "ddm": direct.ddm}[model]  # single calls of `hybridyn.idm` are CasADi's
+    return lambda setting: partial(path, robot)
 
 
 def compiled(robot: HybridRobot, threads: int = 1, dtype: str = "float64") -> Any:

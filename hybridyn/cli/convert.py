@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from ..compiled.failures import needs_casadi
+from ..compiled import needs_casadi
 from ..conversion.convert import convert
 from .common.options import RobotChoice, refuse
 
@@ -75,7 +75,7 @@ def _export(
 ) -> None:
     """Write the robot's models as C."""
     needs_casadi()
-    from ..compiled.export import export
+    from ..compiled import export
 
     dtype = "float32" if float32 else "float64"
     chosen = {

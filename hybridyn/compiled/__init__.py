@@ -2,8 +2,15 @@
 
 Read `program` (kernels and the order of their calls), `equations/` (one module in CasADi), `programs/` (a
 whole robot as calls), `code/` (programs to C), `library/` (compiler, cache, calls), then `model`
-(`CompiledRobot`), `compiling` (`hybridyn.compile`), `failures` and `verifying`. `export` writes C for a
+(`CompiledRobot`), `compiling` (`hybridyn.compile`), `failures` and `verifying`. `exporting` writes C for a
 controller, `derivatives` differentiates the models.
+
+`__init__.pyi` is the door: the names that other rooms use. `identification` and `warp_batch`, which write
+programs of their own, also use the files.
 
 May import: `dynamics`, `assembly`, `manifold` and below.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -19,6 +19,7 @@ from .library.building import best_lanes
 from .library.cache import Built
 from .library.calls import Library
 from .model import CompiledRobot
+from .programs.control import closing_of_motors, same_without_limits, torque_programs
 from .programs.sources import MODELS, asked_for, library_of
 
 
@@ -81,6 +82,29 @@ def interpreted_model(robot: HybridRobot, effects: Choice, name: str) -> Compile
     whole = checked_library(robot, on, chosen, "float64")
     models = InterpretedModels(robot, on, chosen, "float64", first=name, told=False)
     return CompiledRobot(robot, on, models, 1, chosen, whole, builds=False)
+
+
+def torque_models(compiled: CompiledRobot, on: Effects) -> dict[str, int] | None:
+    """Return the addresses of the functions of computed torque, see `Law.tracking`.
+
+    Args:
+        compiled: Models of the robot.
+        on: Effects of the torque; models are compiled for them where those of `compiled` differ.
+
+    Returns:
+        The addresses; None for idle joints besides redundant motors or a moving base.
+
+    Raises:
+        CompileError, ModelError: As in `compile`.
+    """
+    robot = compiled.robot
+    closing, models = closing_of_motors(robot), compiled
+    redundant = any(len(module.motors) > module.mobility for module in robot.modules)
+    if closing is None and (redundant or robot.base == "moving"):
+        return None
+    if not same_without_limits(robot, compiled.effects, on):
+        models = compile(robot, on, wait=True)
+    return torque_programs(models.library, closing)
 
 
 def is_built(robot: HybridRobot, effects: Effects) -> bool:

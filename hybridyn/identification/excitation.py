@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from ..compiled.model import CompiledRobot
+from ..compiled import CompiledRobot
 from ..dynamics.forward import forward
 from ..effects.choice import Choice
 from ..errors import HybridynError, ModelError

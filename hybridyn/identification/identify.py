@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.model import CompiledRobot
+from ..compiled import CompiledRobot
 from ..description.names import did_you_mean
 from ..effects.choice import Choice
 from ..errors import HybridynError, ModelError, TrajectoryError

@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from ..compiled.failures import needs_casadi
+from ..compiled import needs_casadi
 from ..effects.choice import Choice
 from ..errors import TrajectoryError
 from ..spatial import Array

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import interpolate
 
 from ..assembly.assemble import assemble
-from ..compiled.model import CompiledRobot
+from ..compiled import CompiledRobot
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot

@@ -13,8 +13,7 @@ import numpy as np
 from ..assembly.assemble import assemble
 from ..assembly.posture import holding, positions_of
 from ..assembly.task import closure_residual
-from ..compiled.compiling import compile
-from ..compiled.model import CompiledRobot
+from ..compiled import CompiledRobot, compile
 from ..dynamics.inverse import idm
 from ..effects.choice import choose
 from ..effects.rebuild import with_effects

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..compiled.library.laws import Law, Pieces
-from ..compiled.programs.control import closing_of_motors, same_without_limits, torque_programs
+from ..compiled import Law, Pieces, torque_models
 from ..description.names import did_you_mean
 from ..dynamics.inverse import inverse_model
 from ..effects.choice import Choice, choose
@@ -23,7 +22,7 @@ from ..structure.robot import HybridRobot
 from .references import MotorAxes, Reference
 
 if TYPE_CHECKING:
-    from ..compiled.model import CompiledRobot
+    from ..compiled import CompiledRobot
 
 log = logging.getLogger("hybridyn.scenes")
 
@@ -154,21 +153,15 @@ class ComputedTorque(Pd):
 
         The first call for a robot, and for effects other than those that act, builds programs.
         """
-        from ..compiled.compiling import compile as compile_models
-
         if compiled.robot is not self._robot:
             return None
         try:
-            closing, models = closing_of_motors(self._robot), compiled
-            redundant = any(len(module.motors) > module.mobility for module in self._robot.modules)
-            if closing is None and (redundant or self._robot.base == "moving"):
-                return None
-            if not same_without_limits(self._robot, compiled.effects, self._on):
-                models = compile_models(self._robot, self._on, wait=True)
+            programs = torque_models(compiled, self._on)
         except HybridynError as error:
             log.warning("computed torque is evaluated in Python, which takes longer: %s", error)
             return None
-        programs = torque_programs(models.library, closing)
+        if programs is None:
+            return None
         return Law.tracking(self._reference.pieces, self._axes, (self._kp, self._kd), programs)
 
 

@@ -20,7 +20,7 @@ from ..structure.robot import HybridRobot
 from .references import Reference
 
 if TYPE_CHECKING:
-    from ..compiled.model import CompiledRobot
+    from ..compiled import CompiledRobot
 
 
 def follow_motion(

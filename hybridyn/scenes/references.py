@@ -10,7 +10,7 @@ import numpy as np
 
 from ..assembly.assemble import assemble
 from ..assembly.redundancy import LEAST
-from ..compiled.library.laws import Pieces
+from ..compiled import Pieces
 from ..errors import AssemblyError, ModelError, TrajectoryError
 from ..simulation.events import QUINTIC
 from ..spatial import Array, Index, Mask
@@ -195,7 +195,7 @@ def from_table(robot: HybridRobot, path: str, redundancy: str = LEAST) -> Refere
         TrajectoryError: The table is wrong, or has no time.
         AssemblyError: A row is out of reach.
     """
-    from ..compiled.programs.closing.tables import TableAssembler
+    from ..compiled import TableAssembler
 
     axes = MotorAxes.of(robot)
     motion = read_motion(robot, path)

@@ -33,7 +33,7 @@ from .start import initial_state
 from .toml_source import naming
 
 if TYPE_CHECKING:
-    from ..compiled.model import CompiledRobot
+    from ..compiled import CompiledRobot
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..assembly.task import closure_residual
-from ..compiled.library.laws import Law
+from ..compiled import Law
 from ..dynamics.direct_recursion import accelerate, articulate
 from ..dynamics.forward import forward
 from ..dynamics.loads import all_loads
@@ -20,8 +20,7 @@ from ..spatial import LARGEST, Array
 from ..structure.robot import HybridRobot
 
 if TYPE_CHECKING:
-    from ..compiled.library.steps import Steps
-    from ..compiled.model import CompiledRobot
+    from ..compiled import CompiledRobot, Steps
 
 Effort = Callable[[float, Array, Array], Array]
 Wrenches = Callable[[float, Array, Array], Mapping[str, Array]]

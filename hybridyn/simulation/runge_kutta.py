@@ -22,7 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..compiled.library.steps import Control, Tableau, Taken
+from ..compiled import Control, Tableau, Taken
 from ..errors import AssemblyError
 from ..manifold.manifold import Posture
 from ..manifold.module_chart import HELD, AmbiguousBranchError

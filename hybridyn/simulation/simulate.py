@@ -28,7 +28,7 @@ from .stepping import Stepper
 from .system import State, System
 
 if TYPE_CHECKING:
-    from ..compiled.model import CompiledRobot
+    from ..compiled import CompiledRobot
 
 #: Memory of one number of a row, in samples, result, table and text together [bytes].
 NUMBER_BYTES = 48

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from ..compiled.library.steps import Control
+from ..compiled import Control
 from ..errors import AssemblyError
 from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import Array, Index

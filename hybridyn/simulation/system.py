@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..compiled.library.steps import JointChart
+from ..compiled import JointChart
 from ..manifold.manifold import Chart, Manifold, Posture
 from ..manifold.module_chart import AmbiguousBranchError
 from ..spatial import Array

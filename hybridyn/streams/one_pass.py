@@ -150,7 +150,7 @@ class Pass:
 
     def postures(self, assemble: Assemble | None = None) -> Iterator[TreeSamples]:
         """Yield the postures of the rows, block by block; arguments and errors are those of `blocks`."""
-        from ..compiled.programs.closing.tables import TableAssembler
+        from ..compiled import TableAssembler
 
         assemble = partial(assemble or TableAssembler(self.robot), redundancy=self._redundancy)
         rows, guess = rows_at_once(self.robot), None

@@ -18,7 +18,7 @@ from ..spatial import Array
 from ..tables.over_time import Peaks, rms_over
 
 if TYPE_CHECKING:
-    from ..compiled.model import CompiledRobot
+    from ..compiled import CompiledRobot
     from ..structure.robot import HybridRobot
 
 NEEDS_INERTIA = frozenset({"velocity", "rotor_inertia"})
@@ -63,7 +63,7 @@ class EffectSets:
 
     def model(self, on: Effects) -> CompiledRobot | None:
         """Return the model of a set of effects, or None if it cannot be generated, built or verified."""
-        from ..compiled.compiling import compile
+        from ..compiled import compile
 
         if on.names not in self.models and on.names not in self.refused:
             try:

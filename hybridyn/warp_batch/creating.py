@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from ..compiled.failures import needs_casadi
+from ..compiled import needs_casadi
 from ..compiled.programs.sources import asked_for
 from ..effects.choice import Choice
 from ..errors import CompileError, install_advice

@@ -11,7 +11,7 @@ from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.acting import acting_on
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import moving_states
-from hybridyn.compiled.export import export
+from hybridyn.compiled.exporting import export
 from hybridyn.compiled.programs.designs import changed
 from hybridyn.compiled.programs.whole_robot import Interpreted, programs
 from hybridyn.effects import Bushings, GravityCompensation, GroundContact, LineSprings

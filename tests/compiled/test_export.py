@@ -19,7 +19,7 @@ from hybridyn.cli import main
 from hybridyn.compiled.code.plain_c import in_lanes, plain_source, prototype, work_type
 from hybridyn.compiled.code.scalars import text_of
 from hybridyn.compiled.equations.states import moving_states
-from hybridyn.compiled.export import c_name, export
+from hybridyn.compiled.exporting import c_name, export
 from hybridyn.compiled.library.building import NATIVE, find_compiler
 from hybridyn.compiled.programs.c_header import comment
 from hybridyn.effects import Payload, Spring, with_effects

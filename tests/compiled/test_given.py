@@ -12,7 +12,7 @@ import hybridyn
 from hybridyn import HybridRobot, ModelError
 from hybridyn.assembly.assemble import assemble_requests
 from hybridyn.assembly.requests import gather_requests
-from hybridyn.compiled.export import export
+from hybridyn.compiled.exporting import export
 from hybridyn.compiled.programs.walking import OTHER_BRANCH
 from hybridyn.spatial import Array
 from tests.assembly.test_angles import arm

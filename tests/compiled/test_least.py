@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.export import export
+from hybridyn.compiled.exporting import export
 from hybridyn.description.records import Description
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.spatial import Array

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.export import export
+from hybridyn.compiled.exporting import export
 from tests import ROOT
 from tests.compiled.ros2_control import HANDLES, HEADERS, PROGRAM
 from tests.compiled.test_export import STRICT, called, compiler, run_test

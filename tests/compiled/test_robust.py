@@ -13,7 +13,7 @@ import hybridyn
 from hybridyn.compiled import comparing
 from hybridyn.compiled.equations.guarded_elimination import choose_pivots
 from hybridyn.compiled.equations.states import moving_states, random_states
-from hybridyn.compiled.export import export
+from hybridyn.compiled.exporting import export
 from hybridyn.compiled.programs.general import GENERAL, body_rows
 from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link

@@ -15,7 +15,7 @@ from ...tables.layout import Layout
 from .text import counted
 
 if TYPE_CHECKING:  # the general path does without the models
-    from ...compiled.model import CompiledRobot
+    from ...compiled import CompiledRobot
 
 #: Samples times freedoms above which building a model pays: about seven seconds on the general path.
 WORTH = 3_000_000
@@ -115,7 +115,7 @@ def choose_engine(
 def _is_built(robot: HybridRobot, effects: Effects) -> bool:
     """Return whether the models lie in the cache; they need no CasADi then."""
     try:
-        from ...compiled.compiling import is_built
+        from ...compiled import is_built
     except (ImportError, HybridynError):
         return False
     return is_built(robot, effects)

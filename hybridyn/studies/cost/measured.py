@@ -10,7 +10,7 @@ import numpy as np
 
 from ...assembly.assemble import assemble
 from ...assembly.redundancy import LEAST
-from ...compiled.compiling import compile
+from ...compiled import compile
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
 from ...errors import HybridynError

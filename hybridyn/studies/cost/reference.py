@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ...compiled.library.calls import load
+from ...compiled import exact_model
 from ...effects.choice import Effects
-from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..compare.methods import State, each
@@ -28,16 +27,9 @@ def exact(quantity: str, robot: HybridRobot, effects: Effects, state: State) -> 
         HybridynError: The C code cannot be built, or it is not certain of every sample.
         ImportError: CasADi is not installed.
     """
-    from ...compiled.programs.whole_robot import programs
-
     if quantity == "designs":
         quantity, robot = "idm", robot.with_parameters(design_of(robot))
-    program = programs(robot, effects, models=(quantity,))[quantity]
-    base = [np.zeros((len(state[0]), size)) for _, size in program.inputs[3:]]  # that of a moving base
-    found, guard = load([program], dtype="float128").batch(program.name, *state, *base)
-    if not np.all(guard <= 1.0):
-        raise HybridynError("the compiled model is not certain of every sample")
-    return [np.asarray(x, dtype=float) for x in found]
+    return exact_model(quantity, robot, effects, state)
 
 
 def extrapolated(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...compiled.compiling import compile
+from ...compiled import compile
 from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...scenes.stage import SceneStage

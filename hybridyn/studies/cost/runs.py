@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from ...compiled.compiling import compile
+from ...compiled import compile
 from ...dynamics.direct import ddm
 from ...effects.choice import Effects
 from ...errors import HybridynError

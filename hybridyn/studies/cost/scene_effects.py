@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from ...compiled import operations
 from ...effects.catalogue import UNITS
 from ...effects.choice import Effects, choose, stated_names
 from ...errors import HybridynError
@@ -15,7 +16,7 @@ from ...scenes.scene_file import SceneFile
 from ...scenes.stage import SceneStage
 from .points import SECOND, SLOWER, CostStudy, Worth
 from .runner import Runner, errors
-from .spared import operations, spared, worded
+from .spared import spared, worded
 from .ways import requested
 
 #: Effects that a scene requests only by tables of their own.

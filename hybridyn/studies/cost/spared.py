@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from ...compiled.program import Call
+from ...compiled import operations
 from ...description.names import listed
-from ...effects.choice import Effects
 from ...errors import HybridynError
-from ...structure.robot import HybridRobot
 from ..compare.methods import Method
 from .measured import Measured
 from .points import CostPoint, Worth
@@ -17,16 +15,6 @@ from .ways import IN_C, Way, model_fragment, set_up, solver
 
 #: Effects that are never omitted: those of platforms and serial links.
 KEPT = ("gravity", "inertia", "massless_legs")
-
-
-def operations(robot: HybridRobot, effects: Effects, model: str) -> int:
-    """Count the operations of a model without building code; effects of time and of contact count nothing."""
-    from ...compiled.programs.whole_robot import programs
-
-    on = effects.without(*(unit.name for unit in (*effects.links, *filter(None, [effects.base]))))
-    program = programs(robot, on, models=(model,))[model]
-    calls = (step for step in program.steps if isinstance(step, Call))
-    return sum(program.kernels[c.kernel].function.n_instructions() * c.copies for c in calls)
 
 
 def spared(worth: Sequence[Worth], target: float, error: Callable[[list[str]], float]) -> list[str]:

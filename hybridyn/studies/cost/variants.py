@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from ...compiled.compiling import compile
+from ...compiled import compile
 from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...spatial import Array

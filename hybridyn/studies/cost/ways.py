@@ -9,9 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...assembly.assemble import assemble
-from ...compiled.compiling import compile
-from ...compiled.derivatives import Derivatives
-from ...compiled.model import CompiledRobot
+from ...compiled import CompiledRobot, Derivatives, compile
 from ...dynamics.direct import ddm
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects

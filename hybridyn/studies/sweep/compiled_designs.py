@@ -10,17 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from ...assembly.requests import gather_requests
-from ...compiled.compiling import inverse_model
-from ...compiled.library.artifact import Artifact
-from ...compiled.library.calls import Library
-from ...compiled.programs.designs import DesignsInSlots
-from ...compiled.programs.evaluating import DesignEvaluator, DesignTable
+from ...compiled import DesignModels, DesignTable
 from ...dynamics.state_checks import largest_rates, natural_force
 from ...effects import choose
 from ...errors import HybridynError, ModelError
@@ -87,15 +82,13 @@ class _Task(NamedTuple):
     name: str
     stated: TaskTable
     motion: TableMotion
-    artifact: Artifact
-    evaluator: DesignEvaluator
+    models: DesignModels
 
-    def artifacts(self) -> list[Artifact]:
-        """Return the libraries: of the inverse model, and of what closes the loops, if it is compiled."""
-        given = self.evaluator.designs.robot, self.motion.joints, self.motion.platforms
-        requests = gather_requests(*given, redundancy=self.stated.redundancy)
-        closing = self.evaluator.libraries.artifact(requests)
-        return [self.artifact, closing] if closing else [self.artifact]
+    @property
+    def in_cache(self) -> bool:
+        """Whether the libraries of the models are in the cache."""
+        given = self.models.designs.robot, self.motion.joints, self.motion.platforms
+        return self.models.in_cache(gather_requests(*given, redundancy=self.stated.redundancy))
 
 
 class CompiledDesigns:
@@ -135,18 +128,13 @@ class CompiledDesigns:
                 f"task '{name}': its table is longer than a block, or has no times, every joint, or wrenches"
             )
         chosen = effects_of(self.robot, task)
-        artifact, parameters = inverse_model(self.robot, chosen, self.structure.slots)
-        inverse = cache(lambda: artifact.loaded(Library).programs["idm"])
-        evaluator = DesignEvaluator(DesignsInSlots(self.robot, parameters), chosen, inverse)
-        return _Task(name, task, motion, artifact, evaluator)
+        return _Task(name, task, motion, DesignModels(self.robot, chosen, self.structure.slots))
 
     @property
     def pays(self) -> bool:
         """Whether the models take less time than the general path, or are in the cache."""
         rows = self.count * sum(task.motion.size for task in self.tasks)
-        return rows >= WORTH_COMPILING or all(
-            one.known() is not None for task in self.tasks for one in task.artifacts()
-        )
+        return rows >= WORTH_COMPILING or all(task.in_cache for task in self.tasks)
 
     def measured(
         self, numbers: Index, values: Array, wanted: Container[int]
@@ -192,7 +180,7 @@ class CompiledDesigns:
             p: Numbers in the slots of each design, shape (designs, slots).
         """
         return [
-            task.evaluator.table(
+            task.models.table(
                 p, task.motion.joints, task.motion.platforms, task.stated.redundancy, doubtful=False
             )
             for task in self.tasks
@@ -230,7 +218,7 @@ class CompiledDesigns:
 
     def _from_built(self, robot: HybridRobot, task: _Task, ours: Sequence[Array]) -> float:
         """Return the largest relative difference of a motion and its efforts to those of a robot."""
-        effects, stated = choose(robot, task.evaluator.effects.names), task.stated
+        effects, stated = choose(robot, task.models.effects.names), task.stated
         try:
             ((at, tau),) = follow(
                 robot, self.designer.tracks[task.name], stated.passive, effects, stated.redundancy

@@ -15,7 +15,7 @@ from ..sizing import Sizing, motor_rows
 from .measures import OF_MOTORS, measured, of_motors
 
 if TYPE_CHECKING:
-    from ...compiled.programs.evaluating import DesignTable
+    from ...compiled import DesignTable
 
 
 def measures_of(

@@ -1,0 +1,77 @@
+"""What studies ask of compiled models: results in 113-bit arithmetic, operations, and designs of a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from ..assembly.requests import Requests
+from ..effects.choice import Effects
+from ..errors import HybridynError
+from ..spatial import Array
+from ..structure.parameters.slots import Slot
+from ..structure.robot import HybridRobot
+from .compiling import inverse_model
+from .library.calls import Library, load
+from .program import Call
+from .programs.designs import DesignsInSlots
+from .programs.evaluating import DesignEvaluator
+
+
+def exact_model(model: str, robot: HybridRobot, effects: Effects, state: Sequence[Array]) -> list[Array]:
+    """Compute a model in 113-bit arithmetic, rounded at the end, as blocks of shape (T, n).
+
+    Args:
+        state: Its arguments, shapes (T, n); a moving base does not accelerate.
+
+    Raises:
+        HybridynError: The C code cannot be built, or it is not certain of every sample.
+        ImportError: CasADi is not installed.
+    """
+    from .programs.whole_robot import programs
+
+    program = programs(robot, effects, models=(model,))[model]
+    base = [np.zeros((len(state[0]), size)) for _, size in program.inputs[3:]]  # that of a moving base
+    found, guard = load([program], dtype="float128").batch(program.name, *state, *base)
+    if not np.all(guard <= 1.0):
+        raise HybridynError("the compiled model is not certain of every sample")
+    return [np.asarray(x, dtype=float) for x in found]
+
+
+def operations(robot: HybridRobot, effects: Effects, model: str) -> int:
+    """Count the operations of a model without building code; effects of time and of contact count nothing."""
+    from .programs.whole_robot import programs
+
+    on = effects.without(*(unit.name for unit in (*effects.links, *filter(None, [effects.base]))))
+    program = programs(robot, on, models=(model,))[model]
+    calls = (step for step in program.steps if isinstance(step, Call))
+    return sum(program.kernels[c.kernel].function.n_instructions() * c.copies for c in calls)
+
+
+class DesignModels(DesignEvaluator):
+    """Evaluates designs of one structure; the libraries are built or loaded at the first use."""
+
+    def __init__(self, robot: HybridRobot, effects: Effects, slots: Sequence[Slot]) -> None:
+        """Prepare the models.
+
+        Args:
+            slots: Numbers of the robot's description that differ between the designs.
+
+        Raises:
+            HybridynError: There are no compiled models with these effects.
+        """
+        artifact, parameters = inverse_model(robot, effects, slots)
+        inverse = cache(lambda: artifact.loaded(Library).programs["idm"])
+        super().__init__(DesignsInSlots(robot, parameters), effects, inverse)
+        self._artifact = artifact
+
+    def in_cache(self, requests: Requests) -> bool:
+        """Return whether the libraries are in the cache that move designs as requested.
+
+        Raises:
+            CompileError: There is no C compiler, or the cache cannot be used.
+        """
+        closing = self.libraries.artifact(requests)
+        return all(one.known() is not None for one in (self._artifact, closing) if one is not None)
