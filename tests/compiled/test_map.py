@@ -1,6 +1,7 @@
 """The map between motors and joints in exported C, and the example of a transmission of ros2_control."""
 
 import ctypes
+import re
 import shutil
 import subprocess
 from collections.abc import Iterable
@@ -51,6 +52,20 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert compiler(*STRICT, *include, "-c", ankle_c, "-o", parts[-1]) == ""
     assert compiler(*include, *parts, "-lm", "-o", folder / "main", program=CPP) == ""
     return folder
+
+
+def test_the_stand_in_has_the_signatures_that_the_readme_lists() -> None:
+    rows = re.findall(
+        r"^\| `(.+?)` \| `(virtual .+?;)` \|", (PACKAGE / "README.md").read_text(), re.MULTILINE
+    )
+    assert len(rows) == 6
+    for header, signature in rows:
+        assert signature in HEADERS[header]
+    listed = {signature for _, signature in rows}
+    for header in {header for header, _ in rows}:  # and no other ones
+        assert {
+            x.strip() for x in HEADERS[header].splitlines() if x.endswith(") = 0;") or "const = 0" in x
+        } <= listed
 
 
 def told(built: Path, *lines: str) -> list[str]:

@@ -41,6 +41,12 @@ class NodeProcess:
         """Its log, by lines."""
         return self.file.read_text().splitlines()
 
+    @property
+    def memory(self) -> float:
+        """Its resident memory [MB]."""
+        pages = int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
     def end(self) -> int:
         """End it as Ctrl-C does, and return its status."""
         self.process.send_signal(2)
