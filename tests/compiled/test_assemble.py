@@ -16,8 +16,8 @@ from hybridyn.compiled.programs.closing import assembling, libraries
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.extended import extended
 from hybridyn.compiled.programs.closing.given import Given, GivenCoordinates
-from hybridyn.compiled.programs.closing.kernels import Unknowns
 from hybridyn.compiled.programs.closing.rows import rows_at
+from hybridyn.compiled.programs.closing.unknowns import Unknowns
 from hybridyn.errors import warn
 from hybridyn.linkage import targets
 from hybridyn.linkage.targets import CoordinateTarget

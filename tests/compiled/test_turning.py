@@ -13,10 +13,11 @@ from hybridyn.compiled.equations.guarded_elimination import Pivots, largest_solu
 from hybridyn.compiled.programs.closing import closing_source, libraries
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.given import Given
-from hybridyn.compiled.programs.closing.kernels import ModuleKernels, Unknowns
+from hybridyn.compiled.programs.closing.kernels import ModuleKernels
 from hybridyn.compiled.programs.closing.members import parts_of
 from hybridyn.compiled.programs.closing.own_requests import module_requests
 from hybridyn.compiled.programs.closing.rows import rows_at
+from hybridyn.compiled.programs.closing.unknowns import Unknowns
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_assembly import waves

@@ -20,7 +20,8 @@ from ...spatial import Array, Index, Mask
 from ..equations.coefficients import at_robot
 from ..library.calls import Calls
 from ..library.closed_rows import Rows
-from .closing.libraries import Closing, ClosingLibraries
+from .closing.closing_library import Closing
+from .closing.libraries import ClosingLibraries
 from .closing.module_parts import posture_of
 from .designs import DesignsInSlots
 

@@ -15,8 +15,8 @@ from ...assembly.requests import Requests, gather_requests
 from ...errors import AssemblyError, ModelError, SingularityError, TrajectoryError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
+from .closing.checked_rows import bent, nearby_requests
 from .closing.coupled import Coupled, split_poses
-from .closing.libraries import bent, nearby_requests
 from .closing.members import members_of, wanted_of
 from .closing.module_parts import Part, numbers
 

@@ -2,9 +2,9 @@
 
 Read `extended` (the tree after the cuts, with its wrists), `given` (what is prescribed), `module_parts`,
 `own_requests`, `coupled` and `members` (which modules are closed, alone or together), `rows` (closures and
-targets as expressions), `kernels`, `closing_source` (programs and their C), `libraries` (found, or built and
-checked), `assembling` (rows in C, `library.closed_rows`, and the general path behind them) and `tables`
-(which rows of a table are closed in C).
+targets as expressions), `unknowns`, `kernels`, `closing_source` (programs and their C), `closing_library`,
+`checked_rows` and `libraries` (found, or built and checked), `assembling` (rows in C, `library.closed_rows`,
+and the general path behind them) and `tables` (which rows of a table are closed in C).
 
 May import: `writer`, `equations`, `code`, `library`, and what `programs` may.
 """

@@ -13,7 +13,8 @@ from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import ClosedRows, Rows
 from ..sources import kept
-from .libraries import ClosingLibraries, place_of
+from .closing_library import place_of
+from .libraries import ClosingLibraries
 from .own_requests import structure_of
 
 #: Rows that the general path computes where one is not certain; twice as many each time it follows at once.

@@ -1,14 +1,16 @@
-"""What is prescribed in a module, and its numbers at postures and in requests."""
+"""What is prescribed in a module or a chain, and its numbers at postures and in requests."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
 from ....assembly.module_request import ModuleRequest
 from ....joints.kinds import JointKind
 from ....linkage.angles import angles_of, angular_drift, angular_map, rate_map
+from ....linkage.motion import Motion
 from ....linkage.targets import COORDINATES, CoordinateTarget, PoseTarget
 from ....linkage.tree import Tree
 from ....spatial import Array, Index, quaternion_from_rotation, rotate
@@ -17,6 +19,8 @@ from ....spatial import Array, Index, quaternion_from_rotation, rotate
 NUMBER, ANGLE, POSE = 0, 1, 2
 #: Numbers of each kind, of its rates and of its accelerations.
 WIDTH, RATES = (1, 1, 7), (1, 1, 6)
+#: Axes that have directions.
+AXES = COORDINATES[:3]
 
 
 @dataclass(frozen=True)
@@ -160,3 +164,79 @@ def numbers_of(request: ModuleRequest, given: Given) -> tuple[Array, Array, Arra
         levels.append((some.value, some.rate, some.acceleration))
     g, g_dot, g_ddot = (np.concatenate(level, axis=1) for level in zip(*levels, strict=True))
     return g, g_dot, g_ddot
+
+
+@dataclass(frozen=True)
+class Pointing:
+    """A direction, a distance or an orientation that is prescribed.
+
+    Attributes:
+        what: The axis that has the direction ("x", "y", "z"), "distance" from a point, or "turn".
+    """
+
+    what: str
+
+    @property
+    def width(self) -> int:
+        """Number of prescribed numbers: the direction's, the distance and the point, or a quaternion."""
+        return 3 if self.what in AXES else 4
+
+    @property
+    def rates(self) -> int:
+        """Number of their rates."""
+        return 4 if self.what == "distance" else 3
+
+    def at(self, motion: Motion, known: Array) -> Array:
+        """Compute what a link has of it, shape (1, width), in the frame in which its motion is.
+
+        Args:
+            known: What is prescribed, shape (width,): of a point, it is where this says.
+        """
+        if self.what == "turn":
+            return quaternion_from_rotation(motion.R[:, 1])
+        if self.what in AXES:
+            out: Array = motion.R[:, 1, :, AXES.index(self.what)]
+            return out
+        away = np.linalg.norm(motion.p[0, 1] - known[1:])
+        return np.concatenate([[away], known[1:]])[None]
+
+
+@dataclass(frozen=True)
+class Prescribed(Given):
+    """What poses through several modules prescribe: at the end a heading for each link with angles.
+
+    Attributes:
+        pointing: Directions, distances and orientations, after the coordinates.
+    """
+
+    pointing: tuple[Pointing, ...] = ()
+
+    @property
+    def all_kinds(self) -> tuple[int, ...]:
+        """The kind of each prescribed position, then those of the headings."""
+        more = sum(one.width for one in self.pointing) + len(self.turning)
+        return (*super().all_kinds, *(NUMBER,) * more)
+
+    @property
+    def places(self) -> list[slice]:
+        """The prescribed numbers of each target."""
+        widths = [WIDTH[POSE]] * len(self.bodies) + [len(some.names) for some in self.coordinates]
+        ends = np.cumsum([0, *widths, *(one.width for one in self.pointing)]).tolist()
+        return [slice(*pair) for pair in pairwise(ends)]
+
+    @property
+    def rate_places(self) -> list[slice]:
+        """The prescribed rates of each target."""
+        widths = [RATES[POSE]] * len(self.bodies) + [len(some.names) for some in self.coordinates]
+        ends = np.cumsum([0, *widths, *(one.rates for one in self.pointing)]).tolist()
+        return [slice(*pair) for pair in pairwise(ends)]
+
+    @property
+    def turning(self) -> list[int]:
+        """Numbers of the coordinates with angles."""
+        return [i for i, some in enumerate(self.coordinates) if ANGLE in some.kinds]
+
+    @property
+    def rates(self) -> int:
+        """Number of prescribed rates."""
+        return max((at.stop for at in self.rate_places), default=0)

@@ -13,7 +13,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ....description.names import counted
 from ....effects.choice import Choice, Effects, choose
 from ....errors import AT_SAMPLE, CompileError, ModelError, SingularityError, TrajectoryError
 from ....linkage.retraction import Retraction
@@ -24,7 +23,6 @@ from ...code.scalars import GUARD_LIMIT, Scalar
 from ...comparing import States, compare_at_states, random_states
 from ...equations.guarded_elimination import TRUSTED_PIVOT
 from ...equations.request import Request, request
-from ...equations.spins import spins_of
 from ...equations.states import any_accelerations
 from ...failures import as_compile_error
 from ...library.artifact import Artifact
@@ -37,45 +35,8 @@ from ...program import Program
 from ..general import GENERAL, as_batches, general, named, samples_of
 from ..sources import robot_key
 from ..whole_robot import Interpreted
+from .coordinates import check_coordinates
 from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
-
-
-def check_coordinates(robot: HybridRobot, model: str, coordinates: str) -> None:
-    """Refuse coordinates that are unknown, or that the derivatives of a model of a robot cannot have.
-
-    Raises:
-        ModelError: They are unknown; the base has a prescribed motion, and the model is direct; or they are
-            "motors", and the base is not fixed, or a module has not as many motors as freedoms, but for idle
-            spins, or one that its loops lock.
-    """
-    if coordinates not in ("joints", "motors"):
-        raise ModelError(f"coordinates of derivatives are 'joints' or 'motors', not {coordinates!r}")
-    if model == "ddm" and robot.base == "moving":
-        raise ModelError(
-            "derivatives of 'ddm' need a base that is fixed or floating; the motion of this one is "
-            "prescribed. Differentiate 'idm', or load the robot with base='floating'"
-        )
-    if coordinates == "joints":
-        return
-    mend = "Use coordinates='joints'"
-    if robot.base != "fixed":
-        raise ModelError(f"derivatives over motors need a fixed base; this one is '{robot.base}'. {mend}")
-    for module in robot.modules:
-        motors = [robot.motors[i] for i in module.motor_index]
-        locked = [name for i, name in enumerate(motors) if i not in module.moving_motors]
-        if locked:
-            raise ModelError(
-                f"module '{module.name}': its loops lock motor '{locked[0]}', which is no coordinate. {mend}",
-                element=locked[0],
-            )
-        freedoms = module.mobility - len(spins_of(module.mechanism, module.motor_columns))
-        if len(motors) != freedoms:
-            raise ModelError(
-                f"module '{module.name}': {counted(len(motors), 'motor')} for "
-                f"{counted(freedoms, 'freedom')} are not its independent coordinates. {mend}",
-                element=module.name,
-            )
-
 
 log = logging.getLogger("hybridyn.compiled")
 Jacobians = dict[str, Array]
