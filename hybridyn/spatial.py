@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 #: Boolean mask of rows, columns or samples, True where selected.
 Mask = NDArray[np.bool_]
+#: Added to squared lengths to avoid 0 / 0; it changes no bit of any length that matters.
+TINY = 1e-300
 #: Largest number accepted in states and loads: the sixth power is finite, so no product of them overflows.
 LARGEST = 1e50
 
@@ -97,6 +99,18 @@ def cross(a: Array, b: Array) -> Array:
     np.subtract(a1 * b2, a2 * b1, out=out[..., 0])
     np.subtract(a2 * b0, a0 * b2, out=out[..., 1])
     np.subtract(a0 * b1, a1 * b0, out=out[..., 2])
+    return out
+
+
+def along(a: Array, b: Array) -> Array:
+    """Compute scalar products of vectors (..., n), shape (..., 1)."""
+    out: Array = np.sum(a * b, axis=-1, keepdims=True)
+    return out
+
+
+def length(x: Array) -> Array:
+    """Compute lengths of vectors (..., n), shape (..., 1); none is quite zero."""
+    out: Array = sqrt(along(x, x) + TINY)
     return out
 
 

@@ -14,21 +14,20 @@ import numpy as np
 
 from ..spatial import (
     Array,
+    along,
     arctan2,
     cos,
     cross,
+    length,
     rotate,
     rotate_back,
     rotation_from_axis_angle,
     rotation_from_quaternion,
     rotation_vector,
     sin,
-    sqrt,
 )
 from .kinds import JointKind, Turn
 
-#: Added to squared lengths to avoid 0 / 0; it changes no bit for any angle that matters.
-TINY_ANGLE = 1e-300
 #: Below this rotation [rad] the inverse of its right Jacobian is a series, exact to rounding.
 SMALL_ANGLE = 1e-4
 
@@ -74,7 +73,7 @@ def rate(kind: JointKind, q: Array, v: Array) -> Array:
         turning = np.concatenate([-q[..., n + 1 :] * w, q[..., n : n + 1] * w], axis=-1)
     else:
         x, s = q[..., n : n + 3], q[..., n + 3 :]
-        turning = 0.5 * np.concatenate([s * w + cross(x, w), -_along(x, w)], axis=-1)
+        turning = 0.5 * np.concatenate([s * w + cross(x, w), -along(x, w)], axis=-1)
     return np.concatenate([_carried(kind, q[..., n:], v[..., :n]), turning], axis=-1) if n else turning
 
 
@@ -162,13 +161,13 @@ def _followed(quaternion: Array, turn: Array) -> Array:
     """Multiply a quaternion by the rotation of a rotation vector in the body's frame."""
     half = _half_turn(turn)
     u, c, x, w = half[..., :3], half[..., 3:], quaternion[..., :3], quaternion[..., 3:]
-    return _unit(np.concatenate([w * u + c * x + cross(x, u), w * c - _along(x, u)], axis=-1))
+    return _unit(np.concatenate([w * u + c * x + cross(x, u), w * c - along(x, u)], axis=-1))
 
 
 def _half_turn(r: Array) -> Array:
     """Return the unit quaternion x, y, z, w of a rotation vector."""
     half = 0.5 * r
-    angle = _length(half)
+    angle = length(half)
     return np.concatenate([sin(angle) / angle * half, cos(angle)], axis=-1)
 
 
@@ -181,7 +180,7 @@ def _vector_rate(r: Array, w: Array) -> Array:
 
 def _second(r: Array) -> Any:
     """Compute (1 - x cot x) / |r|^2 with x = |r| / 2."""
-    angle = _length(r)
+    angle = length(r)
     x = 0.5 * angle
     whole = (1.0 - x * cos(x) / sin(x)) / (angle * angle)
     # Where this is rounding, r x (r x w) is smaller still; numbers take the series.
@@ -207,15 +206,5 @@ def _ball_chord(x: Array, y: Array) -> Array:
     return 2.0 * turn
 
 
-def _along(x: Array, y: Array) -> Array:
-    out: Array = np.sum(x * y, axis=-1, keepdims=True)
-    return out
-
-
-def _length(x: Array) -> Array:
-    out: Array = sqrt(_along(x, x) + TINY_ANGLE)
-    return out
-
-
 def _unit(x: Array) -> Array:
-    return 1.0 / _length(x) * x
+    return 1.0 / length(x) * x

@@ -9,20 +9,63 @@ import numpy as np
 from ..spatial import (
     Array,
     Index,
+    along,
+    arctan2,
+    compose,
     cross,
     hat,
     in_turn,
+    length,
     rotate,
     rotate_back,
     rotation_from_vector,
+    symbolic,
 )
 from .motion import Motion
 from .tree import Jacobians
 
-#: Sine of an angle below which it counts as zero, or as half a turn.
+#: Sine by which half a turn about any axis is divided.
 SMALL_SINE = 1e-4
+#: Sine below which a direction is the opposite of another one.
+SMALLEST_SINE = 1e-100
 #: Least length in divisions [m].
 SMALLEST_WAY = 1e-100
+
+
+def direction_rows(axes: Array, axis: int, wanted: Array) -> tuple[Array, Array]:
+    """Compute the turn from a wanted to the actual direction of a link's axis, on numbers or symbols.
+
+    Args:
+        axes: Axes of the link, shape (..., 3, 3).
+        axis: Number of the axis.
+        wanted: The direction, shape (..., 3), in the frame of the axes.
+
+    Returns:
+        The turn's components along the link's two other axes, shape (..., 2), and their rows over the angular
+        velocity of the link while the direction rests, shape (..., 2, 3).
+    """
+    others, e = [(axis + 1) % 3, (axis + 2) % 3], np.eye(3)[axis]
+    d = rotate_back(axes, wanted)
+    turn, cosine, moved = cross(d, e), d[..., axis, None], hat(d)  # it moves in the link's axes
+    sine = length(turn)
+    if not symbolic(sine):  # half a turn about any axis
+        sine = np.where((sine < SMALLEST_SINE) & (cosine < 0.0), SMALL_SINE, sine)
+    factor = arctan2(sine, cosine) / sine
+    slope = (factor * cosine - 1.0) / (sine * sine)  # where this is rounding, its factors are smaller still
+    rows = factor[..., None] * compose(-hat(e), moved)
+    rows = rows + (slope * turn)[..., None] * moved[..., axis, None, :]
+    return (factor * turn)[..., others], compose(rows[..., others, :], np.swapaxes(axes, -1, -2))
+
+
+def met_direction_rows(axes: Array, axis: int) -> Array:
+    """Return the rows of `direction_rows` where the axis has the direction, shape (..., 2, 3)."""
+    return np.swapaxes(axes, -1, -2)[..., [(axis + 1) % 3, (axis + 2) % 3], :]
+
+
+def away(way: Array) -> tuple[Array, Array]:
+    """Return lengths of ways (..., 3), shape (..., 1), and their directions, on numbers or symbols."""
+    distance = length(way)
+    return distance, way / distance
 
 
 class DirectionTarget(NamedTuple):
@@ -51,29 +94,20 @@ class DirectionTarget(NamedTuple):
     acceleration: Array
     units: Array
 
-    @property
-    def _others(self) -> Index:
-        """Numbers of the link's two other axes."""
-        return np.array([self.axis + 1, self.axis + 2]) % 3
-
     def _axes(self, motion: Motion) -> Array:
         """Compute the link's axes in the base of the tree, shape (T, 3, 3)."""
         out: Array = np.matmul(motion.R[:, self.body], self.shift)
         return out
 
-    def _wanted(self, axes: Array, samples: Index | None) -> Array:
-        """Compute the direction meant, in the link's axes, shape (T, 3); without samples the actual one."""
-        if samples is None:
-            return np.tile(np.eye(3)[self.axis], (len(axes), 1))
-        return rotate_back(axes, self.value[samples] @ self.R.T)
+    def _rows(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
+        """Compute `direction_rows`."""
+        return direction_rows(self._axes(motion), self.axis, self.value[samples] @ self.R.T)
 
     def residual(self, motion: Motion, samples: Index) -> Array:
         """Compute the turn from the prescribed to the actual direction, shape (T, 2), [rad]."""
-        wanted = self._wanted(self._axes(motion), samples)
-        turn = cross(wanted, np.eye(3)[self.axis])
-        sine, factor, _ = _factors(turn, wanted[:, self.axis])
-        out: Array = (factor[:, None] * turn)[:, self._others]
-        out[(sine == 0.0) & (wanted[:, self.axis] < 0.0), 0] = np.pi
+        out = self._rows(motion, samples)[0]
+        opposite = along(self._axes(motion)[:, :, self.axis], self.value[samples] @ self.R.T)[:, 0] < 0.0
+        out[opposite & ~out.any(axis=1), 0] = np.pi
         return out
 
     def point(self, motion: Motion) -> tuple[Array, Array, list[int]]:
@@ -82,15 +116,11 @@ class DirectionTarget(NamedTuple):
 
     def matrix(self, tree: Jacobians, motion: Motion, samples: Index | None = None) -> Array:
         """Return the rows over the rates, shape (T, 2, nv)."""
-        axes, along = self._axes(motion), np.eye(3)[self.axis]
-        wanted = self._wanted(axes, samples)
-        turn = cross(wanted, along)
-        _, factor, slope = _factors(turn, wanted[:, self.axis])
-        moved = hat(wanted)  # the prescribed direction moves in the link's axes
-        out = factor[:, None, None] * np.matmul(-hat(along), moved)
-        out += slope[:, None, None] * turn[:, :, None] * moved[:, None, self.axis]
-        back = np.matmul(out[:, self._others], np.swapaxes(axes, 1, 2))
-        rows: Array = np.matmul(back, tree.jacobian(motion, self.body)[:, 3:])
+        if samples is None:
+            own = met_direction_rows(self._axes(motion), self.axis)
+        else:
+            own = self._rows(motion, samples)[1]
+        rows: Array = np.matmul(own, tree.jacobian(motion, self.body)[:, 3:])
         return rows
 
     def rates(self, motion: Motion, samples: Index) -> tuple[Array, Array]:
@@ -99,8 +129,8 @@ class DirectionTarget(NamedTuple):
         w, axes = motion.w[:, self.body], self._axes(motion)
         spin = np.einsum("ti,ti->t", w, d)[:, None]
         acceleration = cross(d, d_ddot) - spin * cross(d, w) - motion.w_dot[:, self.body]
-        rate, acceleration = (rotate_back(axes, x)[:, self._others] for x in (cross(d, d_dot), acceleration))
-        return rate, acceleration
+        rows = met_direction_rows(axes, self.axis)
+        return rotate(rows, cross(d, d_dot)), rotate(rows, acceleration)
 
     def ahead(self, step: Array) -> DirectionTarget:
         """Return the target after small times, shape (T,), to second order."""
@@ -131,21 +161,6 @@ class DirectionTarget(NamedTuple):
     def headed_at(self, motion: Motion, values: Array) -> DirectionTarget:
         """Return the target itself, as `headed` does."""
         return self
-
-
-def _factors(turn: Array, cosine: Array) -> tuple[Array, Array, Array]:
-    """Compute sine, angle over sine, and the derivative of the latter by the cosine, shape (T,) each.
-
-    Args:
-        turn: A vector as long as the sine, shape (T, 3).
-        cosine: The cosine, shape (T,).
-    """
-    sine = np.linalg.norm(turn, axis=1)
-    angle, safe = np.arctan2(sine, cosine), np.maximum(sine, SMALL_SINE)
-    straight = (sine < SMALL_SINE) & (cosine > 0.0)
-    factor = np.where(straight, 1.0 + sine**2 / 6.0, angle / np.where(sine > 0.0, sine, SMALL_SINE))
-    slope = np.where(straight, -1.0 / 3.0, -(safe - angle * cosine) / safe**3)
-    return sine, factor, slope
 
 
 class DistanceTarget(NamedTuple):
@@ -179,8 +194,8 @@ class DistanceTarget(NamedTuple):
         known = np.zeros(len(motion.p), dtype=int) if samples is None else samples
         centre = self.centre[0][known] @ self.R.T + self.p
         way = motion.p[:, self.body] + self._offset(motion) - centre
-        distance = np.linalg.norm(way, axis=1)
-        return distance, way / np.maximum(distance, SMALLEST_WAY)[:, None]
+        distance, direction = away(way)
+        return distance[:, 0], direction
 
     def residual(self, motion: Motion, samples: Index) -> Array:
         """Compute the actual minus the prescribed distance, shape (T, 1), [m]."""
@@ -206,7 +221,7 @@ class DistanceTarget(NamedTuple):
         u = motion.p_dot[:, self.body] + cross(w, offset) - c_dot
         drift = motion.p_ddot[:, self.body] + cross(w_dot, offset) + cross(w, cross(w, offset)) - c_ddot
         across = u - np.einsum("ti,ti->t", n, u)[:, None] * n
-        turning = np.einsum("ti,ti->t", across, across) / np.maximum(distance, SMALLEST_WAY)
+        turning = np.einsum("ti,ti->t", across, across) / distance
         rate = self.levels[1][samples] + np.einsum("ti,ti->t", n, c_dot)
         acceleration = self.levels[2][samples] - turning - np.einsum("ti,ti->t", n, drift)
         return rate[:, None], acceleration[:, None]

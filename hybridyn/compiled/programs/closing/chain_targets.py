@@ -11,18 +11,18 @@ import numpy as np
 
 from ....assembly.chain.bodies import CarriedFrame
 from ....assembly.chain.problem import Relative
-from ....linkage.pointing import DirectionTarget, DistanceTarget
+from ....linkage.pointing import DirectionTarget, DistanceTarget, met_direction_rows
 from ....linkage.targets import CoordinateTarget, PoseTarget
-from ....spatial import Array, hat
+from ....spatial import Array, arctan2, hat, length, sines
 from ....symbols import Expression, dot, is_zero, plus
-from ...equations.expressions import numbers, pack, plain, symbols, symmetric, unpack, zeros
+from ...equations.expressions import filled, numbers, pack, plain, symbols, symmetric, unpack, zeros
 from ...equations.factors import Definite, Handed
 from ...equations.rigid import quaternion_matrix
 from ...equations.scales import largest
 from .chain_kernels import SAME_MOTION
 from .coupled import Coupled
 from .given import ANGLE
-from .pointing_rows import PointingRows, direction_rows, distance_rows, length_of, met_direction_rows
+from .pointing_rows import PointingRows, direction_rows, distance_rows
 from .rows import LEAST_COSINE, coordinate_rows
 
 #: Least cosine of the angle from a prescribed orientation: beyond, the shorter way is not clear.
@@ -301,8 +301,6 @@ def wrapped(x: Any) -> Any:
 
 def _rotation_vector(R: Expression) -> tuple[Expression, Any]:
     """Compute the rotation vector of a rotation, shape (3,), and the cosine of its angle."""
-    vector = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]], dtype=object) * 0.5
-    cosine = (R[0, 0] + R[1, 1] + R[2, 2] - 1.0) * 0.5
-    sine = length_of(vector)
-    factor = ca.atan2(sine, cosine) / sine
-    return np.array([factor * x for x in vector], dtype=object), cosine
+    vector, cosine = sines(R), (R[0, 0] + R[1, 1] + R[2, 2] - 1.0) * 0.5
+    sine = length(vector)
+    return arctan2(sine, filled([cosine], 1)) / sine * vector, cosine

@@ -8,12 +8,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ....linkage.pointing import DirectionTarget
+from ....linkage.pointing import DirectionTarget, away
 from ....linkage.targets import COORDINATES, SAME_ANGLE, CoordinateTarget, PoseTarget
-from ....symbols import Expression, minus
+from ....spatial import length
+from ....symbols import Expression
 from ...equations.expressions import filled, pack, symbols, zeros
 from .chain_targets import ChainTargets, wrapped
-from .pointing_rows import length_of
 from .rows import coordinate_rows, quaternion_of
 
 #: Largest deviation of quaternions and directions from a length of one: seven digits suffice.
@@ -42,8 +42,7 @@ def measure_kernel(targets: ChainTargets) -> ca.Function:
         elif isinstance(target, DirectionTarget):
             own, (goal, off) = R[:, target.axis], _unit(goal)
         else:
-            away = length_of(np.array([minus(x, y) for x, y in zip(p, goal[1:], strict=True)], dtype=object))
-            own = np.concatenate([filled([away], 1), goal[1:]])
+            own = np.concatenate([away(p - goal[1:])[0], goal[1:]])
         now.append(own)
         then.append(goal)
         guard = ca.fmax(guard, off)
@@ -53,8 +52,8 @@ def measure_kernel(targets: ChainTargets) -> ca.Function:
 
 def _unit(x: Expression) -> tuple[Expression, ca.SX]:
     """Return a vector over its length, and the guard of this length."""
-    length = length_of(x)
-    return filled([y / length for y in x], len(x)), ca.fabs(length - 1.0) / UNIT_LENGTH
+    size = length(x)
+    return x / size, ca.fabs(size[0] - 1.0) / UNIT_LENGTH
 
 
 def _coordinates(
