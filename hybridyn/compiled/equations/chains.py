@@ -21,7 +21,7 @@ import numpy as np
 from ...linkage.joints import TreeJoint
 from ...spatial import crf, crm, cross, hat, motion_to_base, motion_to_body, slices, wrench_to_base
 from ...symbols import Expression, dot, is_zero, plus, times
-from .expressions import eye, numbers, plain, zeros
+from .expressions import eye, filled, numbers, plain, snap, zeros
 from .rigid import LinkNumbers, inertia_matrix, momentum, moved, quaternion_matrix
 
 
@@ -131,33 +131,25 @@ def motion_subspace(link: LinkNumbers) -> Expression:
 
 def joint_motion(link: LinkNumbers, q: Expression) -> tuple[Expression, Expression]:
     """Compute a joint's rotation and translation of its child, in the axes of the placement."""
-    joint, n = TreeJoint("", link.kind, axis=link.axis, pitch=link.pitch), link.kind.shift
-    if link.kind.single:
-        way = (
-            zeros(3)
-            if not joint.slope
-            else np.array([times(x, q[0]) for x in joint.slope * link.axis], object)
-        )
-        turn = (ca.cos(q[0]), ca.sin(q[0])) if link.kind.additive else (q[0], q[1])
-        return eye(3) if link.kind.slides else rotation(link.axis, *turn), way
-    turned = quaternion_matrix(q[n:]) if link.kind.ball else rotation(np.array([0.0, 0.0, 1.0]), *q[n:])
-    return turned, np.concatenate([q[:n], zeros(3 - n)])
+    kind, n = link.kind, link.kind.shift
+    axis = link.axis if kind.single else np.array([0.0, 0.0, 1.0])
+    joint = TreeJoint("", kind, axis=axis, pitch=link.pitch)
+    if kind.single:
+        way = _scaled(plain(joint.slope * joint.axis), q[0])
+    else:
+        way = np.concatenate([q[:n], zeros(3 - n)])
+    if kind.ball:
+        return quaternion_matrix(q[n:]), way
+    if kind.slides:
+        return eye(3), way
+    cos, sin = (ca.cos(q[0]), ca.sin(q[0])) if kind.additive else q[n:]
+    still, by_cos, by_sin = (plain(snap(part)) for part in joint.turn_parts)
+    return plus(plus(still, _scaled(by_cos, cos)), _scaled(by_sin, sin)), way
 
 
-def rotation(axis: Expression, c: ca.SX, s: ca.SX) -> Expression:
-    """Compute the rotation about an axis from cosine and sine of its angle, shape (3, 3)."""
-    k = int(np.argmax(np.abs(axis)))
-    if abs(axis[k]) < 1.0:
-        along = np.outer(axis, axis)
-        still, by_cos, by_sin = plain(along), plain(np.eye(3) - along), hat(plain(axis))
-        out = still.copy()
-        for i, j in np.ndindex(3, 3):
-            out[i, j] = still[i, j] + times(by_cos[i, j], c) + times(by_sin[i, j], s)
-        return out
-    i, j = (k + 1) % 3, (k + 2) % 3
-    out, sine = eye(3), s if axis[k] > 0 else -s
-    out[i, i], out[j, j], out[i, j], out[j, i] = c, c, -sine, sine
-    return out
+def _scaled(values: Expression, factor: Any) -> Expression:
+    """Multiply numbers by a scalar."""
+    return filled([times(x, factor) for x in values.ravel()], *values.shape)
 
 
 def forces(chain: Chain) -> Expression:
