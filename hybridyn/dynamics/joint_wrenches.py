@@ -30,12 +30,13 @@ def joint_wrenches(state: ModuleState, needed: Array) -> Array:
     whole, total = state.whole, needed.copy()
     for i, joint in reversed([*enumerate(state.mechanism.cut.whole.joints)]):
         total[:, joint.parent] += total[:, i + 1]
-    columns = np.moveaxis(total[:, 1:].reshape(*total[:, 1:].shape[:3], -1), 3, 1)  # (T, k, joints, 6)
+    own = total[:, 1:]
+    columns = np.moveaxis(own.reshape(*own.shape[:3], *(own.shape[3:] or (1,))), 3, 1)  # (T, k, joints, 6)
     R, p = whole.R[:, None, 1:], whole.p[:, None, 1:]
     force, moment = columns[..., :3], columns[..., 3:]
     moment = moment - np.cross(np.broadcast_to(p, force.shape), force)
     out = np.concatenate([rotate_back(R, force), rotate_back(R, moment)], axis=-1)
-    return np.moveaxis(out, 1, 3).reshape(total[:, 1:].shape)
+    return np.moveaxis(out, 1, 3).reshape(own.shape)
 
 
 def needed_by_bodies(state: ModuleState, load: ModuleLoad, on: Effects, W: Array) -> Array:
