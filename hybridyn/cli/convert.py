@@ -15,11 +15,7 @@ LOST = 1
 
 def run(load: RobotChoice, output: str, tightness: float, as_c: bool, as_ros: bool, **of_c: Any) -> int:
     """Write a robot in another format, its models as C, or its tree for ROS."""
-    only_c = any(of_c[name] for name in ("name", "float32", "parameters", "wrenches", "given"))
-    refuse(
-        (as_c and as_ros, "--c and --ros exclude each other"),
-        (as_ros and only_c, "--name, --float32, --parameters, --wrenches and --given belong to --c"),
-    )
+    refuse((as_c and as_ros, "--c and --ros exclude each other"))
     if as_ros:
         return _for_ros(load, output, of_c["map_joints"])
     if as_c:

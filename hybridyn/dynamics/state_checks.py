@@ -162,11 +162,10 @@ def _of_free_wrists(s: ModuleState, value: Array, limit: Array) -> Array:
         limit: The largest that is accepted, shape (T,).
 
     Returns:
-        The rates, zero for a wrist in gimbal lock, and for every closure where a wrist that carries a
-        platform is near it: there the joints of the wrist do not determine the rates of the platform.
+        The rates, zero for a wrist in gimbal lock. A wrist that carries a platform opens no closure: near
+        gimbal lock the rates of the platform are computed without it (`Mechanism.platforms_from_legs`).
     """
     m, motion = s.mechanism, s.whole
-    value[m.wrists.near_gimbal_lock(motion)] = 0.0
     closures = list(zip(m.spec.closures, m.author_closures.row_slices, strict=False))
     for number, wrist in enumerate(m.spec.wrists):
         for closure, rows in closures:

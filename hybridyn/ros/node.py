@@ -90,7 +90,7 @@ class RosNode:
     def __init__(self, node: Any, load: Load, settings: RosSettings) -> None:
         """Load the robot, or wait for the topic `robot_description`."""
         self.node, self._load, self.settings = node, load, declared(node, settings)
-        self._health, self._said, self._due = Health(), ("", -np.inf), time.monotonic()
+        self._health, self._said, self._due = Health(), ("", -np.inf), 0.0
         if self.settings.robot:
             self._begin(self.settings.robot)
         else:

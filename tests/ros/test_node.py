@@ -23,7 +23,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E402
 
-from hybridyn.ros.settings import RosSettings  # noqa: E402
 from tests.ros.peer import NodeProcess, Peer  # noqa: E402
 
 #: Of ROS's own parser.
@@ -145,27 +144,6 @@ def test_a_node_that_was_killed_and_started_again_goes_on(tmp_path: Path, peer: 
         assert open_by(robot, found.name, found.position) < CLOSED
         node.process.kill()
         node.process.wait()
-
-
-def test_a_rate_bounds_the_states_that_go_out(tmp_path: Path, peer: Peer) -> None:
-    node = NodeProcess(tmp_path, "five_bar", "--rate", "0.001")  # one in a quarter of an hour
-    peer.meet()
-    motors, told = hybridyn.load("five_bar").motors, peer.heard["/diagnostics"]
-    peer.ask("motor_states", peer.state(1.0, motors, [0.1, 0.1]), "joint_states")
-    for t in (2.0, 3.0, 4.0):
-        peer.out["motor_states"].publish(peer.state(t, motors, [0.1, 0.1]))
-    count = len(told)
-    peer.wait(lambda: len(told) > count + 1, "diagnostics, which come after")
-    assert {one.key: one.value for one in told[-1].status[0].values}["states completed"] == "1"
-    assert len(peer.heard["joint_states"]) == 1
-    assert node.end() == 0
-
-
-def test_names_are_pairs() -> None:
-    assert RosSettings(names=["m1=left", "m2=right"]).renamed == {"m1": "left", "m2": "right"}
-    for wrong in ("m1", "m1=", "=left"):
-        with pytest.raises(hybridyn.ModelError, match="not of the form NAME=JOINT"):
-            _ = RosSettings(names=[wrong]).renamed
 
 
 def test_the_robot_may_come_from_a_topic(tmp_path: Path, peer: Peer) -> None:

@@ -21,8 +21,10 @@ from tests import ROOT
 ROOMS = {
     "dynamics/quantities": ["quantities"],
     "dynamics": ["dynamics", "effects", "hard/test_singular_answers.py"],
-    "linkage": ["linkage", "dynamics", "manifold"], "manifold": ["manifold", "simulation"],
-    "effects": ["effects"], "compiled": ["compiled", "dynamics/test_engines.py"],
+    "linkage": ["linkage", "dynamics", "manifold", "assembly"],
+    "manifold": ["manifold", "simulation"],
+    "effects": ["effects"], "structure": ["dynamics", "structure", "assembly"], "assembly": ["assembly"],
+    "compiled": ["compiled", "dynamics/test_engines.py"],
 }  # fmt: skip
 
 
