@@ -95,8 +95,8 @@ WRONG: dict[str, tuple[JointNumbers, str]] = {
     "too few": (JointNumbers(BOTH, [0.0]), "there are 1 positions of 2 joints"),
     "too many rates": (JointNumbers(BOTH, [0.0, 0.0], [1.0] * 3), "there are 3 velocities of 2 joints"),
     "efforts": (JointNumbers(BOTH, [0.0, 0.0], None, [1.0]), "there are 1 efforts of 2 joints"),
-    "one motor": (JointNumbers([LEFT], [0.0]), "leaves 1 of its 2 freedoms open"),
-    "nothing": (JointNumbers([], []), "leaves 2 of its 2 freedoms open"),
+    "one motor": (JointNumbers([LEFT], [0.0]), "could still move"),
+    "nothing": (JointNumbers([], []), "could still move"),
     "huge": (JointNumbers(BOTH, [1e300, 0.0]), "1e+300"),
 }
 
@@ -131,7 +131,7 @@ def test_a_joint_that_nothing_drives_is_measured(tmp_path: Path, slowly: None) -
     found = states.complete(JointNumbers(names, [0.3, 0.1, 0.2, 0.05, -0.05]), 1)
     assert (of(found, "toe_hinge"), of(found, "knee")) == (0.3, 0.2)
     assert open_by(states.model.robot, found.names, found.position) < CLOSED
-    with pytest.raises(HybridynError, match="Give positions of 'toe_hinge', too"):
+    with pytest.raises(HybridynError, match="'toe_hinge'"):
         states.complete(JointNumbers(names[1:], [0.1, 0.2, 0.05, -0.05]), 2)
 
 
@@ -144,6 +144,7 @@ def test_time_that_goes_back_is_refused_once(states: CompleteStates) -> None:
     states.complete(right, 6)  # the clock has started again
 
 
+@pytest.mark.slow
 def test_compiled_models_give_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = ankle(tmp_path)
     quick = CompleteStates(RosModel(robot))

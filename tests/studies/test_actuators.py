@@ -63,7 +63,7 @@ def test_one_number_is_as_far_from_the_least_as_from_the_largest() -> None:
 
 
 def test_the_few_numbers_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    written(tmp_path)
+    written(tmp_path, "--grid=2")
     said = capsys.readouterr().out.splitlines()
     assert said[0].split() == ["joint", "number", "constant", "unit", "error"]
     assert [line.split()[:2] for line in said[1:3]] == [["pitch", "armature"], ["pitch", "damping"]]
