@@ -176,6 +176,7 @@ FEATURES: dict[str, tuple[str, Description]] = {
     "stribeck friction": (
         "two", effect("stribeck_friction", **LEVEL, static={"two": 6.0}, speed={"two": 0.1}, width=0.01),
     ),
+    "load friction": ("two", effect("load_friction", radial={"two": 0.01}, normal={"rail": 0.1}, width=0.02)),
     "stop": (
         "two", effect("stop", stiffness={"two": 9.0}, damping=2.0, lower={"two": -1.0}, upper={"two": 1.0}),
     ),
