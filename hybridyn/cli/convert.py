@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from ..assembly.redundancy import LEAST
 from ..compiled import needs_casadi
 from ..conversion.convert import convert
 from .common.options import RobotChoice, refuse
@@ -13,9 +14,19 @@ from .common.options import RobotChoice, refuse
 LOST = 1
 
 
-def run(load: RobotChoice, output: str, tightness: float, as_c: bool, as_ros: bool, **of_c: Any) -> int:
+def run(
+    load: RobotChoice, output: str, tightness: float, as_c: bool, as_ros: bool, redundancy: str | None,
+    **of_c: Any,
+) -> int:  # fmt: skip
     """Write a robot in another format, its models as C, or its tree for ROS."""
-    refuse((as_c and as_ros, "--c and --ros exclude each other"))
+    refuse(
+        (as_c and as_ros, "--c and --ros exclude each other"),
+        (
+            redundancy not in (None, LEAST),
+            f"--redundancy: exported C knows '{LEAST}' alone. Give it the motors' positions that another "
+            "rule has: 'hybridyn idm --redundancy' and hybridyn.assemble compute them",
+        ),
+    )
     if as_ros:
         return _for_ros(load, output, of_c["map_joints"])
     if as_c:
