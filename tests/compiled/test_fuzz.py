@@ -231,7 +231,7 @@ def test_without_casadi(tmp_path: Path) -> None:
         "for what in (lambda: hybridyn.compile(robot), lambda: hybridyn.ddm_jacobian):\n"
         "    try: what()\n"
         "    except hybridyn.CompileError as error: print(error)\n"
-        "try: import hybridyn.compiled.export\n"
+        "try: import hybridyn.compiled.exporting\n"
         "except hybridyn.CompileError as error: print(error)\n"
         "from hybridyn.cli import main\n"
         "print(main(['convert', 'five_bar', '--c', '-o', 'made']))\n"

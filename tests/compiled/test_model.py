@@ -15,6 +15,7 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import BLOCK
 from hybridyn.compiled.programs.sources import robot_key
 from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
+from hybridyn.effects.choice import choose
 from tests.robots.robot_texts import door
 from tests.support.comparing import refused, same_bits, same_words
 from tests.support.engines import General
@@ -165,7 +166,7 @@ def test_what_cannot_be_written_out_says_so() -> None:
 def test_keys_tell_robots_apart(tmp_path: Path) -> None:
     """What changes a number changes the key; reading the files again, or from elsewhere, does not."""
     on = hybridyn.load("five_bar")
-    default = hybridyn.ddm.__globals__["choose"](on, None)
+    default = choose(on, None)
     assert robot_key(on, default) == robot_key(hybridyn.load("five_bar"), default)
     texts = [folder.joinpath("r.urdf") for folder in (tmp_path, tmp_path / "elsewhere")]
     texts[1].parent.mkdir()
