@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-import hybridyn.compiled.programs.closing.tables as tables
+from hybridyn import compiled
 from hybridyn.cli import COMMANDS, commands, main
 from hybridyn.cli.common.progress import progress
 from hybridyn.cli.common.text import aligned_rows
@@ -263,7 +263,7 @@ class Assembled:
 
 def test_platforms_are_assembled_block_after_block(run, arm, tmp_path: Path, monkeypatch) -> None:
     assembled = Assembled()
-    monkeypatch.setattr(tables, "TableAssembler", lambda robot: partial(assembled, robot))
+    monkeypatch.setattr(compiled, "TableAssembler", lambda robot: partial(assembled, robot))
     time_ = 0.001 * np.arange(4_500)
     path = save(tmp_path, table_text(["time", "tool/pose/z"], np.column_stack([time_, time_])), "traj.csv")
     out = run("idm", arm, path, "--engine", "general").out
@@ -281,7 +281,7 @@ def test_platforms_are_assembled_block_after_block(run, arm, tmp_path: Path, mon
 
 def test_rows_without_time_are_assembled_one_by_one(run, arm, tmp_path: Path, monkeypatch) -> None:
     assembled = Assembled(fail_at=3.0)
-    monkeypatch.setattr(tables, "TableAssembler", lambda robot: partial(assembled, robot))
+    monkeypatch.setattr(compiled, "TableAssembler", lambda robot: partial(assembled, robot))
     header = ["tool/pose/z", "tool/velocity/z", "tool/acceleration/z"]
     path = save(tmp_path, table_text(header, np.zeros((4, 3))), "traj.csv")
     run("idm", arm, path, "--engine", "general")
