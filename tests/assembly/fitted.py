@@ -204,16 +204,22 @@ class Fitted:
             goal, w, _ = one.rotation(t)
             off = goal @ pin.log3(goal.T @ R)
             return np.concatenate([p - value[:3], off]), J, np.concatenate([rate[:3], w])
-        here, whole = self._coordinates(p, R, J)
         rows = [(*LENGTHS, *ANGLES).index(name) for name in one.names]
-        off = here[rows] - value
         turns = np.array(rows) >= 3
-        off[turns] = (off[turns] + np.pi) % (2 * np.pi) - np.pi
-        return off, whole[rows], rate
+        found = []
+        for beyond in (False, True) if turns.sum() > 1 else (False,):
+            here, whole = self._coordinates(p, R, J, beyond=beyond)
+            off = here[rows] - value
+            off[turns] = (off[turns] + np.pi) % (2 * np.pi) - np.pi
+            found.append((off, whole[rows], rate))
+        return min(found, key=lambda f: float(np.abs(f[0]).max()))
 
     @staticmethod
-    def _coordinates(p: Array, R: Array, J: Array) -> tuple[Array, Array]:
+    def _coordinates(p: Array, R: Array, J: Array, *, beyond: bool = False) -> tuple[Array, Array]:
+        """Return the six coordinates, and their rates' rows, also by the angles beyond the pole of pitch."""
         angles = pin.rpy.matrixToRpy(R)
+        if beyond:  # the same rotation
+            angles = np.array([angles[0] + np.pi, np.pi - angles[1], angles[2] + np.pi])
         to_rates = pin.rpy.computeRpyJacobianInverse(angles, pin.LOCAL_WORLD_ALIGNED)
         return np.concatenate([p, angles]), np.concatenate([J[:3], to_rates @ J[3:]])
 
