@@ -27,7 +27,7 @@ from ..joints.kinds import JointKind
 from ..structure.robot import HybridRobot
 from .joint_numbers import check_names
 
-TREE, MOTORS, PARAMETERS, VIEW = "robot.urdf", "motors.urdf", "hybridyn.yaml", "robot.rviz"
+TREE, MOTORS, PARAMETERS, VIEW = "robot.urdf", "motors.urdf", "parameters.yaml", "robot.rviz"
 LAUNCH = '''"""Show '{name}' in RViz, with sliders for its motors: ros2 launch {file}."""
 
 from pathlib import Path
@@ -37,7 +37,7 @@ from launch.actions import ExecuteProcess
 from launch_ros.actions import Node
 
 HERE = Path(__file__).resolve().parent
-PARAMETERS = str(HERE / "hybridyn.yaml")
+PARAMETERS = str(HERE / "parameters.yaml")
 
 
 def generate_launch_description():

@@ -41,6 +41,7 @@ from benchmarks.simulation import MOTIONS, start
 from benchmarks.singular import APPROACHES, load
 from benchmarks.timing import in_own_process, interleaved
 from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.dynamics import direct
 from hybridyn.studies.compare.engines import mujoco_engine
 from hybridyn.studies.compare.peer_engine import NotComparableError
 from hybridyn.studies.cost.points import pareto_front
@@ -75,8 +76,8 @@ def test_gate_refuses_a_wrong_model(error: float) -> None:
 
 
 def test_nothing_is_timed_of_a_wrong_model(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = hybridyn.ddm
-    monkeypatch.setattr(hybridyn, "ddm", lambda *given: right(*given) * (1 + 1e-8))
+    right = direct.ddm
+    monkeypatch.setattr(direct, "ddm", lambda *given: right(*given) * (1 + 1e-8))
     monkeypatch.setattr(accuracy, "measured", lambda *_, **__: pytest.fail("timed"))
     refused(
         lambda: accuracy.measure("ddm", "five_bar", accuracy.Effort(1, (1, 4), rounds=1, sweep=100)),

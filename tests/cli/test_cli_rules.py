@@ -26,6 +26,7 @@ from hybridyn.view.posing import Poser
 from tests.assembly.test_second_tasks import MIDDLE, limited, waves
 from tests.support.command_line import call
 from tests.support.comparing import close_to
+from tests.support.extras import needs
 from tests.support.files import save
 
 TIME = np.linspace(0.0, 1.0, 7)
@@ -168,6 +169,8 @@ def test_cost_follows_the_rule(arm: Ruled, capsys: pytest.CaptureFixture[str]) -
 @pytest.mark.parametrize("command", ["idm", "ddm", "cost", "view", "idm --by-effect", "workspace"])
 def test_commands_refuse_unknown_rules(command: str, arm: Ruled, capsys: pytest.CaptureFixture[str]) -> None:
     name, *more = command.split()
+    if name == "view":
+        needs("view")
     table = ("tool.csv",) if name != "workspace" else ()
     assert main([name, "arm.urdf", *table, *more, "--redundancy", "middle"]) == 1
     assert "unknown redundancy 'middle'" in capsys.readouterr().err
