@@ -26,7 +26,7 @@ import rclpy
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -66,13 +66,16 @@ def run(load: Load, settings: RosSettings, ros_args: Sequence[str]) -> None:
         HybridynError: The robot or a parameter is wrong.
     """
     rclpy.init(args=list(ros_args))
+    node = rclpy.create_node("hybridyn")
+    executor = SingleThreadedExecutor()
     try:
-        node = rclpy.create_node("hybridyn")
-        serving = RosNode(node, load, settings)
-        rclpy.spin(serving.node)
+        executor.add_node(RosNode(node, load, settings).node)
+        executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    finally:
+    finally:  # in this order: what is left to the end of the process may be freed under a running thread
+        executor.shutdown()
+        node.destroy_node()
         rclpy.try_shutdown()
 
 

@@ -171,8 +171,11 @@ def test_python_runs() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("as_a_user")
-def test_commands_of_the_readme_print_what_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    """In the order of the page: a later command reads what an earlier one wrote."""
+def test_commands_of_the_readme_print_what_is_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the order of the page: a later command reads what an earlier one wrote; no model is built yet."""
+    monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
     run_commands(shown(README), capsys)
     run_commands(shown(ROOT / "docs" / "command-line.md"), capsys, whole=True)
 

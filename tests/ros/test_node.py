@@ -25,8 +25,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # noqa: E
 
 from tests.ros.peer import NodeProcess, Peer  # noqa: E402
 
-#: Of ROS's own parser.
-pytestmark = pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
+#: Slow, since a process of ROS may wait for another one that was killed; the warning is of ROS's own parser.
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")]
 CLOSED = 1e-12
 #: States that are sent before the first of them has come back: less than queues hold.
 WINDOW = 50
