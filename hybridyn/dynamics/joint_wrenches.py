@@ -11,7 +11,16 @@ import numpy as np
 from ..effects.choice import Effects
 from ..linkage.closures import TreeClosure, normals
 from ..linkage.motion import Motion
-from ..spatial import Array, crm, hat, motion_to_body, rotate_back, spatial_inertia, wrench_to_base
+from ..spatial import (
+    Array,
+    crm,
+    hat,
+    motion_matrix,
+    motion_to_body,
+    rotate_back,
+    spatial_inertia,
+    wrench_to_base,
+)
 from ..structure.module import ModuleState
 from .loads import ModuleLoad
 
@@ -21,22 +30,18 @@ def joint_wrenches(state: ModuleState, needed: Array) -> Array:
 
     Args:
         state: State of the module.
-        needed: Wrench that each body needs of its joints, shape (T, bodies, 6) or, of many columns,
-            (T, bodies, 6, k), base axes, about the base's origin.
+        needed: Columns of the wrench that each body needs of its joints, shape (T, bodies, 6, k), base axes,
+            about the base's origin.
 
     Returns:
-        Shape (T, joints, 6) or (T, joints, 6, k), in the child's frame, at its origin.
+        Shape (T, joints, 6, k), in the child's frame, at its origin.
     """
-    whole, total = state.whole, needed.copy()
+    R, p, total = state.whole.R[:, 1:], state.whole.p[:, 1:], needed.copy()
     for i, joint in reversed([*enumerate(state.mechanism.cut.whole.joints)]):
         total[:, joint.parent] += total[:, i + 1]
-    own = total[:, 1:]
-    columns = np.moveaxis(own.reshape(*own.shape[:3], *(own.shape[3:] or (1,))), 3, 1)  # (T, k, joints, 6)
-    R, p = whole.R[:, None, 1:], whole.p[:, None, 1:]
-    force, moment = columns[..., :3], columns[..., 3:]
-    moment = moment - np.cross(np.broadcast_to(p, force.shape), force)
-    out = np.concatenate([rotate_back(R, force), rotate_back(R, moment)], axis=-1)
-    return np.moveaxis(out, 1, 3).reshape(own.shape)
+    to_child = motion_matrix(np.swapaxes(R, 2, 3), -rotate_back(R, p))  # of the base, seen from the child
+    out: Array = np.matmul(np.swapaxes(to_child, 2, 3), total[:, 1:])
+    return out
 
 
 def needed_by_bodies(state: ModuleState, load: ModuleLoad, on: Effects, W: Array) -> Array:
@@ -60,10 +65,10 @@ def needed_by_bodies(state: ModuleState, load: ModuleLoad, on: Effects, W: Array
     for body, wrench in load.bodies:
         if (at := m.cut.whole_body(body)) not in outputs:
             out[:, at] -= wrench_to_base(whole.R[:, at], whole.p[:, at], wrench)
-    for number, wrist in enumerate(m.spec.wrists):
-        at = m.cut.whole_body(wrist.end)
+    for number, weld in enumerate(m.cut.welds):
+        at = m.cut.whole_body(m.spec.wrists[number].end)
         through = load.inside_wrist(state, number)
-        _act(out, m.cut.wrist_ends[number], wrench_to_base(whole.R[:, at], whole.p[:, at], through))
+        _act(out, weld, wrench_to_base(whole.R[:, at], whole.p[:, at], through))
     return out
 
 
@@ -74,8 +79,10 @@ def _of_leg_bodies(state: ModuleState, on: Effects) -> tuple[list[int], Array]:
         return [], np.zeros((len(state.V), 0, 6))
     legs = [state.mechanism.spec.leg_bodies[i - 1] for i in bodies]
     inertias = np.array([spatial_inertia(b.mass, b.com, b.inertia) for b in legs if b])
-    V, v = on.velocity.twists(state) if on.velocity else (np.zeros_like(state.V), np.zeros_like(state.v))
-    motion = state.mechanism.tree.sweep(state.q, v, state.a, state.motion)
+    V, motion = state.V, state.motion
+    if on.velocity is None:
+        still = np.zeros_like(state.v)
+        V, motion = np.zeros_like(V), state.mechanism.tree.sweep(state.q, still, state.a, motion)
     motion = Motion(*(x[:, bodies] for x in motion.arrays))
     relative = motion.twist()
     twist = motion_to_body(motion.R, motion.p, V[:, None]) + relative  # Eq. (25)
@@ -96,11 +103,10 @@ def needed_of_closures(state: ModuleState, multipliers: Array) -> Array:
     """
     m = state.mechanism
     out = np.zeros((len(state.V), len(m.spec.bodies), 6, multipliers.shape[2]))
-    between = {wrist.closure: ends for wrist, ends in zip(m.spec.wrists, m.cut.wrist_ends, strict=True)}
+    welds = {wrist.closure: weld for wrist, weld in zip(m.spec.wrists, m.cut.welds, strict=True)}
     for i, closure in enumerate(m.closures.closures):
         unit = unit_wrenches(state.motion, closure, np.zeros(3))
-        ends = between.get(i, (closure.body_a, closure.body_b))
-        _act(out, ends, np.matmul(unit, multipliers[:, m.closures.row_slices[i]]))
+        _act(out, welds.get(i, closure), np.matmul(unit, multipliers[:, m.closures.row_slices[i]]))
     return out
 
 
@@ -129,8 +135,7 @@ def closure_frames(motion: Motion, c: TreeClosure) -> tuple[Array, Array, Array,
     return Ra @ c.R_a, motion.p[:, c.body_a] + Ra @ c.p_a, Rb @ c.R_b, motion.p[:, c.body_b] + Rb @ c.p_b
 
 
-def _act(needed: Array, ends: tuple[int, int], wrench: Array) -> None:
-    """Let a wrench act on the second body of two, and its opposite on the first, in place."""
-    first, second = ends
-    needed[:, first] += wrench
-    needed[:, second] -= wrench
+def _act(needed: Array, closure: TreeClosure, wrench: Array) -> None:
+    """Let a wrench act on the second body of a closure, and its opposite on the first, in place."""
+    needed[:, closure.body_a] += wrench
+    needed[:, closure.body_b] -= wrench

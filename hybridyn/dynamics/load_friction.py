@@ -71,8 +71,8 @@ def _unit_wrenches(
 
     Joints of several modules are taken at once where modules do not feel each other.
     """
-    module = [next(k for k, m in enumerate(robot.modules) if apart and name in m.joints) if apart else 0
-              for name in law.joints]  # fmt: skip
+    owners = [robot.body_owner[robot.body_of_joint[name]][0] for name in law.joints]
+    module = owners if apart else [0] * len(owners)
     unit = np.maximum(law.sizes(w).max(axis=1), 1.0)[:, None]
     out = np.zeros((*w.shape, len(law.joints)))
     for together in _turns(module):

@@ -96,12 +96,14 @@ def module_reactions(
 def _of_joints(result: Reactions, state: ModuleState, needed: Array, multipliers: Array, idle: Array) -> None:
     """Compute the wrench of each joint from what the bodies beyond it need, and add it to `result`."""
     m, names = state.mechanism, state.module.joints
-    wrenches = joint_wrenches(state, needed + needed_of_closures(state, multipliers[..., None])[..., 0])
-    free = joint_wrenches(state, needed_of_closures(state, idle)) * m.length_of_wrench[:, None]
+    columns = needed_of_closures(state, np.concatenate([multipliers[..., None], idle], axis=2))
+    columns[..., 0] += needed
+    wrenches = joint_wrenches(state, columns)  # under the multipliers, then under each self-stress
+    free = wrenches[..., 1:] * m.length_of_wrench[:, None]
     determined = np.abs(free).max(axis=3, initial=0.0) <= UNDETERMINED
     for i, source in enumerate(m.spec.source):
         if source is not None:  # else a platform, which its wrist carries
-            result.joints[names[source]] = wrenches[:, i]
+            result.joints[names[source]] = wrenches[:, i, :, 0]
             result.joints_determined[names[source]] = determined[:, i]
 
 
@@ -116,7 +118,7 @@ def _of_closures(
         if i < authors:
             author = m.author_closures.closures[i]
             wrenches = _closure_wrenches(state, m.closures.closures[i], author)
-            lam = np.einsum("tij,tj->ti", wrenches, lam) + _from_cut_wrists(state, load, author)
+            lam = np.einsum("tij,tj->ti", wrenches, lam) + _from_cut_wrists(state, load, i)
             free = np.matmul(wrenches, free)
             free *= m.length_of_wrench[:, None]
         elif i < len(m.closures.closures):
@@ -179,21 +181,24 @@ def _closure_wrenches(state: ModuleState, cut: TreeClosure, author: TreeClosure)
     return sign * np.concatenate([np.matmul(np.swapaxes(A_out, 1, 2), x) for x in parts], axis=1)
 
 
-def _from_cut_wrists(state: ModuleState, load: ModuleLoad, author: TreeClosure) -> Array:
+def _from_cut_wrists(state: ModuleState, load: ModuleLoad, closure: int) -> Array:
     """Compute the part of a closure's wrench that is due to loads on the links of a cut wrist.
+
+    Args:
+        closure: Number of the author's closure.
 
     Returns:
         Wrench on the successor link, shape (T, 6), in the frame of `_wrench_frame`.
     """
-    out = np.zeros_like(state.V)
-    for number, wrist in enumerate(state.mechanism.spec.wrists):
-        end, target = (state.mechanism.cut.whole_body(body) for body in (wrist.end, wrist.target))
-        if wrist.carries or {end, target} != {author.body_a, author.body_b}:
+    m, out = state.mechanism, np.zeros_like(state.V)
+    author = m.author_closures.closures[closure]
+    for number, (wrist, weld) in enumerate(zip(m.spec.wrists, m.cut.welds, strict=True)):
+        if wrist.closure != closure:
             continue
         A, p = _wrench_frame(state, author)
-        motion = state.whole.of_body(end)
+        motion = state.whole.of_body(weld.body_a)
         handed = wrench_to_base(motion.R, motion.p - p, load.through_wrist(state, number))
-        sign = 1.0 if target == author.body_b else -1.0
+        sign = 1.0 if weld.body_b == author.body_b else -1.0
         out += sign * np.concatenate([rotate_back(A, x) for x in (handed[:, :3], handed[:, 3:])], axis=-1)
     return out
 

@@ -1,17 +1,9 @@
-"""What the two models return, and the advice to compile for programs that compute one sample at a time."""
+"""What the two models return."""
 
-import itertools
-import warnings
 from typing import NamedTuple
 
-from ..errors import PerformanceWarning
 from ..spatial import Array
 from .reactions import Reactions
-
-#: Calls for a single sample after which a program is advised to compile: a few seconds of computing.
-MANY_CALLS = 1000
-
-_calls = itertools.count(1)
 
 
 class Result(NamedTuple):
@@ -28,17 +20,7 @@ class Result(NamedTuple):
     reactions: Reactions | None
 
     def returned(self, single: bool) -> Array | tuple[Array, Reactions]:
-        """Return what `idm` or `ddm` returns, for a single sample without the axis of samples.
-
-        After `MANY_CALLS` calls for a single sample, warn once in a process.
-        """
-        if single and next(_calls) == MANY_CALLS:
-            warnings.warn(
-                f"{MANY_CALLS:,} calls for a single sample: hybridyn.compile(robot) gives a model whose idm "
-                "and ddm take microseconds a call, a thousandth of this; or pass all samples in one call",
-                PerformanceWarning,
-                stacklevel=4,  # the caller of `compiled.repeated`, which calls the model
-            )
+        """Return what `idm` or `ddm` returns, for a single sample without the axis of samples."""
         values = self.values[0] if single else self.values
         if self.reactions is None:
             return values

@@ -10,7 +10,6 @@ import numpy as np
 
 from ..errors import ModelError
 from ..joints.kinds import JointKind
-from ..linkage.joints import TreeJoint
 from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
 from .joints import WIDTH, Numbers, given, joint_number, positive, refuse_cut
@@ -118,7 +117,7 @@ def on_loads(effect: LoadFriction, robot: HybridRobot) -> OnLoads | None:
     for word, table in tables.items():
         for name, (factor,) in given(f"{effect.name}: {word}", table).items():
             number = joint_number(effect.name, robot, name)
-            part = _parts_of(_joint(robot, name)).get(word)
+            part = _parts_of(robot, name).get(word)
             if part is None:
                 raise ModelError(
                     f"{effect.name}: joint '{name}' is {robot.kinds[number]}; it has no '{word}'",
@@ -136,21 +135,16 @@ def on_loads(effect: LoadFriction, robot: HybridRobot) -> OnLoads | None:
     return OnLoads(effect, joints, freedoms, of_joint, np.array(factors), np.array(parts), words)
 
 
-def _joint(robot: HybridRobot, name: str) -> TreeJoint:
-    """Return the joint of a module's spanning tree by its name."""
-    module = next(module for module in robot.modules if name in module.joints)
-    return module.mechanism.spanning.joints[module.joints.index(name)]
-
-
-def _parts_of(joint: TreeJoint) -> Mapping[str, Array]:
-    """Return what each coefficient takes from the wrench of a joint of this kind, shape (3, 6)."""
-    force, moment = np.eye(6)[:3], np.eye(6)[3:]
-    if joint.kind is JointKind.SPHERICAL:
+def _parts_of(robot: HybridRobot, name: str) -> Mapping[str, Array]:
+    """Return what each coefficient of a joint takes from its wrench, shape (3, 6)."""
+    kind, (force, moment) = robot.kinds[robot.joint_index[name]], np.split(np.eye(6), 2)
+    if kind is JointKind.SPHERICAL:
         return {"radial": force}
-    if not joint.kind.single:
+    if not kind.single:
         return {}
-    along = np.outer(joint.axis, joint.axis)
+    axis = robot.records[name].axis
+    along = np.outer(axis, axis)
     across = np.eye(3) - along
-    if joint.kind.slides:
+    if kind.slides:
         return {"normal": across @ force, "tilt": moment}
     return {"radial": across @ force, "axial": along @ force, "tilt": across @ moment}

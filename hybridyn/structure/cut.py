@@ -28,7 +28,6 @@ class Cut:
         spanning: Tree of every joint of the module, wrists included, as in the user's q, v, a.
         wrists: The wrists that were cut.
         welds: For each wrist, the closure from its end to its target, with bodies of `whole`.
-        wrist_ends: The bodies of `whole` of each weld: the end of the wrist's branch, and its target.
         bodies: For each body of `tree`, its number in `spanning`, shape (bodies,).
         q_of, v_of: For each coordinate and each freedom of `spanning`, its number in `whole`.
         q_from, v_from: Coordinates and freedoms of `spanning` that `tree` has, too.
@@ -42,7 +41,6 @@ class Cut:
         self.spanning = Tree(list(spec.spanning)) if spec.wrists else self.whole
         self.bodies, self._whole_bodies = np.array(spec.tree_body), np.array(spec.bodies)
         self.welds = self._welds()
-        self.wrist_ends = [(weld.body_a, weld.body_b) for weld in self.welds]
         self.q_of = indices(self.whole.q_slices[i] for i in spec.in_whole)
         self.v_of = indices(self.whole.v_slices[i] for i in spec.in_whole)
         self.q_from, self.v_from = _kept(self.q_of, self.tree.nq), _kept(self.v_of, self.tree.nv)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.compiled import repeated
 from hybridyn.description.shipped import find_robot
-from hybridyn.dynamics import results
 from hybridyn.dynamics.direct import direct_model
 from hybridyn.dynamics.inverse import inverse_model
 from hybridyn.linkage.tree import Tree
@@ -39,8 +39,8 @@ def test_each_module_is_swept_once(name: str, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_many_single_calls_are_warned_of_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(results, "MANY_CALLS", 3)
-    monkeypatch.setattr(results, "_calls", itertools.count(1))
+    monkeypatch.setattr(repeated, "MANY_CALLS", 3)
+    monkeypatch.setattr(repeated, "_general_calls", itertools.count(1))
     robot = hybridyn.load("five_bar")
     still, tau = np.zeros(robot.nv), np.zeros(2)
     hybridyn.idm(robot, *np.zeros((3, 9, robot.nv)) + robot.home * np.array([1, 0, 0])[:, None, None])

@@ -157,6 +157,13 @@ def test_bad_coefficients_are_refused(law: LoadFriction, said: str) -> None:
         hybridyn.idm(robot, q, v, a, effects=["default", law])
 
 
+@pytest.mark.parametrize("base", ["moving", "floating"])
+def test_the_joint_of_a_base_has_no_friction(base: str) -> None:
+    robot = build_robot(shipped("five_bar"), base=base)
+    with pytest.raises(ModelError, match="joint 'root_joint' is floating; it has no 'radial'"):
+        hybridyn.effects.choose(robot, ["default", LoadFriction(radial={"root_joint": 1e-3})], loaded=True)
+
+
 def test_the_robot_s_files_may_state_it(tmp_path: Path) -> None:
     robot = wedge(tmp_path, 0.6, lifted=True)
     (tmp_path / "wedge.model.toml").write_text("[effects.load_friction]\nnormal = { ramp = 0.1 }\n")

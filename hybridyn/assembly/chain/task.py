@@ -217,6 +217,7 @@ class ChainTask:
         start, here = self.start or self.problem, np.zeros_like(samples) if self.start else samples
 
         def way(place: CarriedFrame, before: CarriedFrame) -> CarriedFrame:
+            """Return a place that moves from where it was to where it is at the samples."""
             ends = [
                 (x.take(here).arrays, y.take(samples).arrays)
                 for x, y in zip(before.ways, place.ways, strict=True)
