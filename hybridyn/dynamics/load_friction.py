@@ -50,11 +50,7 @@ def settle(
     w = _wrenches(law, start)
     B = _unit_wrenches(robot, law, D, reactions_under, w, apart)
     _check_jamming(law, B)
-    n = _solve(law, w, B)
-    for _ in range(2):  # what the model computes under this friction has the rounding of its own load
-        w_0 = _wrenches(law, reactions_under(np.einsum("tij,tj->ti", D, n))) - np.einsum("tikj,tj->tik", B, n)
-        n = _solve(law, w_0, B)
-    out: Array = np.einsum("tij,tj->ti", D, n)
+    out: Array = np.einsum("tij,tj->ti", D, _solve(law, w, B))
     return out
 
 
