@@ -15,7 +15,7 @@ from ..effects.load_friction import OnLoads
 from ..errors import AT_SAMPLE, ActuationError, ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .reactions import Reactions
+from .reactions import UNDETERMINED, Reactions
 
 #: Spectral radius from which friction is refused: at 1 joints may jam.
 JAM = 1.0
@@ -98,10 +98,12 @@ def _check_determined(law: OnLoads, reactions: Reactions) -> None:
     Raises:
         ModelError: The message names joints and coefficients.
     """
+    shared = [reactions.joints_shared[name] for name in law.joints]
+    count = max(one.shape[2] for one in shared)
+    each = np.stack([np.pad(one, ((0, 0), (0, 0), (0, count - one.shape[2]))) for one in shared], axis=1)
     vague = [
-        f"{word} of '{law.joints[joint]}'"
-        for joint, word, needs in zip(law.of_joint, law.words, law.needs(), strict=True)
-        if not reactions.joints_determined[law.joints[joint]][:, needs].all()
+        f"{law.words[term]} of '{law.joints[law.of_joint[term]]}'"
+        for term in np.flatnonzero(law.taken(each) > UNDETERMINED)
     ]
     if vague:
         raise ModelError(

@@ -48,6 +48,8 @@ class Reactions:
             joint's laws. A wrench that redundant rows share is that of the smallest closure wrenches.
         joints_determined: For each joint name, True for each component of the wrench that the motion
             determines, shape (T, 6).
+        joints_shared: For each joint name, what each self-stress of the closures would add to the wrench,
+            shape (T, 6, k), with forces times the module's length.
     """
 
     base: Array
@@ -57,6 +59,7 @@ class Reactions:
     determined: dict[str, Mask] = field(default_factory=dict)
     joints: dict[str, Array] = field(default_factory=dict)
     joints_determined: dict[str, Mask] = field(default_factory=dict)
+    joints_shared: dict[str, Array] = field(default_factory=dict)
 
     def sample(self, t: int) -> "Reactions":
         """Return the reactions at one sample."""
@@ -68,6 +71,7 @@ class Reactions:
             {name: d[t] for name, d in self.determined.items()},
             {name: w[t] for name, w in self.joints.items()},
             {name: d[t] for name, d in self.joints_determined.items()},
+            {name: w[t] for name, w in self.joints_shared.items()},
         )
 
 
@@ -105,6 +109,7 @@ def _of_joints(result: Reactions, state: ModuleState, needed: Array, multipliers
         if source is not None:  # else a platform, which its wrist carries
             result.joints[names[source]] = wrenches[:, i, :, 0]
             result.joints_determined[names[source]] = determined[:, i]
+            result.joints_shared[names[source]] = free[:, i]
 
 
 def _of_closures(

@@ -10,12 +10,9 @@ import numpy as np
 
 from ..errors import ModelError
 from ..joints.kinds import JointKind
-from ..spatial import Array, Index, Mask
+from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
 from .joints import WIDTH, Numbers, given, joint_number, positive, refuse_cut
-
-#: A part of a direction below this is rounding of the joint's axis.
-ALONG = 1e-12
 
 
 @dataclass(frozen=True)
@@ -87,9 +84,10 @@ class OnLoads(NamedTuple):
         each = self.factor[:, None] * np.einsum("...ki,kij->...kj", along, self.part)
         return np.moveaxis(self._by_joint(np.moveaxis(each, -1, 0)), 0, -1)
 
-    def needs(self) -> Mask:
-        """Return which components of its wrench each term takes, shape (terms, 6)."""
-        out: Mask = np.abs(self.part).max(axis=1) > ALONG
+    def taken(self, wrenches: Array) -> Array:
+        """Compute the largest part that each term takes, shape (terms,), of wrenches, (T, joints, 6, k)."""
+        parts = np.einsum("kij,tkjs->tkis", self.part, wrenches[:, self.of_joint])
+        out: Array = np.abs(parts).max(axis=(0, 2, 3), initial=0.0)
         return out
 
     def _parts(self, wrenches: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Arithmetic of the oracle: double precision, or any number of digits.
+"""Arithmetic of the oracle: double precision, the machine's longest numbers, or any number of digits.
 
 Each provides elementary functions, the solution of square systems, and a rank-revealing factorisation. Arrays
 are NumPy arrays of floats or of mpmath numbers.
@@ -37,7 +37,7 @@ class Float64:
 
     epsilon = float(np.finfo(float).eps)
     sin, cos = staticmethod(math.sin), staticmethod(math.cos)
-    sqrt, atan2 = staticmethod(math.sqrt), staticmethod(math.atan2)
+    sqrt, atan2, tanh = staticmethod(math.sqrt), staticmethod(math.atan2), staticmethod(math.tanh)
 
     def array(self, values: Any) -> Numbers:
         """Copy `values` into an array of this arithmetic."""
@@ -64,7 +64,7 @@ class Extended:
     def __init__(self, mp: Any) -> None:
         self.mp = mp
         self.epsilon = float(mp.eps)
-        self.sin, self.cos, self.sqrt, self.atan2 = mp.sin, mp.cos, mp.sqrt, mp.atan2
+        self.sin, self.cos, self.sqrt, self.atan2, self.tanh = mp.sin, mp.cos, mp.sqrt, mp.atan2, mp.tanh
 
     def array(self, values: Any) -> Numbers:
         """Copy `values` into an array of this arithmetic, each number exactly."""
@@ -113,6 +113,18 @@ class Extended:
             Q[:, k:] = Q[:, k:] - 2 * np.outer(Q[:, k:] @ w, w)
             rank = k + 1
         return Q, R, order, rank
+
+
+class Long(Extended):
+    """Arrays of `numpy.longdouble`, factored like mpmath's numbers and much faster."""
+
+    def __init__(self) -> None:
+        self.epsilon = float(np.finfo(np.longdouble).eps)
+        self.sin, self.cos, self.sqrt, self.atan2, self.tanh = np.sin, np.cos, np.sqrt, np.arctan2, np.tanh
+
+    def array(self, values: Any) -> Numbers:
+        """Copy `values` into an array of this arithmetic, each number exactly."""
+        return np.array(values, dtype=np.longdouble)
 
 
 Arithmetic = Float64 | Extended

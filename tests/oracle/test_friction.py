@@ -1,0 +1,79 @@
+"""Friction that grows with load, against multipliers of all rows in long double (`Judge`)."""
+
+import numpy as np
+import pytest
+
+import hybridyn
+from hybridyn.dynamics.reactions import Reactions
+from hybridyn.effects import LoadFriction
+from hybridyn.effects.load_friction import on_loads
+from hybridyn.structure.building import build_robot
+from tests.judges.judging import BASES
+from tests.oracle import Base, Judge, Long, Oracle
+from tests.robots.mechanisms import KINDS, random_mechanism, random_states
+from tests.support.comparing import close_to
+from tests.support.samples import slow
+
+JUDGED = 1e-9  # of the largest: the given motions are rounded, and closure rows have conditions to 100
+SHARED = 1e-6  # part of a self-stress from which a load counts as shared
+#: A loop in a plane, a coupling across loops, a module on a leg: what runs by default.
+FEW = [("four_bar", 1, "floating"), ("gear_across", 2, "fixed"), ("on_leg", 0, "moving")]
+ALL = [(k, seed, BASES[(i + seed) % 3]) for i, k in enumerate(KINDS) for seed in range(3, 8)]
+CASES = [*FEW, *(slow(*case) for case in [one for one in ALL if not KINDS[one[0]].massless][:200])]
+
+WORDS = ("radial", "axial", "tilt", "normal")
+HINGE, BALL = {"radial": 2e-3, "axial": 1e-3, "tilt": 0.01}, {"radial": 2e-3}
+SLIDE = {"normal": 0.02, "tilt": 0.02}
+
+
+def effect(law: dict[str, dict[str, float]]) -> LoadFriction:
+    by_word = {word: {j: own[word] for j, own in law.items() if word in own} for word in WORDS}
+    return LoadFriction(**by_word)  # type: ignore[arg-type]
+
+
+def law_of(robot: hybridyn.HybridRobot, reactions: Reactions) -> dict[str, dict[str, float]]:
+    """Give every joint friction by each part of its load that closures do not share."""
+    full: dict[str, dict[str, float]] = {}
+    for name, kind in zip(robot.joints, robot.kinds, strict=True):
+        own = BALL if kind == "spherical" else SLIDE if kind.slides else HINGE
+        if name != "root_joint" and (kind.single or kind == "spherical"):
+            full[name] = own
+    placed = on_loads(effect(full), robot)
+    law: dict[str, dict[str, float]] = {}
+    for at, word, part in zip(placed.of_joint, placed.words, placed.part, strict=True) if placed else ():
+        name = placed.joints[at]
+        shared = np.einsum("ij,tjk->tik", part, reactions.joints_shared[name])
+        if np.abs(shared).max(initial=0.0) < SHARED:
+            law.setdefault(name, {})[word] = full[name][word]
+    return law
+
+
+@pytest.mark.parametrize(("kind", "seed", "base"), CASES)
+def test_friction_of_every_joint_is_that_of_the_multipliers(kind: str, seed: int, base: Base) -> None:
+    """`ddm` inverts `idm`; motors give as much more as friction takes at the joints."""
+    description = random_mechanism(seed, kind=kind)
+    robot = build_robot(description, base=base)
+    robot = build_robot(description, base=base, held=robot.cut_joints)
+    (q,), (v,), (a,) = random_states(description, base, seed, 1)
+    weights, prescribed = np.ones(len(robot.motors)), a[:6] if base == "moving" else None
+    tau, reactions = hybridyn.idm(robot, q[None], v[None], a[None], weights=weights, reactions=True)
+    law = law_of(robot, reactions)
+    effects = ["default", effect(law)]
+    judge = Judge(Oracle(description, base, arithmetic=Long()), law, effects[1].width)
+    tau = tau[0]
+    if KINDS[kind].motors != "few":  # else friction would need an effort where there is no motor
+        wanted, plain = judge.idm(q, v, a), tau
+        tau = hybridyn.idm(robot, q, v, a, effects=effects, weights=weights)
+        close_to(tau, wanted.result.astype(float), JUDGED)
+        lost = sum(
+            float(n) * speed * np.tanh(speed / effects[1].width)
+            for name, n in wanted.friction.items()
+            if (speed := np.linalg.norm(v[robot.v_slices[robot.joint_index[name]]]))
+        )
+        rates = v[[robot.v_slices[robot.joint_index[motor]].start for motor in robot.motors]]
+        given = (tau - plain) @ rates
+        assert given >= 0
+        assert abs(given - lost) <= JUDGED * np.abs(tau * rates).sum()
+        close_to(hybridyn.ddm(robot, q, v, tau, base_acceleration=prescribed, effects=effects), a, JUDGED)
+    expected = judge.ddm(q, v, tau, prescribed).result.astype(float)
+    close_to(hybridyn.ddm(robot, q, v, tau, base_acceleration=prescribed, effects=effects), expected, JUDGED)
