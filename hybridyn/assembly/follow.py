@@ -302,7 +302,7 @@ def _walk(task: AnyTask, q: Array, sample: int, finest: bool = False) -> tuple[A
         result: Closed = way.solve(q[None], np.array([1]), enough=STALLED)
         if way.closed(result)[0] and _steps_as_predicted(way, np.stack([q, *result.q]), np.zeros(1, int))[0]:
             q, done, step, longer = result.q[0], done + step, longer * step, 2
-            task = task.headed(q[None], np.array([sample]), on=False)
+            task = task.headed(q[None], np.array([sample]), done=done)
             continue
         if step <= 1 / COARSEST and not finest:
             finest = bool(task.closed(task.solve(start[None], np.array([sample + 1])))[0])

@@ -35,7 +35,7 @@ class Ended(NamedTuple):
     def weak_rows(self, ways: Array) -> list[WeakRows]:
         """Return the rows that may lose rank where scaled motions lead, shape (n, nv), from the posture."""
         problem, at = self.task.problem, np.array([self.sample])
-        task = self.task.headed(self.q[None], at, on=False).between(self.sample, np.array([self.done]))
+        task = self.task.headed(self.q[None], at, done=self.done).between(self.sample, np.array([self.done]))
         q = problem.tree.integrate(np.tile(self.q, (len(ways), 1)), ways * problem.col_scale)
         return task.weak_rows(q, np.zeros(len(ways), dtype=int))
 

@@ -203,18 +203,19 @@ class Task(NamedTuple):
                 out |= target.missed(motion, samples, self.tolerance)
         return out
 
-    def headed(self, q: Array, samples: Index, *, on: bool = True) -> Task:
+    def headed(self, q: Array, samples: Index, *, done: float | None = None) -> Task:
         """Return the task whose angles are told apart by postures, see `CoordinateTarget.headed`.
 
         Args:
             q: Postures at consecutive samples, shape (n, nq).
             samples: Their indices, shape (n,).
-            on: Whether the last posture counts for all later samples.
+            done: Where one posture is, as a part of the way from its sample to the next: it counts for this
+                way alone. None for postures at samples, of which the last counts for all later ones.
         """
         if not any(isinstance(target, CoordinateTarget) and target.turns for target in self.problem.targets):
             return self
         motion = self.problem.tree.sweep(q)
-        targets = [target.headed(motion, samples, on=on) for target in self.problem.targets]
+        targets = [target.headed(motion, samples, on=done is None) for target in self.problem.targets]
         return self._replace(problem=replace(self.problem, targets=targets))
 
     def headed_at(self, q: Array, values: Array) -> Task:

@@ -145,6 +145,16 @@ def test_a_lone_pitch_passes_quarter_turns_smoothly(tmp_path: Path, axes: str) -
         close_to(found[:, -1], wanted - less, ROUNDING)
 
 
+@pytest.mark.parametrize("rows", [[(2.0, 1.47)], [(1.0, 0.5), (2.0, 1.47)]])
+def test_a_lone_pitch_is_not_mirrored_while_the_yaw_passes_a_quarter_turn(
+    tmp_path: Path, rows: list[tuple[float, float]]
+) -> None:
+    """In one long step, or in two; the mirror image of the last row is so near that it is as predicted."""
+    robot, wanted = arm(tmp_path, "zy"), np.array([(0.0, 0.2), *rows])
+    goal = {"l1@base": ({"pitch": wanted[:, 1]},)}
+    close_to(hybridyn.assemble(robot, motors={"j0": wanted[:, 0]}, platforms=goal)[0], wanted, ROUNDING)
+
+
 def test_two_angles_pass_a_quarter_turn_of_the_third(tmp_path: Path) -> None:
     """A pan and tilt head whose camera rolls: yaw and roll are prescribed, the pitch goes from 1.2 to 1.9."""
     robot, t = arm(tmp_path, "zyx"), np.linspace(0, 1, 41)

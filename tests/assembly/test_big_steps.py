@@ -104,6 +104,13 @@ def test_a_step_whose_ends_look_alike_ends_on_its_branch() -> None:
     assert far_apart(robot, found[None], wanted[None]) < SAME
 
 
+def test_a_whole_turn_of_a_crank_turns_its_rod_back() -> None:
+    """Both ends of the step look alike; between them the rod only swings, so the elbow turns as the crank."""
+    robot = hybridyn.load("five_bar")
+    found = step_of(robot)(np.array([2 * np.pi, 0.0]), robot.home)
+    close_to(found - robot.home, 2 * np.pi * np.array([1.0, -1.0, 0.0, 0.0]), SAME)
+
+
 @pytest.mark.parametrize("compiled", [False, slow(True)])
 def test_motors_that_turn_the_rows_beyond_a_fold(compiled: bool) -> None:
     """The motors alone turn the row's Jacobian about: seen from where they end, another branch is ahead."""

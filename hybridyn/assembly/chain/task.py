@@ -160,22 +160,24 @@ class ChainTask:
                     out |= one.target.missed(seen, samples, self.tolerance)
         return out
 
-    def headed(self, q: Array, samples: Index, *, on: bool = True) -> ChainTask:
-        """Return the task whose angles are told apart by postures, see `CoordinateTarget.headed`."""
+    def headed(self, q: Array, samples: Index, *, done: float | None = None) -> ChainTask:
+        """Return the task whose angles are told apart by postures, as `Task.headed`."""
         if not any(map(_turns, self.problem.relatives)) and all(
             part.headed(x[:1], samples[:1]) is part
             for part, x in zip(self.parts, self.each(q), strict=True)
         ):  # fmt: skip
             return self
-        place, at = self.problem, samples
-        if self.start and not any(map(_headed, place.relatives)):  # at a guess, all modules are there
+        place, at, on = self.problem, samples, done is None
+        if done is not None:  # what is known goes with the posture
+            place, at = self.between(int(samples[0]), np.array([done])).problem, np.zeros_like(samples)
+        elif self.start and not any(map(_headed, place.relatives)):  # at a guess, all modules are there
             place, at = self.start, np.zeros_like(samples)
         frames = place.frames(place.tree.sweep(q), at)
         relatives = tuple(
             replace(one, target=one.target.headed(frames.seen(there.link, there.other), samples, on=on))
             for one, there in zip(self.problem.relatives, place.relatives, strict=True)
         )
-        parts = [part.headed(x, samples, on=on) for part, x in zip(self.parts, self.each(q), strict=True)]
+        parts = [part.headed(x, samples, done=done) for part, x in zip(self.parts, self.each(q), strict=True)]
         return self._with(parts, self.problem.carried, relatives)
 
     def headed_at(self, q: Array, values: Array) -> ChainTask:
