@@ -9,6 +9,7 @@ from ..figures.sweep import chart_of_sweep
 from ..studies.sweep.best import Best, find_best
 from ..studies.sweep.sweep import Swept
 from ..studies.sweep.sweep import sweep as sweep_study
+from .common.executors import Asked, processes
 from .common.figures import save
 from .common.options import refuse
 from .common.progress import progress
@@ -22,6 +23,8 @@ def run(
     study: str | None,
     output: str,
     jobs: int | None,
+    executor: str | None,
+    dask: str | None,
     resume: bool,
     allow_python: bool,
     engine: str | None,
@@ -35,10 +38,15 @@ def run(
     asked = best or plot
     refuse(
         (not study and not asked, "give a STUDY to evaluate, or --best or --plot to ask earlier results"),
+        (not study and (executor or dask), "--executor and --dask belong to a STUDY"),
         (where and not asked, "--where belongs to --best or --plot"),
     )
     if study is not None:
-        _evaluate(study, output, engine, jobs=jobs, resume=resume, allow_python=allow_python, strict=strict)
+        with processes(Asked(jobs, executor, dask)) as (count, start):
+            _evaluate(
+                study, output, engine, jobs=count, executor=start, resume=resume, allow_python=allow_python,
+                strict=strict,
+            )  # fmt: skip
     if best is not None:
         click.echo("\n".join(_table(find_best(output, best, where, top))))
     if plot is not None:

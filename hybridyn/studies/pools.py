@@ -11,6 +11,7 @@ from itertools import islice
 from typing import Any
 
 from ..errors import HybridynError, install_advice
+from .far_processes import far, started
 
 #: Tasks per process that are given in advance.
 AHEAD = 2
@@ -30,11 +31,13 @@ class Pool:
         workers: Their number.
         start: Returns the executor; after the death of a process, another one where that is needed.
         deaths: Times that a process died.
+        foreign: Whether another program started the processes, in a folder of its own.
     """
 
     workers: int
     start: Callable[[], Executor]
     deaths: int = 0
+    foreign: bool = False
 
     def run(
         self, function: Callable[..., Any], tasks: Iterable[Task], lost: Callable[..., Any],
@@ -49,6 +52,7 @@ class Pool:
             parts: Divides a task.
         """
         source, given = iter(tasks), list[Task]()
+        function = far(function) if self.foreign else function
         while not (yield from self._survived(function, source, given)):
             for task in given:
                 pieces = parts(task)
@@ -68,7 +72,7 @@ class Pool:
 
     def _survived(self, function: Callable[..., Any], source: Iterator[Task], given: list[Task]) -> Any:
         """Yield the results of tasks, and return whether no process died; `given` has no result then."""
-        executor, tasks = self.start(), dict[Future[Any], Task]()
+        executor, tasks = started(self.start), dict[Future[Any], Task]()
         try:
             while True:
                 for task in islice(source, (AHEAD * self.workers if self.workers > 1 else 1) - len(tasks)):
@@ -117,7 +121,7 @@ def open_pool(jobs: int | None = None, executor: Callable[[], Executor] | None =
     """
     jobs = jobs or cores()
     if executor is not None or jobs == 1:
-        return Pool(jobs, executor or ThisProcess)
+        return Pool(jobs, executor or ThisProcess, foreign=executor is not None)
     try:
         from joblib.externals.loky import get_reusable_executor
     except ImportError:

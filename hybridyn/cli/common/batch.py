@@ -19,6 +19,7 @@ from ...studies.pools import MOST_DEATHS, open_pool
 from ...studies.results_folder import by_name, digest, part, writing
 from ...threads import one_thread
 from .. import explained
+from .executors import Asked, processes
 from .one_table import one_table
 from .options import RobotChoice, refuse
 from .progress import progress
@@ -46,13 +47,16 @@ class Outcome(NamedTuple):
     error: str = ""
 
 
-def compute_each(command: Callable[..., int], options: dict[str, Any], ending: str, *, resume: bool) -> int:
+def compute_each(
+    command: Callable[..., int], options: dict[str, Any], ending: str, where: Asked, *, resume: bool
+) -> int:
     """Compute every table that has no shard, and return the exit status.
 
     Args:
         command: Computes a table.
         options: Its values; `source` names the tables.
         ending: Ending of the shards; "" takes that of the table.
+        where: What computes.
 
     Raises:
         HybridynError: No table is found, the robot does not load, or the folder has other results.
@@ -68,8 +72,8 @@ def compute_each(command: Callable[..., int], options: dict[str, Any], ending: s
             (command, options | {"source": file}, shards[file], digests[file], record.asked) for file in left
         ]
         try:
-            with progress("tables") as show:
-                for outcome in open_pool(options["jobs"]).run(compute, tasks, lost) if tasks else ():
+            with processes(where) as there_are, progress("tables") as show:
+                for outcome in open_pool(*there_are).run(compute, tasks, lost) if tasks else ():
                     outcomes.append(outcome)
                     if outcome.error:
                         click.echo(f"error: {outcome.error}", err=True)
@@ -131,7 +135,8 @@ def compute(
 ) -> Outcome:
     """Compute one table, in whatever process; the first process has printed the notes on the robot."""
     source, out, draft = options["source"], io.StringIO(), shard
-    own = {"load": partial(_robot, options["load"]), "jobs": 1, "quiet": True}
+    robot = partial(_robot, options["load"], tuple(asked.items()))
+    own = {"load": robot, "jobs": 1, "quiet": True}
     try:
         with (
             one_thread(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()),
@@ -145,6 +150,6 @@ def compute(
 
 
 @lru_cache(1)
-def _robot(choice: RobotChoice) -> HybridRobot:
-    """Load a robot, unless this process has just had it."""
+def _robot(choice: RobotChoice, asked: tuple[tuple[str, str], ...]) -> HybridRobot:
+    """Load a robot, unless this process has just had it, of the same files."""
     return choice()

@@ -14,6 +14,7 @@ from .shared import (
     QUIET,
     RULE,
     effects_option,
+    far_options,
     jobs_option,
     one_or_several,
     option,
@@ -45,6 +46,7 @@ def _table_options(plot: str) -> list[click.Parameter]:
         QUIET,
         jobs_option("1; one per core for long tables"),
         option("--resume", is_flag=True, help="Several tables: Continue an earlier run."),
+        *far_options("Several tables: "),
     ]  # fmt: skip
 
 

@@ -37,6 +37,17 @@ def jobs_option(default: str) -> click.Option:
     )
 
 
+def far_options(where: str) -> list[click.Parameter]:
+    """Return `--executor` and `--dask`. `where`: what the help says before."""
+    return [
+        option(
+            "--executor", metavar="MODULE:FUNCTION",
+            help=f"{where}Processes of the executor (concurrent.futures) that FUNCTION() returns.",
+        ),
+        option("--dask", metavar="ADDRESS", help=f"{where}Workers of the Dask scheduler at ADDRESS."),
+    ]  # fmt: skip
+
+
 def one_or_several(ctx: click.Context, param: click.Parameter, value: str) -> str:
     """Check a table, or let a folder or a glob of several pass."""
     return value if several(value) else existing_file(ctx, param, value)

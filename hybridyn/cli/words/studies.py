@@ -24,7 +24,7 @@ from ..common.options import (
     parse_grid,
     split_names,
 )
-from .shared import ENGINE, PYTHON, RULE, jobs_option, option, run_module
+from .shared import ENGINE, PYTHON, RULE, far_options, jobs_option, option, run_module
 
 
 def _robot_or_scene(ctx: click.Context, param: click.Parameter, value: str) -> str:
@@ -198,6 +198,7 @@ sweep = Command(
     params=[
         plot_option("every measure over every parameter", page=True),
         jobs_option("one per core"),
+        *far_options(""),
         option("--resume", is_flag=True, help="Continue an earlier run."),
         click.Argument(["study"], required=False, metavar="[STUDY]", type=click.Path(dir_okay=False)),
         option("-o", "--output", metavar="FOLDER", default="results", show_default=True, help="The results."),
