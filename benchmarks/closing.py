@@ -103,7 +103,7 @@ def step_alone(compiled: CompiledRobot, motors: Motors) -> float:
     last, ticks = out[:nq], [tuple(x[i] for x in motors) for i in range(ROWS)]
     for _ in range(4 * ROUNDS):
         last[:] = compiled.idm_from_motors(*ticks[0])[1]
-        call = compiled._control_at_once
+        call = compiled._models.control_at_once
         start, refused = time.process_time(), 0
         for position, rate, acceleration in ticks:
             refused += call(last, position, rate, acceleration, out)

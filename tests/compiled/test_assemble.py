@@ -305,7 +305,8 @@ def test_a_tick_from_any_other_posture_is_closed_too(ticks: Any) -> None:
 def closed_in_c(compiled: hybridyn.CompiledRobot, position: Array, last: Array) -> bool:
     """Return whether C alone closes a row from a posture that is not the last tick's."""
     robot, still = compiled.robot, np.zeros(len(position))
-    return compiled._close_at_once(last, position, still, still, np.empty(robot.nq + 2 * robot.nv)) == 0
+    out, at_once = np.empty(robot.nq + 2 * robot.nv), compiled._postures._close_at_once
+    return at_once(last, position, still, still, out) == 0
 
 
 def test_other_postures_that_close_the_loops_need_no_general_path(ticks: Any) -> None:

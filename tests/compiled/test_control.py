@@ -73,12 +73,12 @@ def test_rows_follow_one_another(symmetric: hybridyn.CompiledRobot) -> None:
 
 
 def test_a_step_moves_to_the_library_that_is_taken_into_use(symmetric: hybridyn.CompiledRobot) -> None:
-    held, asked = symmetric._control_at_once, []
+    held, asked = symmetric._models.control_at_once, []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(type(symmetric), "_control", lambda self: asked.append(self) or held)
+        patch.setattr(type(symmetric._control), "_control", lambda self: asked.append(self) or held)
         symmetric.idm_from_motors(at_home(symmetric.robot))
         assert not asked
-        symmetric._current.take(symmetric.library)
+        symmetric._models.current.take(symmetric.library)
         symmetric.idm_from_motors(at_home(symmetric.robot))
         symmetric.idm_from_motors(at_home(symmetric.robot))
     assert len(asked) == 1
@@ -176,7 +176,7 @@ def test_efforts_that_are_not_certain_are_the_general_paths(
     symmetric: hybridyn.CompiledRobot, monkeypatch: Any
 ) -> None:
     """C that has closed the loops leaves the rest to `idm`."""
-    home, closing = at_home(symmetric.robot), symmetric._close_at_once
+    home, closing = at_home(symmetric.robot), symmetric._postures._close_at_once
 
     def uncertain(last: Any, position: Any, rate: Any, acceleration: Any, out: Any) -> int:
         """Close the loops only."""
@@ -186,7 +186,7 @@ def test_efforts_that_are_not_certain_are_the_general_paths(
         return 2
 
     first = symmetric.idm_from_motors(home)
-    monkeypatch.setattr(symmetric, "_control_at_once", uncertain)
+    monkeypatch.setattr(symmetric._models, "control_at_once", uncertain)
     again = symmetric.idm_from_motors(home, last=first[1])
     close_to(again[0], first[0], SAME)
 
@@ -216,7 +216,7 @@ def test_robots_that_differ_in_their_loops_alone_take_turns() -> None:
     last = [compiled.idm_from_motors(motor)[1] for compiled in both]
     for compiled, q, offset in zip(both, last, (0.0, 0.2), strict=True):
         out = np.empty(2 + 2 * 2 + 1)
-        assert compiled._control_at_once(q, motor + 0.01, still, still, out) == 0
+        assert compiled._models.control_at_once(q, motor + 0.01, still, still, out) == 0
         assert abs(0.3 * out[0] - out[1] - offset) <= SAME
 
 

@@ -65,13 +65,14 @@ def test_designs_are_the_robots_with_these_numbers(name: str) -> None:
         agrees(found, k, robot_of(compiled, p[k]), motors=motors)
     alone = compiled.designs(p[3:4], motors=motors)  # the same bits, whatever the others need
     same_bits((alone.q[0], alone.a[0], alone.tau[0]), (found.q[3], found.a[3], found.tau[3]))
-    before, (closing,) = compiled.recomputed, compiled._evaluator.libraries._known.values()
+    before, (closing,) = compiled.recomputed, compiled._postures._evaluator.libraries._known.values()
     assert closing is not None
     closing.rows.close = lambda *_, **more: np.zeros(1, int)  # type: ignore[method-assign]
     close_to(compiled.designs(p[3:4], motors=motors).q, alone.q, AGREE)
     assert (before, compiled.recomputed) == (0, ROWS)
-    compiled._current.take(compiled._current.artifact.loaded(Library))  # as when the library is built
-    assert compiled._evaluator._inverse() is compiled._current.program("idm")
+    current = compiled._models.current
+    current.take(current.artifact.loaded(Library))  # as when the library is built
+    assert compiled._postures._evaluator._inverse() is current.program("idm")
 
 
 def test_programs_are_kept_in_bounded_number() -> None:

@@ -41,17 +41,17 @@ def test_models_are_there_without_a_compiler(model: hybridyn.CompiledRobot) -> N
     """Single samples and batches; each program is written when it is first called."""
     robot = model.robot
     q, v, tau, a = random_states(robot)
-    assert set(model._current.models.programs) == {"idm"}
+    assert set(model._models.current.models.programs) == {"idm"}
     close_to(model.idm(q, v, a), hybridyn.idm(robot, q, v, a), AGREES)
     assert np.array_equal(model.idm(q[3], v[3], a[3]), model.idm(q, v, a)[3])
-    assert set(model._current.models.programs) == {"idm"}
+    assert set(model._models.current.models.programs) == {"idm"}
     close_to(model.ddm(q, v, tau), hybridyn.ddm(robot, q, v, tau), AGREES)
     close_to(
         model.kinematics(q, v, a)["m1_tool"].pose, hybridyn.kinematics(robot, q, v, a)["m1_tool"].pose, AGREES
     )
     close_to(model.mass_matrix(q), hybridyn.mass_matrix(robot, q), AGREES)
     assert model.closure_residual(q) is not None
-    assert set(model._current.models.programs) == {"idm", "ddm", "kinematics", "lift"}
+    assert set(model._models.current.models.programs) == {"idm", "ddm", "kinematics", "lift"}
     assert model.interpreted
     assert "run by CasADi" in repr(model)
 

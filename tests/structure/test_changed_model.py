@@ -74,6 +74,11 @@ OF_COMPILED: dict[str, Callable[[hybridyn.CompiledRobot, Any, Any], object]] = {
 }
 
 
+def calls_at_once(compiled: hybridyn.CompiledRobot) -> list[Callable[..., int]]:
+    models, postures = compiled._models, compiled._postures
+    return [models.idm_at_once, models.ddm_at_once, postures._close_at_once, models.control_at_once]
+
+
 @pytest.mark.parametrize(
     "names", [("idm", "ddm", "batch"), pytest.param(tuple(OF_COMPILED), marks=pytest.mark.slow)]
 )
@@ -85,13 +90,12 @@ def test_edits_change_no_compiled_result(names: tuple[str, ...]) -> None:
     for name in names:  # the first postures come from Newton's method, the next ones from C
         OF_COMPILED[name](compiled, v, tau)
     expected = [OF_COMPILED[name](compiled, v, tau) for name in names]
-    at_once = compiled._idm_at_once, compiled._ddm_at_once, compiled._close_at_once, compiled._control_at_once
+    at_once = calls_at_once(compiled)
     model = robot.model
     change(model)
     for name, before in zip(names, expected, strict=True):
         same_bits(OF_COMPILED[name](compiled, v, tau), before)
-    held = compiled._idm_at_once, compiled._ddm_at_once, compiled._close_at_once, compiled._control_at_once
-    assert held == at_once
+    assert calls_at_once(compiled) == at_once
     same_bits(
         OF_COMPILED["idm"](hybridyn.compile(robot), v, tau), expected[0]
     )  # also where it was changed before

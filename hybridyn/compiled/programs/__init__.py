@@ -2,8 +2,8 @@
 
 Read `writer` (collects kernels and calls), `module_calls`, `inverse`, `direct`, `kinematics`,
 `loop_kernels`, `close`, then `whole_robot` and `sources`. `general` is the general path behind the programs.
-`postures` closes loops for `CompiledRobot`, `designs` and `evaluating` those of many designs; `control` joins
-it with the inverse model, and `walking` is the same for exported C and Warp.
+`model_calls` runs the models for `CompiledRobot`, `postures` closes its loops, `designs` and `evaluating`
+those of many designs; `control` joins both, and `walking` is the same for exported C and Warp.
 
 May import: `equations`, `code`, `program`, and what `compiled` may.
 """

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 from ...dynamics.quantities.independent import located
 from ...effects.choice import Effects
 from ...spatial import Array
-from ...structure.parameters.entries import Parameters
 from ...structure.robot import HybridRobot
 from ..library.calls import Library, Numbers
 from ..library.direct_calls import DOUBLE, REFUSED, again, refuse
-from .quantities.calls import Quantities
+from .model_calls import ModelCalls
+from .postures import Postures
 from .quantities.following import artifact_of
 from .sources import robot_key
 
@@ -48,13 +48,12 @@ def same_without_limits(robot: HybridRobot, first: Effects, second: Effects) -> 
     return len({robot_key(robot, on.without("limits")) for on in (first, second)}) == 1
 
 
-class ControlSteps(Quantities):
+class ControlSteps:
     """The control steps of a `CompiledRobot`."""
 
-    idm: Callable[..., Numbers]
-    parameters: Parameters
-    _control_at_once: Callable[..., int] = refuse
-    _idm_at_once: Callable[..., int]
+    def __init__(self, models: ModelCalls, postures: Postures) -> None:
+        """Join the closing of loops with the inverse model."""
+        self.robot, self._models, self._postures = models.robot, models, postures
 
     def idm_from_motors(
         self,
@@ -80,21 +79,22 @@ class ControlSteps(Quantities):
         """
         nq, nv = self.robot.nq, self.robot.nv
         out = np.empty(nq + 2 * nv + len(self.robot.motors))
-        start, still = self.robot.home if last is None else last, self._motors_still
+        start, still = self.robot.home if last is None else last, self._postures.still
         speed, change = still if rate is None else rate, still if acceleration is None else acceleration
-        status = self._control_at_once(start, position, speed, change, out)
+        status = self._models.control_at_once(start, position, speed, change, out)
         if status == REFUSED:
-            status = again(self._control_at_once, (start, position, speed, change), out)
+            status = again(self._models.control_at_once, (start, position, speed, change), out)
         q, v, a = out[:nq], out[nq : nq + nv], out[nq + nv : nq + 2 * nv]
         if status == 0:
             return out[nq + 2 * nv :], q, v, a
         if status == REFUSED:
-            q, v, a = self.close(position, rate, acceleration, last=last)
-            self._control_at_once = self._control()
-        return self.idm(q, v, a), q, v, a
+            q, v, a = self._postures.close(position, rate, acceleration, last=last)
+            self._models.control_at_once = self._control()
+        return self._models.run("idm", {"q": q, "v": v, "a": a}), q, v, a
 
     def _control(self) -> Callable[..., int]:
         """Return the call of a control step in C; one that refuses where there is none."""
-        if self._follower is None or self._idm_at_once is refuse or self.dtype != DOUBLE:
+        models, follower = self._models, self._postures.follower
+        if follower is None or models.idm_at_once is refuse or models.dtype != DOUBLE:
             return refuse
-        return self._follower.control(self._current.program("idm"))
+        return follower.control(models.current.program("idm"))

@@ -8,21 +8,19 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...assembly.posture import holding, posture_at
+from ...assembly.posture import holding
+from ...assembly.posture import posture_at as assembled_at
 from ...assembly.redundancy import LEAST
 from ...assembly.requests import Requests, asked_requests, first_guess, gather_requests
-from ...effects.choice import Effects
 from ...spatial import Array
 from ...structure.given import by_name, motors_by_name
-from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions
 from ..library.closed_rows import ClosedRows
-from ..library.current import Current
 from ..library.direct_calls import again, refuse
 from .closing.assembling import Assembler
 from .closing.own_requests import requests_of_motors
-from .designs import DesignsInSlots
 from .evaluating import DesignEvaluator, DesignTable
+from .model_calls import ModelCalls
 from .sources import kept
 
 
@@ -32,21 +30,14 @@ class Postures:
     The general path computes postures of which the C is not certain.
     """
 
-    robot: HybridRobot
-    effects: Effects
-    threads: int
-    hand_over: Callable[..., None]
-    say_of_table: Callable[[str, int, int], None]
-    _designs: DesignsInSlots
-    _current: Current
-
-    def _begin_postures(self) -> None:
-        """Prepare the closing of loops for `robot`; programs are built when they are first needed."""
+    def __init__(self, models: ModelCalls) -> None:
+        """Prepare the closing of the robot's loops; programs are built when they are first needed."""
+        self.robot, self._models, self._handed = models.robot, models, models.handed
         self._assembler = Assembler(self.robot)
         self._assemblers = {frozenset[str](): self._assembler}
         self._close_at_once: Callable[..., int] = refuse
-        self._follower: ClosedRows | None = None
-        self._motors_still = np.zeros(len(self.robot.motors))
+        self.follower: ClosedRows | None = None
+        self.still = np.zeros(len(self.robot.motors))
 
     def assemble(
         self,
@@ -113,7 +104,7 @@ class Postures:
         found = self._evaluator.table(
             parameters, motors_by_name(self.robot, motors), by_name(platforms), redundancy
         )
-        self.hand_over("designs", found.recomputed * found.q.shape[1])
+        self._handed.hand_over("designs", found.recomputed * found.q.shape[1])
         return found
 
     def close(
@@ -143,7 +134,7 @@ class Postures:
         """
         nq, nv = self.robot.nq, self.robot.nv
         out = np.empty(nq + 2 * nv)
-        start, still = self.robot.home if last is None else last, self._motors_still
+        start, still = self.robot.home if last is None else last, self.still
         speed, change = still if rate is None else rate, still if acceleration is None else acceleration
         status = self._close_at_once(start, position, speed, change, out)
         if (status and again(self._close_at_once, (start, position, speed, change), out)) == 0:
@@ -152,7 +143,7 @@ class Postures:
         q, v, a = self.assemble_requests(requests, self.robot.home if last is None else last)
         if not requests.samples:
             return q, v, a
-        follower = self._follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
+        follower = self.follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
         self._close_at_once = follower.from_motors if follower else refuse
         return q, v, a
 
@@ -170,21 +161,22 @@ class Postures:
             TrajectoryError: As `hybridyn.closure_residual`.
         """
         q, single = as_positions(self.robot, q)
-        lift = self._current.program("lift")
+        lift = self._models.current.program("lift")
         if lift is None:
             return None
         still = np.zeros((len(q), self.robot.nv))
-        residuals = lift.batch([q, still, still], self.threads)[0][-1]
+        residuals = lift.batch([q, still, still], self._models.threads)[0][-1]
         out: Array = np.asarray(residuals.max(axis=1, initial=0.0), dtype=float)
         return out[0] if single else out
 
     @cached_property
     def _evaluator(self) -> DesignEvaluator:
         """Compute many designs in C."""
-        inverse = partial(self._current.program, "idm")  # it changes when the library is built
-        return DesignEvaluator(self._designs, self.effects, inverse, self.threads)
+        models = self._models
+        inverse = partial(models.current.program, "idm")  # it changes when the library is built
+        return DesignEvaluator(models.designs, models.effects, inverse, models.threads)
 
-    def _posture_at(self, positions: Mapping[str, ArrayLike]) -> Array:
+    def posture_at(self, positions: Mapping[str, ArrayLike]) -> Array:
         """Assemble a posture from positions of some modules' joints, also those of wrists that were cut."""
         cut = self.robot.cut_joints & set(positions)
         assembler = kept(self._assemblers, cut, lambda: Assembler(holding(self.robot, cut)))
@@ -193,7 +185,7 @@ class Postures:
             """Close the loops in C."""
             return self.assemble_requests(gather_requests(assembler.robot, motors, {}), guess, assembler)
 
-        return posture_at(assembler.robot, positions, close=close)
+        return assembled_at(assembler.robot, positions, close=close)
 
     def assemble_requests(
         self, requests: Requests, guess: Array | None, assembler: Assembler | None = None
@@ -203,6 +195,6 @@ class Postures:
         before = assembler.recomputed
         requests = requests._replace(strict=guess is not None)
         q, v, a = assembler.assemble(requests, first_guess(assembler.robot, guess))
-        self.hand_over("assemble", assembler.recomputed - before)
-        self.say_of_table("assemble", assembler.recomputed - before, requests.samples)
+        self._handed.hand_over("assemble", assembler.recomputed - before)
+        self._handed.say_of_table("assemble", assembler.recomputed - before, requests.samples)
         return (q[0], v[0], a[0]) if requests.single else (q, v, a)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,8 +21,9 @@ from ....effects.springs import Spring, Stop
 from ....errors import HybridynError
 from ....spatial import Array, Mask
 from ....structure.samples import one_of
-from ...library.calls import Calls, Library, Numbers
+from ...library.calls import Library, Numbers
 from ..general import body_motion, named, samples_of
+from ..model_calls import ModelCalls
 from ..postures import Postures
 from ..sources import kept
 from .engine import CompiledEngine
@@ -40,17 +41,18 @@ Joints = Sequence[str] | None
 Formula = Callable[..., Numbers]
 
 
-class Quantities(Postures):
+class Quantities:
     """The closed-loop quantities of a `CompiledRobot`.
 
     Arguments, results and errors are those of the functions with the same names, effects those of the
     compiled models. The general path computes samples that cannot be trusted, and what no program computes.
     """
 
-    dtype: np.dtype[Any]
-    _followings: dict[tuple[str, ...], Following | None]
-    _arguments: Callable[[Calls, ArrayLike | None, tuple[int, ...]], dict[str, Array]]
-    _run: Callable[[str, dict[str, ArrayLike]], Numbers]
+    def __init__(self, models: ModelCalls, postures: Postures) -> None:
+        """Compute quantities by models; `postures` assembles those that are given by positions."""
+        self.robot, self.effects, self.dtype = models.robot, models.effects, models.dtype
+        self._models, self._postures, self._handed = models, postures, models.handed
+        self._followings: dict[tuple[str, ...], Following | None] = {}
 
     def mass_matrix(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute M(q), shape (N, N) or (T, N, N), like `hybridyn.mass_matrix`."""
@@ -104,10 +106,6 @@ class Quantities(Postures):
         lanes = ROWS[name] * (moves.u.size if moves and "matrix" in name else 1)
         return self._finished(name, moves, getattr(CompiledEngine, name), general, lanes, single, **given)
 
-    @overload
-    def motion_map(self, q: ArrayLike, v: None = None, *, joints: Joints = None) -> Numbers: ...
-    @overload
-    def motion_map(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> tuple[Numbers, Numbers]: ...
     def motion_map(
         self, q: ArrayLike, v: ArrayLike | None = None, *, joints: Joints = None
     ) -> Numbers | tuple[Numbers, Numbers]:
@@ -145,10 +143,10 @@ class Quantities(Postures):
         A moving base does not accelerate in "ddm".
         """
         pushed = self._pushed_models if name.endswith("_pushed") else None
-        calls = pushed.programs[name] if pushed else self._current.program(name)
+        calls = pushed.programs[name] if pushed else self._models.current.program(name)
         base = [np.zeros((len(q), 6))] if name == "ddm" and self.robot.base == "moving" else []
-        arguments = {} if pushed else self._arguments(calls, None, (len(q),))
-        outputs, guard = calls.batch([q, *given, *base, *arguments.values()], self.threads)
+        arguments = {} if pushed else self._models.arguments(calls, None, (len(q),))
+        outputs, guard = calls.batch([q, *given, *base, *arguments.values()], self._models.threads)
         return outputs[0], np.asarray(guard <= calls.trusted)
 
     def _following(self, joints: Joints) -> Following | None:
@@ -227,14 +225,14 @@ class Quantities(Postures):
         """
         samples = len(arrays["q"])
         if (moves is None and name != "energy") or not samples:  # without any, it knows the result's shape
-            self.hand_over(name, samples, "which it alone computes")
+            self._handed.hand_over(name, samples, "which it alone computes")
             out = general(**arrays).astype(self.dtype)
             return out[0] if single else out
         out, good = self._by_engines(moves, formula, lanes, arrays)
         doubtful = np.flatnonzero(~good)
-        self.say_of_table(name, len(doubtful), len(out))
+        self._handed.say_of_table(name, len(doubtful), len(out))
         if len(doubtful):
-            self.hand_over(name, len(doubtful))
+            self._handed.hand_over(name, len(doubtful))
             try:
                 out[doubtful] = general(**{key: x[doubtful] for key, x in arrays.items()})
             except HybridynError:
@@ -262,7 +260,7 @@ class Quantities(Postures):
         given = named(self.robot, {"q": q, "v": v} | ({} if a is None else {"a": a}))
         if a is None:
             given["a"] = np.zeros((*samples_of(given["v"], "v"), self.robot.nv))
-        rows = self._run("kinematics", given)
+        rows = self._models.run("kinematics", given)
         places = self.robot.bodies.place
         wanted = list(named_links(self.robot, links))
         bodies = {body: body_motion(np.atleast_2d(rows), body) for body in {places[x][0] for x in wanted}}
@@ -309,7 +307,7 @@ class Quantities(Postures):
 
     def joint_map(self, q: ArrayLike | Mapping[str, ArrayLike], joints: Sequence[str]) -> JointMap:
         """Compute the map between output joints and motors, like `hybridyn.joint_map`."""
-        q = self._posture_at(q) if isinstance(q, Mapping) else q
+        q = self._postures.posture_at(q) if isinstance(q, Mapping) else q
         return related(self.robot, q, joints, self._side_motions)
 
     def _side_motions(self, q: Array, v: Array | None, side: IndependentCoordinates) -> tuple[Array, Array]:
