@@ -91,7 +91,7 @@ def test_tables_on_an_executor_have_the_bits_of_single_ones(place: Path, run: An
             1,
             "the executor is of type int: return one of",
         ),
-        (["--executor", "here_wrong:threads"], 1, "a ThreadPoolExecutor, whose threads share one robot"),
+        (["--executor", "here_wrong:threads"], 1, "type ThreadPoolExecutor, whose threads share one robot"),
         (["--executor", "here_wrong:one", "--dask", "x"], 2, "--executor and --dask exclude each other"),
         (["--dask", "tcp://127.0.0.1:9"], 1, "--dask: no scheduler of Dask answers at 'tcp://127.0.0.1:9'"),
         (["--dask", "nothing://x"], 1, "--dask: no scheduler of Dask answers at 'nothing://x' (ValueError"),
