@@ -6,6 +6,8 @@ of the *upright* one is within a quarter turn. A *heading*, a yaw nearby, tells 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..spatial import Array, compose, cross, rotation_from_axis_angle
@@ -104,14 +106,17 @@ def rate_map(angles: Array) -> Array:
     Args:
         angles: Roll, pitch and yaw, shape (T, 3), [rad].
     """
-    c, s = np.cos(angles[:, 2]), np.sin(angles[:, 2])
-    cosine, sine = np.cos(angles[:, 1]), np.sin(angles[:, 1])
+    yaw, cosine = angles[:, 2], np.cos(angles[:, 1])
     steep = np.copysign(np.maximum(np.abs(cosine), STEEP), cosine)
-    out = np.zeros((len(angles), 3, 3))
-    out[:, 0, 0], out[:, 0, 1] = c / steep, s / steep
-    out[:, 1, 0], out[:, 1, 1] = -s, c
-    out[:, 2, 0], out[:, 2, 1], out[:, 2, 2] = sine * c / steep, sine * s / steep, 1.0
-    return out
+    return turn_rates((np.cos(yaw), np.sin(yaw)), (steep, np.sin(angles[:, 1])))
+
+
+def turn_rates(yaw: tuple[Any, Any], pitch: tuple[Any, Any]) -> Array:
+    """Compute `rate_map` from cosines and sines of yaw and pitch, numbers (T,) or symbols, (..., 3, 3)."""
+    (c, s), (cosine, sine), zero = yaw, pitch, 0.0 * pitch[0]
+    along, across = c / cosine, s / cosine
+    rows = [along, across, zero], [-s, c, zero], [sine * along, sine * across, zero + 1.0]
+    return np.stack([np.stack([np.asarray(x) for x in row], axis=-1) for row in rows], axis=-2)
 
 
 def angular_drift(E: Array, rates: Array) -> Array:

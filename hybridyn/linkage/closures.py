@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from ..joints.kinds import RotationKind
 from ..spatial import (
     Array,
     Mask,
+    added,
     compose,
     cross,
     rotate,
@@ -131,22 +133,87 @@ def _whole_tilt(tilt: Array, cosine: Array) -> Array:
     return turn
 
 
-def rows_of(
-    translations: Sequence[int], rotation: RotationKind, A: Array, z: Array, columns: tuple[Array, Array]
+class Directions(NamedTuple):
+    """Vectors along which frames A and B of closures of one form do not move.
+
+    Attributes:
+        axes: Vectors along which they do not move apart, shape (..., translational rows, 3).
+        turns: Vectors along which they have no relative angular velocity, shape (..., rotational rows, 3).
+    """
+
+    axes: Array
+    turns: Array
+
+
+def directions_of(translations: Sequence[int], rotation: RotationKind, A: Array, z: Array) -> Directions:
+    """Compute the directions of the rows of closures of one form; arguments as of `normals`."""
+    return Directions(np.swapaxes(A, -1, -2)[..., list(translations), :], normals(rotation, A, z))
+
+
+def closed_directions(translations: Sequence[int], rotation: RotationKind, A: Array, z: Array) -> Directions:
+    """Return directions that take fewer products than `directions_of`; of a closed loop they say the same.
+
+    Three together may be along any axes, and the third axes of "parallel" frames are one.
+    """
+    axes, turns = directions_of(translations, rotation, A, z)
+    turns = np.swapaxes(A, -1, -2)[..., :2, :] if rotation == "parallel" else turns
+    return Directions(
+        np.eye(3) if len(translations) == 3 else axes, np.eye(3) if rotation == "fixed" else turns
+    )
+
+
+def turns_dot(
+    rotation: RotationKind, A: Array, z: Array, wa: Array, wb: Array, *, closed: bool = False
 ) -> Array:
-    """Compute the constraint rows of closures of one form over some freedoms, shape (..., rows, freedoms).
+    """Compute the time derivatives of `Directions.turns`, shape (..., rotational rows, 3).
 
     Args:
-        translations: Axes of frame A along which the origins coincide.
-        rotation: Kind of constraint on the relative rotation.
-        A: Axes of frame A, shape (..., 3, 3).
-        z: Third axis of frame B, shape (..., 3).
+        wa, wb: Angular velocities of A and B, shape (..., 3).
+        closed: Whether the directions are those of a closed loop.
+    """
+    turned = cross(wa[..., None, :], np.swapaxes(A, -1, -2)[..., TURNING[rotation], :])
+    if rotation == "fixed":
+        return 0.0 * turned if closed else turned
+    if rotation == "free" or (rotation == "parallel" and closed):
+        return turned
+    axes = np.swapaxes(A, -1, -2)[..., TURNING[rotation], :]
+    return added(cross(cross(wb, z)[..., None, :], axes), cross(z[..., None, :], turned))
+
+
+def rows_of(directions: Directions, columns: tuple[Array, Array]) -> Array:
+    """Compute the constraint rows of closures over some freedoms, shape (..., rows, freedoms).
+
+    Args:
+        directions: Those of the rows.
         columns: For each freedom at unit rate, the velocity of B relative to A at B's origin, and the
             relative angular velocity, each of shape (..., freedoms, 3).
     """
-    axes = np.swapaxes(A, -1, -2)[..., list(translations), :]
-    parts = zip((axes, normals(rotation, A, z)), columns, strict=True)
+    parts = zip(directions, columns, strict=True)
     return np.concatenate([compose(n, np.swapaxes(column, -1, -2)) for n, column in parts], axis=-2)
+
+
+def slides_of(r: Array, v: Array, a: Array, wa: Array, wda: Array) -> tuple[Array, Array]:
+    """Compute how B moves in the axes of A: its velocity, and its acceleration along them, shape (..., 3).
+
+    Args:
+        r, v, a: Origin of B less that of A, and its first two time derivatives, shape (..., 3).
+        wa, wda: Angular velocity and acceleration of A, shape (..., 3).
+    """
+    slide = v - cross(wa, r)
+    return slide, a - cross(wda, r) - cross(wa, v) - cross(wa, slide)
+
+
+def drift_of(directions: Directions, turning: Array, slide_dot: Array, w: Array, w_dot: Array) -> Array:
+    """Compute the second time derivative of the residual of closed loops, shape (..., rows).
+
+    Args:
+        directions: Those of the rows.
+        turning: Time derivatives of those of turns, shape (..., rotational rows, 3).
+        slide_dot: From `slides_of`, shape (..., 3).
+        w, w_dot: Relative angular velocity and acceleration, shape (..., 3).
+    """
+    turn_dot = added(rotate(directions.turns, w_dot), rotate(turning, w))
+    return np.concatenate([rotate(directions.axes, slide_dot), turn_dot], axis=-1)
 
 
 class _Group:
@@ -193,7 +260,7 @@ class _Group:
         linear, angular = (select(c, self.cols) * self.sign[..., None] for c in columns)
         origin = select(motion.p, tree.dof_body[self.cols])
         at_b = linear + cross(angular, pb[:, :, None, :] - origin)
-        return rows_of(self.translations, self.rotation, A, B[..., 2], (at_b, angular))
+        return rows_of(directions_of(self.translations, self.rotation, A, B[..., 2]), (at_b, angular))
 
     def rates(self, motion: Motion) -> tuple[Array, Array]:
         """Compute the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""
@@ -203,22 +270,11 @@ class _Group:
         va, vb = select(motion.p_dot, self.a) + cross(wa, ra), select(motion.p_dot, self.b) + cross(wb, rb)
         aa = select(motion.p_ddot, self.a) + cross(wda, ra) + cross(wa, cross(wa, ra))
         ab = select(motion.p_ddot, self.b) + cross(wdb, rb) + cross(wb, cross(wb, rb))
-        slide = vb - va - cross(wa, r)
-        slide_dot = ab - aa - cross(wda, r) - cross(wa, vb - va)
-        shift = rotate_back(A, slide)[..., self.translations]
-        shift_dot = rotate_back(A, slide_dot - cross(wa, slide))[..., self.translations]
-        n, w = normals(self.rotation, A, B[..., 2]), wb - wa
-        turn = rotate(n, w)
-        turn_dot = rotate(n, wdb - wda) + rotate(self._normals_dot(A, B, wa, wb), w)
-        return np.concatenate([shift, turn], axis=-1), np.concatenate([shift_dot, turn_dot], axis=-1)
-
-    def _normals_dot(self, A: Array, B: Array, wa: Array, wb: Array) -> Array:
-        """Compute the time derivatives of `normals` for angular velocities wa of A and wb of B."""
-        axes = np.swapaxes(A, -1, -2)[..., TURNING[self.rotation], :]
-        if self.rotation in ("free", "fixed"):
-            return cross(wa[..., None, :], axes)
-        z = B[..., None, :, 2]
-        return cross(cross(wb[..., None, :], z), axes) + cross(z, cross(wa[..., None, :], axes))
+        slide, slide_dot = slides_of(r, vb - va, ab - aa, wa, wda)
+        z, w = B[..., 2], wb - wa
+        along = directions_of(self.translations, self.rotation, A, z)
+        first = np.concatenate([rotate(along.axes, slide), rotate(along.turns, w)], axis=-1)
+        return first, drift_of(along, turns_dot(self.rotation, A, z, wa, wb), slide_dot, w, wdb - wda)
 
 
 def involved(tree: Tree, closure: TreeClosure) -> Mask:

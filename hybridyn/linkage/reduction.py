@@ -227,8 +227,8 @@ class Reduction:
             ).reshape(T, g, r, c - r + P + 1)
             own, on_platform, rest = Y[..., : c - r], Y[..., c - r : -1], Y[..., -1:]
             local = np.zeros((T, g, c, Psi.shape[2] + 1))
-            local[:, :, :r, :-1] = np.matmul(on_platform, Psi_p)  # Eqs. (8), (10): J_i^-1 J_v,i a
-            local[:, :, :r, -1:] = np.matmul(on_platform, drift_p) + rest  # Eqs. (9), (11)
+            local[:, :, :r, :-1] = np.matmul(on_platform, Psi_p)  # Eqs. (8), (9): J_i^-1 J_v,i a
+            local[:, :, :r, -1:] = np.matmul(on_platform, drift_p) + rest  # Eqs. (10), (11)
             for i in range(g):
                 free = slice(first + i * (c - r), first + (i + 1) * (c - r))
                 local[:, i, :r, free] = own[:, i]

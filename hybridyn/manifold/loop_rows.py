@@ -6,7 +6,7 @@ Residuals and rows are those of `linkage.closures`.
 
 import numpy as np
 
-from ..linkage.closures import residual_of, rows_of
+from ..linkage.closures import directions_of, residual_of, rows_of
 from ..linkage.couplings import CouplingRows
 from ..linkage.retraction import Retraction
 from ..spatial import Array, cross
@@ -73,7 +73,8 @@ class ScaledLoopRows:
             residual[at] = residual_of(c.translations, c.rotation, *frames)
             linear, angular = (J * sign).T[:, :3], (J * sign).T[:, 3:]  # at the base's origin
             at_b = linear + cross(angular, B.translation)
-            K[at] = rows_of(c.translations, c.rotation, A.rotation, B.rotation[:, 2], (at_b, angular))
+            directions = directions_of(c.translations, c.rotation, A.rotation, B.rotation[:, 2])
+            K[at] = rows_of(directions, (at_b, angular))
         if self._closures.couplings:
             first = len(self._scale) - len(self._closures.couplings)
             residual[first:], K[first:] = self._coupled.residual(q[None])[0], self._coupled.matrix(q[None])

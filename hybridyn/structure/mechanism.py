@@ -3,7 +3,7 @@
 A `Mechanism` has no names. The unknowns x of a module are [joints of its legs; twists of its platforms]. In
 these unknowns the equations of the paper for the module are
 
-    x_dot = [q_dot; v] = [Psi; a] u                     (2), (8), (15)
+    x_dot = [q_dot; v] = [Psi; a] u                     (2), (8), (9), (15)
     H = D V_dot_base + A q_ddot + h                     (34)
 
 For an output that is a leg link, a_o = J_o Psi.

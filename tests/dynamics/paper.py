@@ -85,7 +85,7 @@ class Module:
         return [
             J_inv @ (J_v @ self.a @ v_r_dot + gamma)
             for J_inv, J_v, gamma in zip(self.J_inv, self.J_v, self.gamma, strict=True)
-        ]  # Eqs. (9)-(11)
+        ]  # Eqs. (8)-(11)
 
     def base_moves(self, V_base: np.ndarray) -> None:
         """Take the base's twist, axes of R_{k-1}: V_k and xi_k follow."""

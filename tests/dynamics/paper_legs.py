@@ -95,7 +95,7 @@ class Leg:
         return out
 
     def tip(self, q: np.ndarray, q_dot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return J_i (8) and J_dot_i q_dot_i (9), base axes, base at rest."""
+        """Return J_i (8) and J_dot_i q_dot_i (10), base axes, base at rest."""
         R, V, V_dot, columns = np.eye(3), np.zeros(6), np.zeros(6), []
         T = np.eye(6)
         for j in range(len(q)):

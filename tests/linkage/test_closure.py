@@ -5,7 +5,7 @@ import pytest
 
 from hybridyn.description.records import Curve
 from hybridyn.joints.kinds import JointKind
-from hybridyn.linkage.closures import Closures, TreeClosure, residual_of, rows_of
+from hybridyn.linkage.closures import Closures, TreeClosure, directions_of, residual_of, rows_of
 from hybridyn.linkage.couplings import TreeCoupling
 from hybridyn.linkage.tree import Tree, TreeJoint
 from hybridyn.spatial import Array, rotation_from_axis_angle, rotation_from_vector
@@ -96,7 +96,8 @@ def test_rows_of_symbols_are_those_of_numbers(name: str) -> None:
     def both(A: Array, pa: Array, B: Array, pb: Array, *columns: Array) -> tuple[Array, Array]:
         """Return residual and rows."""
         residual = residual_of(translations, rotation, (A, pa), (B, pb))
-        return residual, rows_of(translations, rotation, A, B[:, 2], (columns[0], columns[1]))
+        directions = directions_of(translations, rotation, A, B[:, 2])
+        return residual, rows_of(directions, (columns[0], columns[1]))
 
     written = both(*(x.reshape(of.shape) for (_, x), of in zip(named, given, strict=True)))
     function = ca.Function("rows", [x for x, _ in named], [pack(x) for x in written])

@@ -11,12 +11,20 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.closures import TreeClosure
+from ...linkage.closures import (
+    TreeClosure,
+    closed_directions,
+    directions_of,
+    drift_of,
+    rows_of,
+    slides_of,
+    turns_dot,
+)
 from ...linkage.couplings import CouplingRows
-from ...spatial import Array, cross, hat, wrench_to_base
+from ...spatial import Array, cross, hat, rotate
 from ...symbols import Expression, dot, minus
 from .chains import Chain, motion_map, point_acceleration, point_map, point_velocity
-from .expressions import along, numbers, scalar, zeros
+from .expressions import numbers, scalar, zeros
 from .legs import turned_apart
 from .parts import Parts
 from .rods import Rod
@@ -123,8 +131,8 @@ def write_rows(
 
 def _rod_rows(
     chain: Chain, rod: Rod, near: tuple[int, Array, float], far: _Side
-) -> tuple[list[Expression], Expression]:
-    """Return the directions of a closure's rows along the axes of a rod, and the rows, shape (3, 6 + nv).
+) -> tuple[Expression, Expression]:
+    """Return the axes of a rod in the base, row by row, and a closure's rows along them, shape (3, 6 + nv).
 
     Args:
         near: Body of the rod, the closure's point on it, and the sign of its motion in the rows.
@@ -139,11 +147,11 @@ def _rod_rows(
                 own[row, col] = 0.0
         own[2, [6 + col for col in rod.turns]] = 0.0
     moved = minus(far.J[:3], dot(hat(chain.p0[body] + dot(chain.R0[body], numbers(point))), far.J[3:]))
-    return [R[:, i] for i in range(3)], minus(own, dot(R.T, moved)) * sign
+    return R.T, minus(own, dot(R.T, moved)) * sign
 
 
 def _closure(
-    c: TreeClosure, a: _Side, b: _Side, given: bool, turned: tuple[list[Expression], Expression] | None,
+    c: TreeClosure, a: _Side, b: _Side, given: bool, turned: tuple[Expression, Expression] | None,
     *, exact: bool,
 ) -> tuple[Expression, Expression, tuple[Expression, Expression], Expression]:  # fmt: skip
     """Compute rows and drift of one closure, the residuals of its translations and rotations, and of rates.
@@ -152,42 +160,20 @@ def _closure(
     three translations, and their rows. `exact` rows are derivatives of the residuals also where rounding of
     the file leaves the loop open; others hold for closed loops only, and take fewer operations.
     """
-    r, relative = b.p - a.p, b.J - a.J
-    w = b.w - a.w
-    axes = [a.A[:, i] for i in c.translations]
-    if len(axes) == 3:  # all three rows together may use any axes, and the loop is closed
-        still = [numbers(np.eye(3)[i]) for i in range(3)]  # a drift that is a residual has any axes, too
-        axes, opened = turned[0] if turned and not given else still, r
-        r = r if exact else zeros(3)
-    else:
-        opened = np.array([along(n, r) for n in axes], dtype=object)
-    apart = b.a - a.a
-    if exact or not given or len(axes) < 3:  # else `b.v - a.v` is a residual, and zero
-        apart = apart - cross(a.alpha, r) - 2 * cross(a.w, b.v - a.v) + cross(a.w, cross(a.w, r))
-    normals = [wrench_to_base(numbers(np.eye(3)), b.p, np.concatenate([n, zeros(3)])) for n in axes]
-    gamma = [along(n, apart) for n in axes]
-    z = b.A[:, 2]
-    turning: list[tuple[Expression, Expression]] = []
-    if c.rotation == "fixed":
-        still = [numbers(np.eye(3)[i]) for i in range(3)]
-        turning = [(n, cross(a.w, n) if exact else zeros(3)) for n in still]
-    elif c.rotation == "parallel" and exact:
-        across = [(a.A[:, i], cross(a.w, a.A[:, i])) for i in (0, 1)]
-        turning = [(cross(z, n), cross(cross(b.w, z), n) + cross(z, n_dot)) for n, n_dot in across]
-    elif c.rotation == "parallel":
-        turning = [(a.A[:, i], cross(a.w, a.A[:, i])) for i in (0, 1)]
-    elif c.rotation == "perpendicular":
-        n = cross(z, a.A[:, 2])
-        turning = [(n, cross(cross(b.w, z), a.A[:, 2]) + cross(z, cross(a.w, a.A[:, 2])))]
-    slip = [along(n, b.v - a.v - cross(a.w, r)) for n in axes] + [along(n, w) for n, _ in turning]
-    for n, n_dot in turning:
-        normals.append(np.concatenate([zeros(3), n]))
-        gamma.append(along(n, b.alpha - a.alpha) + along(n_dot, w))
-    every = [dot(n[None], relative)[0] for n in normals]
-    rows = every if turned is None or exact else list(turned[1])
-    return (
-        np.array(rows, dtype=object).reshape(len(rows), a.J.shape[1]),
-        np.array(gamma, dtype=object),
-        (opened, turned_apart(c.rotation, a.A, b.A)),
-        np.array(slip, dtype=object),
-    )
+    form, z, whole = (c.translations, c.rotation), b.A[:, 2], len(c.translations) == 3
+    directions = (directions_of if exact else closed_directions)(*form, a.A, z)
+    r, apart, relative = b.p - a.p, b.a - a.a, b.J - a.J
+    opened = r if whole else rotate(directions.axes, r)
+    r = zeros(3) if whole and not exact else r
+    slide, slide_dot = slides_of(r, b.v - a.v, apart, a.w, a.alpha)
+    turning, w = turns_dot(c.rotation, a.A, z, a.w, b.w, closed=not exact), b.w - a.w
+    slip = rows_of(directions, (slide[None], w[None]))[:, 0]
+    lines = np.concatenate([directions.axes, cross(b.p[None], directions.axes)], axis=1)  # through B
+    rows = rows_of(directions._replace(axes=lines), (relative.T, relative[3:].T))
+    if turned and not exact:
+        directions = directions if given else directions._replace(axes=turned[0])
+        rows = turned[1]
+    # A drift that is a residual has any axes, and the velocity apart is a residual before it, and zero.
+    apart = apart if given and whole and not exact else slide_dot
+    drift = drift_of(directions, turning, apart, w, b.alpha - a.alpha)
+    return rows, drift, (opened, turned_apart(c.rotation, a.A, b.A)), slip

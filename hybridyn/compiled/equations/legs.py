@@ -21,10 +21,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Array, cross, wrench_to_base
+from ...linkage.closures import Directions, closed_directions, drift_of, rows_of, turns_dot
+from ...spatial import Array, rotate, wrench_to_base
 from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, own_columns, point_acceleration, point_velocity, sweep
-from .expressions import Folding, along, numbers, pack, plain, sampled, symbols, zeros
+from .expressions import Folding, along, numbers, pack, sampled, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots, solve
 from .leg_groups import Leg
 from .rigid import LinkNumbers
@@ -120,21 +121,12 @@ def _frames(folding: Folding, group: tuple[Leg, ...]) -> list[Expression]:
     ]
 
 
-def _jacobian(chain: Chain, end: int, point: Expression) -> Expression:
-    """Compute the Jacobian of a body's point, [v, w] over q_dot in the body's axes, shape (6, nv)."""
-    J = zeros(6, chain.nv)
-    for k, column in own_columns(chain, end).items():
-        J[:, k] = np.concatenate([point_velocity(column, point), column[3:]])
-    return J
-
-
-def _rows(rotation: str, R_s: Expression) -> Expression:
-    """Return the matrix that selects a closure's rows of a motion [v, w] in the body's axes, (rows, 6)."""
-    turning = {"free": np.zeros((0, 3)), "fixed": np.eye(3)}
-    angular = R_s.T[:2] if rotation == "parallel" else numbers(turning[rotation])
-    out = zeros(3 + len(angular), 6)
-    out[:3, :3], out[3:, 3:] = numbers(np.eye(3)), angular
-    return out
+def _rows(chain: Chain, end: int, point: Expression, directions: Directions) -> Expression:
+    """Compute the rows of a closure over the rates of a leg, in the axes of its body, shape (rows, nv)."""
+    own, columns = own_columns(chain, end), zeros(6, chain.nv)
+    for k, column in own.items():
+        columns[:, k] = np.concatenate([point_velocity(column, point), column[3:]])
+    return rows_of(directions, (columns[:3].T, columns[3:].T))
 
 
 def write_leg(
@@ -158,21 +150,22 @@ def write_leg(
     chain = sweep(links, q, v, base[0], a, None if a is None else base[1])
     R0, V, c = chain.R0[leg.end], chain.V[leg.end], chain.c[leg.end]
     point = plus(chain.p0[leg.end], dot(R0, p_s))
-    rotation = leg.closure.rotation
-    N = _rows(rotation, R_s)
-    J, T = dot(N, _jacobian(chain, leg.end, p_s)), folding.array([leg.unspun for leg in group])
+    rotation, z = leg.closure.rotation, R_s[:, 2]
+    directions = closed_directions((0, 1, 2), rotation, R_s, z)
+    J, T = _rows(chain, leg.end, p_s, directions), folding.array([leg.unspun for leg in group])
     S, share = (folding.array([leg.of_spin(x) for leg in group]) for x in ("axis", "share"))
     apart, turning = _between(R0, (platform.V, point), (V, p_s))
     drift = minus(dot(R0.T, point_acceleration(platform.V, platform.A, point)), point_acceleration(V, c, p_s))
-    k = dot(N, np.concatenate([drift, minus(dot(R0.T, platform.A[3:]), c[3:])]))
-    if rotation == "parallel":
-        k[3:] = k[3:] + [along(cross(V[3:], R_s[:, i]), turning) for i in range(2)]
-    right = np.concatenate([dot(N, np.kron(plain(np.eye(2)), R0.T)), k[:, None]], axis=1)
+    turning_dot = minus(dot(R0.T, platform.A[3:]), c[3:])
+    own = turns_dot(rotation, R_s, z, V[3:], V[3:], closed=True)
+    k = drift_of(directions, own, drift, turning, turning_dot)
+    by_platform = np.concatenate([R0, zeros(3, 3)]), np.concatenate([zeros(3, 3), R0])
+    right = np.concatenate([rows_of(directions, by_platform), k[:, None]], axis=1)
     solved, doubts = solve(dot(J, T), right, pivots)
     X = dot(T, solved)
     turned = turned_apart(rotation, dot(R0, R_s), dot(platform.R, R_o))
     gaps = minus(plus(platform.p, dot(platform.R, p_o)), point), apart, k[:3]
-    turns = turned, dot(N[3:, 3:], turning), k[3:]
+    turns = turned, rotate(directions.turns, turning), k[3:]
     opened = _opened(platform, scale, list(zip(gaps, turns, strict=True))[: 2 if a is None else 3])
     guard = squares(doubts) + (opened if scale.compared else 0.0)
     return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], leg.spin, S, share, dot(J, S), guard)
@@ -227,7 +220,8 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
     R_s, p_s, _, _ = _frames(folding, group)
     column, q = symbols("q", len(group[0].tree_q))
     chain = sweep(links, q, zeros(len(group[0].tree_v)), zeros(6))
-    J = dot(_rows(group[0].closure.rotation, R_s), _jacobian(chain, group[0].end, p_s))
+    directions = closed_directions((0, 1, 2), group[0].closure.rotation, R_s, R_s[:, 2])
+    J = _rows(chain, group[0].end, p_s, directions)
     J = dot(J, folding.array([leg.unspun for leg in group]))
     numbers_of = zip(group, folding.table(len(group)), strict=True)
     points = [(x[leg.tree_q], own) for leg, own in numbers_of for x in mechanism_postures]

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...linkage.closures import TreeClosure, residual_of, rows_of
+from ...linkage.closures import TreeClosure, directions_of, residual_of, rows_of
 from ...spatial import cross, motion_to_base
 from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, own_columns, point_acceleration, point_velocity
@@ -43,7 +43,7 @@ class SpanningRows:
                 lever = cross(angular[at], minus(pb, self._chain.p0[joint + 1]))
                 linear[at] = plus(dot(R, S[:3]).T, lever)
         residual = residual_of(c.translations, c.rotation, (A, pa), (B, pb))
-        return residual, rows_of(c.translations, c.rotation, A, B[:, 2], (linear, angular))
+        return residual, rows_of(directions_of(c.translations, c.rotation, A, B[:, 2]), (linear, angular))
 
     def rates(self, c: TreeClosure, frames: Frames, v: Expression) -> Expression:
         """Compute the rates of a closure's residual, its Jacobian times v, from the twists of its bodies.
@@ -53,7 +53,8 @@ class SpanningRows:
         (A, _), (B, pb) = self._placed(c, frames)
         twist = self._twist(c.body_b, c.body_a, v) - self._twist(c.body_a, c.body_b, v)
         at_b = (twist[:3] + cross(twist[3:], pb))[None]
-        return rows_of(c.translations, c.rotation, A, B[:, 2], (at_b, twist[None, 3:]))[:, 0]
+        directions = directions_of(c.translations, c.rotation, A, B[:, 2])
+        return rows_of(directions, (at_b, twist[None, 3:]))[:, 0]
 
     def on_rod(
         self, c: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool, *, exact: bool = False

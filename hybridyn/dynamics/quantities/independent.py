@@ -188,7 +188,7 @@ def module_motions(
     unit = m.reduction.col_scale
     Q = np.linalg.qr(basis.Psi / unit[:, None])[0]
     P, idle = _right_inverse(s, Q, freedoms, u)  # Eq. (3): J_r of motors as coordinates
-    Psi = np.matmul(Q, P) * unit[:, None]
+    Psi = np.matmul(Q, P) * unit[:, None]  # Eqs. (4), (15): a J_r, and that of the legs' joints
     E = _spanning_rates(s, Psi)
     drift, E_drift = np.zeros_like(basis.drift), np.zeros(E.shape[:2])
     if v is not None:
@@ -196,7 +196,7 @@ def module_motions(
         drift = (drift - np.einsum("tij,tkj,tk->ti", idle, idle, drift, optimize=True)) * unit
         E_drift = s.spanning_accelerations(v, drift)
         miss = E_drift[:, freedoms].copy()
-        drift = drift - np.einsum("tij,tj->ti", Psi, miss)  # Eq. (4)
+        drift = drift - np.einsum("tij,tj->ti", Psi, miss)  # Eq. (7)
         E_drift = E_drift - np.einsum("tij,tj->ti", E, miss)
         E_drift[:, freedoms] = 0.0
     return Basis(Psi, drift, basis.pivot, basis.surplus), E, E_drift

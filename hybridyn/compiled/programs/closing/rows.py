@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ....linkage.angles import turn_rates
 from ....linkage.closures import TreeClosure
 from ....linkage.tree import Tree
 from ....spatial import Array
@@ -92,14 +93,10 @@ def coordinate_rows(R: Expression, p: Expression, side: Any = 1.0) -> tuple[list
         The coordinates, the map from the angular velocity to the rates of the angles, shape (3, 3), and the
         cosine of the pitch.
     """
-    squared = R[0, 0] ** 2 + R[1, 0] ** 2
-    cosine = side * ca.sqrt(squared)
+    cosine = side * ca.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2)
     roll, yaw = ca.atan2(side * R[2, 1], side * R[2, 2]), ca.atan2(side * R[1, 0], side * R[0, 0])
     angles = [roll, ca.atan2(-R[2, 0], cosine), yaw]
-    to_rates = plain(np.eye(3))
-    to_rates[0, :2] = R[0, 0] / squared, R[1, 0] / squared
-    to_rates[1, :2] = -R[1, 0] / cosine, R[0, 0] / cosine
-    to_rates[2, :2] = -R[2, 0] * to_rates[0, 0], -R[2, 0] * to_rates[0, 1]
+    to_rates = turn_rates((R[0, 0] / cosine, R[1, 0] / cosine), (cosine, -R[2, 0]))
     return [*p, *angles], to_rates, cosine
 
 
