@@ -20,7 +20,7 @@ PACKAGE = ROOT / "hybridyn"
 #: The floors from the ground. A room imports from its own folder and from the floors below.
 FLOORS = (
     {"errors", "symbols", "colours", "threads"},
-    {"spatial"},
+    {"spatial", "extensions"},
     {"joints"},
     {"description"},
     {"linkage", "tables"},

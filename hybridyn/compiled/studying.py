@@ -44,7 +44,8 @@ def operations(robot: HybridRobot, effects: Effects, model: str) -> int:
     """Count the operations of a model without building code; effects of time and of contact count nothing."""
     from .programs.whole_robot import programs
 
-    on = effects.without(*(unit.name for unit in (*effects.links, *filter(None, [effects.base]))))
+    base = [effects.base.name] if effects.base else []
+    on = effects.without(*(law.name for law in effects.links), *base)
     program = programs(robot, on, models=(model,))[model]
     calls = (step for step in program.steps if isinstance(step, Call))
     return sum(program.kernels[c.kernel].function.n_instructions() * c.copies for c in calls)

@@ -6,8 +6,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ..description.effect_names import acts_on, named_by
 from ..description.names import unique
-from ..description.records import ON_LINKS, Description, named_by
+from ..description.records import Description
 from .request import Losses
 
 
@@ -68,7 +69,7 @@ def effects_on(
     """
     out = []
     for effect, numbers in d.effects:
-        here = {link: (name,) for link, name in links.items()} if effect in ON_LINKS else joints
+        here = {link: (name,) for link, name in links.items()} if acts_on(effect) == "link" else joints
         known = named_by(effect, numbers)
         left = [new for _, name in known for new in here.get(name, (name,))]
         if left or not known:
@@ -80,14 +81,14 @@ def without_joints(d: Description, gone: Collection[str], losses: Losses) -> Des
     """Return a robot without effects on joints that are written as others; `losses` receives their names."""
     for effect, numbers in d.effects:
         for _, name in named_by(effect, numbers):
-            if name in gone and effect not in ON_LINKS:
+            if name in gone and acts_on(effect) == "joint":
                 losses.add(f"{effect} of joints that are written as others", name)
     return replace(d, effects=effects_on(d, {}, dict.fromkeys(gone, ())))
 
 
 def held_links(d: Description) -> set[str]:
     """Return the links that effects name, which have to be links of the file."""
-    return {name for effect, x in d.effects if effect in ON_LINKS for _, name in named_by(effect, x)}
+    return {name for effect, x in d.effects if acts_on(effect) == "link" for _, name in named_by(effect, x)}
 
 
 def _with_names(

@@ -85,22 +85,6 @@ class StatedSpring:
     rest: float
 
 
-#: Effects whose numbers are by link.
-ON_LINKS = ("ground_contact", "gravity_compensation", "line_springs", "bushings", "payload")
-
-
-def named_by(effect: str, numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the joints that an effect names, or the links of one in `ON_LINKS`, each with its key."""
-    by_name = {key: [*x] for key, x in numbers.items() if isinstance(x, dict)}
-    if effect == "tendons":  # all but the arms is by tendon
-        by_name = {"arms": by_name["arms"]}
-    if effect in ("line_springs", "bushings"):
-        by_name = {"ends": [link for links in numbers["ends"].values() for link in links]}
-    if effect == "payload":
-        by_name = {"link": [numbers["link"]]}
-    return [(key, name) for key, names in by_name.items() for name in names]
-
-
 def spring_effect(springs: Iterable[StatedSpring]) -> tuple[str, dict[str, Any]]:
     """Return springs as an effect: its name, and its numbers by parameter."""
     stated = [*springs]

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..effects.choice import Choice, Effects, choose, times
-from ..effects.links import Wrench
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
@@ -154,7 +153,7 @@ def power(
         tau = on.limits.clip(robot, tau)
     columns = robot.motor_v
     supplied, lost = np.zeros((2, len(q)))
-    outer = replace(on, links=tuple(law for law in on.links if isinstance(law, Wrench)))
+    outer = replace(on, links=tuple(law for law in on.links if not law.of_motion))
     all_loads(robot, on, q, v, clock, wrenches)  # raises the same errors as idm
     motions = observed_motions(robot, on, q, v)
     for given in (wrenches or {}, *outer.wrenches(motions, clock, len(q))):

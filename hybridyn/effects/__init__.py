@@ -1,9 +1,9 @@
 """Physical effects of the models: only the effects that a call names are computed.
 
 Read `terms` (gravity, inertia, the legs' inertia, velocity terms), `joints`, `joint_laws`, `springs` and
-`tendons` (efforts of joints), `links`, `bodies`, `bushings` (wrenches on links), `inputs` (limits, a
-prescribed base), `catalogue` (every effect by name), `choice` (the selection of effects for one call),
-`rebuild` (`hybridyn.with_effects`).
+`tendons` (efforts of joints), `link_effect`, `links`, `bodies`, `bushings` (wrenches on links), `inputs`
+(limits, a prescribed base), `others` (laws of other packages), `catalogue` (every effect by name), `choice`
+(the selection of effects for one call), `rebuild` (`hybridyn.with_effects`).
 
 May import: `structure`, `tables` and below.
 """
@@ -15,6 +15,8 @@ from .catalogue import DEFAULT, UNITS
 from .choice import Effects, choose
 from .inputs import BaseMotion, Limits
 from .joint_laws import CoulombFriction, Damper, RotorInertia, StribeckFriction, ViscousFriction
+from .joints import JointEffect
+from .link_effect import LinkEffect, Moving
 from .links import GroundContact, Wrench
 from .load_friction import LoadFriction
 from .rebuild import with_effects
@@ -35,11 +37,14 @@ __all__ = [
     "GravityCompensation",
     "GroundContact",
     "Inertia",
+    "JointEffect",
     "LegInertia",
     "Limits",
     "LineSprings",
+    "LinkEffect",
     "LoadFriction",
     "MasslessLegs",
+    "Moving",
     "Payload",
     "PolynomialDamper",
     "PolynomialSpring",

@@ -16,13 +16,14 @@ from ..spatial import LARGEST, Array, cross, rotate, rotate_back
 from ..structure.robot import HybridRobot
 from .joints import WIDTH, Numbers, positive
 from .lengths import WORDS, check_numbers, stretch, tension
+from .link_effect import LinkEffect
 
 #: Shortest length by which is divided [m]; points closer than this have no direction between them.
 SHORTEST_LINE = 1e-150
 
 
 @dataclass(frozen=True, eq=False)
-class GravityCompensation:
+class GravityCompensation(LinkEffect):
     """A force against the weight of links, at their centres of mass: a part of it, 1 for a weightless link.
 
     `fraction`: the part by link. The force stays if the effect gravity is left out.
@@ -32,7 +33,6 @@ class GravityCompensation:
     fraction: Mapping[str, float]
     forces: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     name: ClassVar[str] = "gravity_compensation"
-    needs_motion: ClassVar[bool] = True
 
     @property
     def links(self) -> tuple[str, ...]:
@@ -87,13 +87,9 @@ class GravityCompensation:
             stored = stored - (m.p + rotate(m.R, np.broadcast_to(com, m.p.shape))) @ force
         return stored
 
-    def power(self, motions: Mapping[str, Motion]) -> Array:
-        """Return zero: a weight dissipates no power."""
-        return np.zeros(())
-
 
 @dataclass(frozen=True)
-class LineSprings:
+class LineSprings(LinkEffect):
     """Springs, dampers and dry friction along straight lines through points of links.
 
     The tension of a line of length l is k (l - upper) above `upper` and k (l - lower) below `lower`, plus
@@ -117,7 +113,6 @@ class LineSprings:
     width: float = WIDTH
     shares: Mapping[str, Sequence[float]] = field(default_factory=dict)
     name: ClassVar[str] = "line_springs"
-    needs_motion: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         positive(self.name, "width", self.width)

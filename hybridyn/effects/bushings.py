@@ -8,36 +8,17 @@ from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import ModelError
 from ..linkage.motion import Motion
 from ..spatial import LARGEST, Array, cross, rotate, rotate_back, rotation_from_quaternion
+from .link_effect import LinkEffect, Moving, Three
 from .springs import UNIT_QUATERNION
 
 #: Fields of the law that hold three numbers by bushing.
 WORDS = ("torque_stiffness", "torque_damping", "force_stiffness", "force_damping")
 #: Least cosine of the pitch of a bushing by which is divided: roll and yaw are about one axis there.
 STEEPEST_PITCH = 1e-18
-
-#: Three scalars: numbers, arrays or expressions.
-Three = Sequence[Any] | NDArray[Any]
-
-
-class Moving(NamedTuple):
-    """A frame and its motion in the world, as scalars, arrays or expressions.
-
-    Attributes:
-        R: Its axes, shape (3, 3, ...).
-        p: Its origin, shape (3, ...), [m].
-        v: The velocity of its origin, shape (3, ...), [m/s].
-        w: Its angular velocity, shape (3, ...), [rad/s].
-    """
-
-    R: NDArray[Any]
-    p: NDArray[Any]
-    v: NDArray[Any]
-    w: NDArray[Any]
 
 
 class Loaded(NamedTuple):
@@ -57,7 +38,7 @@ class Loaded(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Bushings:
+class Bushings(LinkEffect):
     """Springs and dampers between a frame A of a link and a frame C of another one.
 
     Roll, pitch and yaw q of C in A have the torques -(k q + d q_dot). The way x from A to C, in axes halfway
@@ -79,7 +60,6 @@ class Bushings:
     force_stiffness: Mapping[str, Sequence[float]] = field(default_factory=dict)
     force_damping: Mapping[str, Sequence[float]] = field(default_factory=dict)
     name: ClassVar[str] = "bushings"
-    needs_motion: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for one, links in self.ends.items():

@@ -16,13 +16,13 @@ from ..structure.bodies import Payload
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_numbers
-from .bodies import GravityCompensation
-from .catalogue import DEFAULT, FROM_FILES, JOINTS, LINKS, OF_MOTION, UNITS, WORDS, OfMotion
+from .catalogue import DEFAULT, FROM_FILES, JOINTS, UNITS, class_of, made, names
 from .inputs import BaseMotion, Limits
 from .joint_laws import RotorInertia
 from .joints import OnJoints, placed
-from .links import Wrench
+from .link_effect import LinkEffect
 from .load_friction import LoadFriction, OnLoads, on_loads
+from .others import check_class, check_law, check_link_law, is_other, needs_nothing
 from .tendons import OnTendons, Tendons, on_tendons
 from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
 
@@ -51,7 +51,7 @@ class Effects:
     velocity: VelocityTerms | None = None
     joints: tuple[OnJoints | OnTendons, ...] = ()
     rotors: tuple[OnJoints, ...] = ()
-    links: tuple[Wrench | OfMotion, ...] = ()
+    links: tuple[LinkEffect, ...] = ()
     limits: Limits | None = None
     base: BaseMotion | None = None
     loaded: OnLoads | None = None
@@ -74,10 +74,10 @@ class Effects:
         return replace(out, names=out.named({*self.names} & {*names}))
 
     def named(self, names: Collection[str]) -> tuple[str, ...]:
-        """Return names of effects in the order of `UNITS`, and whether legs are massless."""
+        """Return names of effects in the order of `UNITS`, then others, and whether legs are massless."""
         massless = self.leg_inertia is None and (self.gravity or self.inertia) is not None
         every = {*names} - {MasslessLegs.name} | ({MasslessLegs.name} if massless else set())
-        return tuple(name for name in UNITS if name in every)
+        return tuple(name for name in (*UNITS, *sorted(every.difference(UNITS))) if name in every)
 
     def without(self, *names: str) -> Effects:
         """Return the effects but for some names."""
@@ -116,9 +116,9 @@ class Effects:
         return out
 
     @property
-    def of_motion(self) -> tuple[OfMotion, ...]:
+    def of_motion(self) -> tuple[LinkEffect, ...]:
         """Laws of wrenches that depend on the motion of links alone."""
-        return tuple(law for law in self.links if isinstance(law, OF_MOTION))
+        return tuple(law for law in self.links if law.of_motion)
 
     @property
     def observed_links(self) -> tuple[str, ...]:
@@ -191,6 +191,10 @@ def _chosen(robot: HybridRobot, effects: Choice) -> Effects:
     units = listed_units(robot, effects)
     names = {unit.name for unit in units}
     _check(robot, units, names)
+    links = tuple(unit.bound(robot) for unit in units if isinstance(unit, LinkEffect))
+    for unit in links:
+        if is_other(type(unit)):
+            check_link_law(unit)
     laws = [law for unit in units if isinstance(unit, JOINTS) and (law := _placed(unit, robot))]
 
     def one(kind: type[Any]) -> Any:
@@ -204,8 +208,8 @@ def _chosen(robot: HybridRobot, effects: Choice) -> Effects:
         one(Gravity), one(Inertia), one(LegInertia), one(VelocityTerms),
         tuple(law for law in laws if not isinstance(law.effect, RotorInertia)),
         tuple(law for law in laws if isinstance(law, OnJoints) and isinstance(law.effect, RotorInertia)),
-        tuple(bound_to(unit, robot) for unit in units if isinstance(unit, LINKS)), one(Limits),
-        one(BaseMotion), None if (load := one(LoadFriction)) is None else on_loads(load, robot),
+        links, one(Limits), one(BaseMotion),
+        None if (load := one(LoadFriction)) is None else on_loads(load, robot),
     )  # fmt: skip
     return replace(out, names=out.named(names))
 
@@ -222,7 +226,7 @@ def _check(robot: HybridRobot, units: Sequence[Any], names: Collection[str]) -> 
                 "hybridyn.with_effects(robot, effects)", element=payload.link,
             )  # fmt: skip
     for unit in units:
-        for link in unit.links if isinstance(unit, LINKS) else ():
+        for link in unit.links if isinstance(unit, LinkEffect) else ():
             if link not in robot.bodies.place:
                 raise ModelError(
                     f"{unit.name}: no such link '{link}'{did_you_mean(link, robot.bodies.place)}",
@@ -230,14 +234,14 @@ def _check(robot: HybridRobot, units: Sequence[Any], names: Collection[str]) -> 
                 )
 
 
-def bound_to(unit: Any, robot: HybridRobot) -> Any:
-    """Return a law of wrenches with the numbers that it takes from a robot."""
-    return unit.bound(robot) if isinstance(unit, GravityCompensation) else unit
-
-
 def _placed(unit: Any, robot: HybridRobot) -> OnJoints | OnTendons | None:
     """Find the joints of a law in a robot; None if it has none."""
-    return on_tendons(unit, robot) if isinstance(unit, Tendons) else placed(unit, robot)
+    if isinstance(unit, Tendons):
+        return on_tendons(unit, robot)
+    law = placed(unit, robot)
+    if law is not None and is_other(type(unit)):
+        check_law(law, robot)
+    return law
 
 
 def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
@@ -254,10 +258,13 @@ def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
     for word in words:
         if type(word) in UNITS.values():
             units.append(word)
+        elif is_other(type(word)):
+            check_class(type(word), UNITS)
+            units.append(word)
         elif isinstance(word, str):
             names += _meaning(robot, word)
         else:
-            raise ModelError(f"{word!r} is no effect: give names or objects of hybridyn.effects")
+            raise ModelError(f"{word!r} is no effect: give names, or objects of hybridyn.effects")
     for name in dict.fromkeys(names):
         units += _stated(robot, name)
     kinds = {type(unit) for unit in units}
@@ -270,11 +277,11 @@ def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
     """Return the effect names that a word selects."""
     of_files = (*FROM_FILES, *(name for name, _ in robot.description.effects))
     meanings = {"default": DEFAULT, "model": (*DEFAULT, *of_files), "none": ()}
-    if word not in (*meanings, *UNITS):
+    if word not in meanings and class_of(word) is None:
         raise ModelError(
-            f"there is no effect '{word}'{did_you_mean(word, (*UNITS, *WORDS))}; known: "
-            f"{', '.join((*WORDS, *UNITS))}", element=word,
-        )  # fmt: skip
+            f"there is no effect '{word}'{did_you_mean(word, names())}; known: {', '.join(names())}",
+            element=word,
+        )
     return meanings.get(word, (word,))
 
 
@@ -296,15 +303,20 @@ def _stated(robot: HybridRobot, name: str) -> list[Any]:
     """Build the objects of a named effect with the parameters of the robot's files."""
     tables = [values for stated, values in robot.description.effects if stated == name]
     if tables:
-        return [UNITS[name](**values) for values in tables]
+        return [made(name, values) for values in tables]
     if name == Payload.name and robot.payloads:
         return list(robot.payloads)
     if name in (*DEFAULT, *FROM_FILES, "limits", MasslessLegs.name):
         return [UNITS[name]()]
+    kind = class_of(name)
+    if kind is not None and kind not in UNITS.values() and needs_nothing(kind):
+        return [made(name, {})]
     from ..description.side_cars.tables import EFFECTS  # it takes pydantic
 
-    table = f", or a table [effects.{name}] in {listed(['model.toml'])}" if name in EFFECTS else ""
+    stated = name in EFFECTS or name not in UNITS
+    table = f", or a table [effects.{name}] in {listed(['model.toml'])}" if stated else ""
+    place = "hybridyn.effects" if name in UNITS else getattr(kind, "__module__", "")
     raise ModelError(
-        f"the robot's files state no numbers for the effect '{name}': give an object, hybridyn.effects."
-        f"{UNITS[name].__name__}(...){table}", element=name,
+        f"the robot's files state no numbers for the effect '{name}': give an object, "
+        f"{place}.{getattr(kind, '__name__', '')}(...){table}", element=name,
     )  # fmt: skip

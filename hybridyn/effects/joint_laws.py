@@ -25,6 +25,7 @@ class RotorInertia(JointEffect):
 
     inertia: Numbers | None = None
     name: ClassVar[str] = "rotor_inertia"
+    symbols = ("Ia",)
     by_joint = ("inertia",)
     several = (JointKind.SPHERICAL,)
     from_files = "armature"
@@ -50,6 +51,7 @@ class ViscousFriction(_Viscous):
 
     coefficient: Numbers | None = None
     name: ClassVar[str] = "viscous_friction"
+    symbols = ("Fv",)
     from_files = "damping"
 
 
@@ -62,6 +64,7 @@ class Damper(_Viscous):
 
     coefficient: Numbers = field(default_factory=dict)
     name: ClassVar[str] = "damper"
+    symbols = ("d",)
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,7 @@ class CoulombFriction(JointEffect):
     level: Numbers | None = None
     width: float = WIDTH
     name: ClassVar[str] = "coulomb_friction"
+    symbols = ("Fc",)
     by_joint = ("level",)
     several = (JointKind.SPHERICAL,)
     from_files = "friction"
@@ -105,6 +109,7 @@ class StribeckFriction(JointEffect):
     speed: Numbers = field(default_factory=dict)
     width: float = WIDTH
     name: ClassVar[str] = "stribeck_friction"
+    symbols = ("Fc", "Fs")
     by_joint = ("level", "static", "speed")
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:

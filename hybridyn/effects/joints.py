@@ -30,17 +30,22 @@ class JointEffect(ABC):
     Attributes:
         name: Name of the effect.
         by_joint: Its fields that hold a number by joint.
+        symbols: What identification calls its first numbers, in which the effort is linear; it finds none
+            of a law without.
         from_files: Attribute of the files' joints that replaces the first field where this is None.
         several: Kinds of joints with several freedoms to which it applies, to each freedom alike.
+        acts_on: What its numbers in files are by: "joint".
         coordinates: Number of a joint's coordinates that a position is computed from; 0 where that depends on
             its kind: an angle, or its cosine and sine.
     """
 
     name: ClassVar[str]
     by_joint: ClassVar[tuple[str, ...]]
+    symbols: ClassVar[tuple[str, ...]] = ()
     from_files: ClassVar[str] = ""
     several: ClassVar[tuple[JointKind, ...]] = ()
     coordinates: ClassVar[int] = 0
+    acts_on: ClassVar[str] = "joint"
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return the law's parameters by joint.

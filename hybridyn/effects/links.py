@@ -11,6 +11,7 @@ from ..errors import ModelError, TrajectoryError
 from ..linkage.motion import Motion
 from ..spatial import Array, cross, rotate, rotate_back
 from .joints import WIDTH, positive
+from .link_effect import LinkEffect
 
 
 def within(name: str, table_time: Array, time: Array | None) -> Array:
@@ -51,7 +52,7 @@ def table(name: str, time: Any, values: Any, width: int) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class Wrench:
+class Wrench(LinkEffect):
     """A wrench on a link, constant or interpolated linearly in a table.
 
     `wrench` [N, N m]: force and moment at the link's origin, shape (6,) or, with `time` [s], (rows, 6);
@@ -63,6 +64,7 @@ class Wrench:
     time: Sequence[float] | Array | None = None
     frame: str = "link"
     name: ClassVar[str] = "wrench"
+    of_motion: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if self.frame not in ("link", "world"):
@@ -97,21 +99,13 @@ class Wrench:
             W = np.concatenate([rotate_back(R, W[:, :3]), rotate_back(R, W[:, 3:])], axis=1)
         return {self.link: W}
 
-    def energy(self, motions: Mapping[str, Motion]) -> Array:
-        """Return zero: a wrench stores no energy."""
-        return np.zeros(())
-
-    def power(self, motions: Mapping[str, Motion]) -> Array:
-        """Return zero: a wrench dissipates no power."""
-        return np.zeros(())
-
 
 #: Least speed of a sliding point by which is divided [m/s]; slower ones have no direction.
 AT_REST = 1e-30
 
 
 @dataclass(frozen=True)
-class GroundContact:
+class GroundContact(LinkEffect):
     """Points of links on compliant, unilateral ground, the plane z = height of the world.
 
     A point at depth d has the normal force N = k d max(0, 1 + c d_dot) >= 0 and the friction force
@@ -128,7 +122,6 @@ class GroundContact:
     width: float = WIDTH
     height: float = 0.0
     name: ClassVar[str] = "ground_contact"
-    needs_motion: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for what in ("stiffness", "damping", "friction"):

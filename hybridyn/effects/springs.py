@@ -28,6 +28,7 @@ class Spring(JointEffect):
     stiffness: Numbers = field(default_factory=dict)
     rest: Numbers = field(default_factory=dict)
     name: ClassVar[str] = "spring"
+    symbols = ("k",)
     by_joint = ("stiffness",)
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
@@ -143,6 +144,7 @@ class BallSpring(JointEffect):
     stiffness: Numbers = field(default_factory=dict)
     rest: Mapping[str, Sequence[float]] = field(default_factory=dict)
     name: ClassVar[str] = "ball_spring"
+    symbols = ("k",)
     by_joint = ("stiffness",)
     several = (JointKind.SPHERICAL,)
     coordinates = 4
@@ -210,6 +212,7 @@ class Stop(JointEffect):
     lower: Numbers = field(default_factory=dict)
     upper: Numbers = field(default_factory=dict)
     name: ClassVar[str] = "stop"
+    symbols = ("k_stop",)
     by_joint = ("stiffness",)
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:

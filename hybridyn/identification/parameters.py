@@ -15,22 +15,20 @@ from numpy.typing import ArrayLike
 from ..effects.catalogue import FROM_FILES
 from ..effects.catalogue import JOINTS as LAWS
 from ..effects.choice import Choice, Effects, choose, listed_units
+from ..effects.inputs import BaseMotion
+from ..effects.joint_laws import RotorInertia
 from ..effects.joints import JointEffect, OnJoints, placed
+from ..effects.link_effect import LinkEffect
 from ..errors import ModelError
 from ..spatial import Array, Index
 from ..structure.bodies import Payload
 from ..structure.robot import HybridRobot
 from .equal_legs import shared_by_legs
 from .inertial import OF_BODY, moved, ten_numbers
-from .standard import SYMBOLS, StandardParameters, Term
+from .standard import StandardParameters, Term
 
 #: The word among `effects` that adds an offset to each motor's effort.
 OFFSETS = "offsets"
-#: Effects of which no number is identified.
-WITHOUT_NUMBERS = (
-    "wrench", "ground_contact", "base_motion", "polynomial_spring", "polynomial_damper", "tendons",
-    "gravity_compensation", "line_springs", "bushings",
-)  # fmt: skip
 
 
 def standard_parameters(
@@ -94,7 +92,7 @@ def _terms(robot: HybridRobot, on: Effects, offsets: bool, columns: _Gathered) -
         freedoms = [robot.v_slices[robot.joint_index[joint]] for joint in law.joints]
         widths = [at.stop - at.start for at in freedoms]
         each = np.repeat(np.arange(len(law.joints)), widths)
-        for number, symbol in enumerate(SYMBOLS[law.effect.name]):
+        for number, symbol in enumerate(law.effect.symbols):
             first = np.concatenate([[0], np.cumsum(widths)[:-1]])
             at = columns.add([f"{symbol} of {joint}" for joint in law.joints], law.p[number][first])
             joints = tuple(law.joints[i] for i in each)
@@ -116,20 +114,21 @@ def _selected(robot: HybridRobot, effects: Choice) -> tuple[Effects, bool]:
     offsets = OFFSETS in words
     words = [word for word in words if not (isinstance(word, str) and word == OFFSETS)]
     on = choose(robot, words)
-    lost = [name for name in on.names if name in WITHOUT_NUMBERS]
-    if lost:
+    units = listed_units(robot, words)
+    acting = [unit for unit in units if isinstance(unit, (*LAWS, LinkEffect, BaseMotion))]
+    if lost := [unit.name for unit in acting if not getattr(unit, "symbols", ())]:
         raise ModelError(
             f"the effect '{lost[0]}' has no number to identify: leave it out, and subtract its efforts from "
             "the measured ones", element=lost[0],
         )  # fmt: skip
     stated = [
         _on_motors(robot, unit) if unit.name in FROM_FILES else unit
-        for unit in listed_units(robot, words)
-        if isinstance(unit, LAWS) and isinstance(unit, JointEffect)
+        for unit in units
+        if isinstance(unit, JointEffect)
     ]
     laws = [law for unit in stated if (law := placed(unit, robot))]
-    rotors = tuple(law for law in laws if law.effect.name == "rotor_inertia")
-    joints = tuple(law for law in laws if law.effect.name != "rotor_inertia")
+    rotors = tuple(law for law in laws if isinstance(law.effect, RotorInertia))
+    joints = tuple(law for law in laws if not isinstance(law.effect, RotorInertia))
     return replace(on, rotors=rotors, joints=joints), offsets
 
 

@@ -12,18 +12,6 @@ from ..errors import ModelError
 from ..spatial import Array, Index
 from ..structure.bodies import Payload
 
-#: Symbols of the numbers in which a law is linear, in the order of the law's parameters.
-SYMBOLS = {
-    "rotor_inertia": ("Ia",),
-    "viscous_friction": ("Fv",),
-    "coulomb_friction": ("Fc",),
-    "stribeck_friction": ("Fc", "Fs"),
-    "spring": ("k",),
-    "damper": ("d",),
-    "stop": ("k_stop",),
-    "ball_spring": ("k",),
-}
-
 
 @dataclass(frozen=True, eq=False)
 class Term:
@@ -51,7 +39,7 @@ class Term:
             return np.ones((len(q), len(self.freedoms)))
         if self.symbol == "Ia":
             return a[:, self.freedoms]
-        linear = len(SYMBOLS[self.law.effect.name])
+        linear = len(self.law.effect.symbols)
         p = [
             np.full(len(self.freedoms), float(i == self.number)) if i < linear else numbers
             for i, numbers in enumerate(self.law.p)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..description.records import ON_LINKS, named_by
+from ..description.effect_names import acts_on, named_by
 from ..dynamics.link_motion import link_motions
-from ..effects import UNITS, BaseMotion, Payload, Wrench
+from ..effects import BaseMotion, Payload, Wrench
+from ..effects.catalogue import made
 from ..effects.choice import listed_units
 from ..simulation.events import Event, near_singularity
 from ..spatial import Array
@@ -42,7 +43,8 @@ def units(source: SceneFile, robot: HybridRobot) -> list[Any]:
         found = [unit for unit in listed_units(robot, words) if unit.name not in spelled] if words else []
     for name, values in own.items():
         _check_names(source, robot, name, values)
-        found.append(_made(source, ("effects", name), UNITS[name], values))
+        with naming(source, ("effects", name)):
+            found.append(made(name, values))
     return found + _on_links(source, robot) + _base(source, robot)
 
 
@@ -54,7 +56,9 @@ def _made(source: SceneFile, keys: Keys, kind: type[Any], values: dict[str, Any]
 
 def _check_names(source: SceneFile, robot: HybridRobot, name: str, values: dict[str, Any]) -> None:
     """Check that the robot has the joints or links that an effect names."""
-    what, known = ("link", robot.bodies.place) if name in ON_LINKS else ("movable joint", robot.body_of_joint)
+    what, known = (
+        ("link", robot.bodies.place) if acts_on(name) == "link" else ("movable joint", robot.body_of_joint)
+    )
     for key, entry in named_by(name, values):
         source.check(("effects", name, key, entry), what, entry, known)
 

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from ..description.names import did_you_mean
 from ..description.reading import read_bytes
-from ..description.side_cars.tables import Schema, first_problem
+from ..description.side_cars.tables import Schema, first_problem, with_added_effects
 from ..description.side_cars.toml_file import Keys, line_of, parse_toml
 from ..errors import HybridynError, ModelError
 
@@ -67,7 +67,7 @@ def read_schema(path: str | Path, schema: type[Whole], kinds: Iterable[str]) -> 
     file = str(path)
     text, content = parse_toml(read_bytes(file), file)
     try:
-        return TomlSource(file, text), schema.model_validate(content)
+        return TomlSource(file, text), with_added_effects(schema, content).model_validate(content)
     except ValidationError as error:
         keys, message = first_problem(error, content, kinds)
         key = ".".join(str(part) for part in keys)

@@ -34,7 +34,8 @@ ROTATION_ROWS = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
 CLOSED = 1e-5  # of the module's size: the home posture is printed with six digits
 
 
-TOLD_IN_ORDER = {"tutorial.md"}  # its commands and its Python need each other: test_commands.py
+#: Their Python needs their commands (test_commands.py), or a package (tests/extending).
+TOLD_IN_ORDER = {"tutorial.md", "extending.md"}
 #: Pages whose Python takes long; `.ci/run` runs them too.
 LONG = {
     "cost.md", "scenes.md", "compiled.md", "view-and-plot.md", "units-and-conventions.md", "tables.md",

@@ -91,21 +91,22 @@ def _xacro_arguments(ctx: click.Context, param: click.Parameter, values: tuple[s
     return {match[1]: match[2] for match in matches.values() if match}
 
 
-def known_names(what: str, module: str, *collections: str) -> Callable[..., tuple[str, ...]]:
+def known_names(what: str, module: str, known: str) -> Callable[..., tuple[str, ...]]:
     """Return a callback that splits names at commas, and checks them before any work is done.
 
     Args:
         what: What they are the names of.
         module: The module of hybridyn that knows them, imported only when the option is given.
-        collections: The collections of it that they are in.
+        known: What holds them there, a collection or a function that returns one.
     """
 
     def check(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
         """Split and check the names."""
         if value is None or ctx.resilient_parsing:  # completion must be quick: nothing large is imported
             return ()
-        known, names = import_module(f"hybridyn.{module}"), split_names(ctx, param, value) or ()
-        every = [name for one in collections for name in getattr(known, one)]
+        names = split_names(ctx, param, value) or ()
+        found = getattr(import_module(f"hybridyn.{module}"), known)
+        every = found() if callable(found) else found
         for name in names:
             if name not in every:
                 hint = f"{did_you_mean(name, every)}; known: {', '.join(every)}"

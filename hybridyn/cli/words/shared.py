@@ -24,7 +24,7 @@ def effects_option(default: str | None) -> click.Option:
     more = "" if default else ".  [default: default; with --loads and --by-effect model]"
     return option(
         "--effects", metavar="A,B,...", default=default, show_default=bool(default),
-        callback=known_names("effect", "effects.catalogue", "UNITS", "WORDS"),
+        callback=known_names("effect", "effects.catalogue", "names"),
         help="Effects: 'default' (gravity, inertia, leg_inertia, velocity), 'model' (all that the files "
         f"state), 'none', or names (docs/effects.md){more}",
     )  # fmt: skip

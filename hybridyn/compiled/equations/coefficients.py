@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from ...description.records import StatedSpring
-from ...effects.choice import Effects, bound_to
+from ...effects.choice import Effects
 from ...effects.joints import JointEffect, OnJoints, placed
 from ...effects.springs import Spring
 from ...effects.tendons import OnTendons
@@ -22,7 +22,7 @@ def slots_of(robot: HybridRobot, law: OnJoints | OnTendons, i: int) -> list[Slot
     none: list[Slot | None] = [None] * len(law.p)
     if isinstance(law, OnTendons):
         return none
-    if isinstance(law.effect, Spring):
+    if type(law.effect) is Spring:
         joint = _joint_of(robot, law, i)
         return [Slot("springs", joint, "stiffness"), Slot("springs", joint, "rest"), *none[2:]]
     field = OF_EFFECTS.get(law.effect.name)
@@ -46,7 +46,7 @@ def with_stated_springs(robot: HybridRobot, effects: Effects) -> HybridRobot:
     springs = [
         StatedSpring(joint, *values[:2])
         for law in effects.joints
-        if isinstance(law.effect, Spring)
+        if type(law.effect) is Spring
         for joint, values in law.effect.numbers(robot).items()
     ]
     if not springs or tuple(springs) == robot.description.springs:
@@ -74,13 +74,13 @@ def at_robot(effects: Effects, robot: HybridRobot) -> Effects:
         effects,
         joints=stated(effects.joints),
         rotors=stated(effects.rotors),
-        links=tuple(bound_to(law, robot) for law in effects.links),
+        links=tuple(law.bound(robot) for law in effects.links),
     )
 
 
 def _stated(effect: JointEffect, robot: HybridRobot) -> JointEffect:
     """Return an effect with the coefficients that a robot's description states for its joints."""
-    if not isinstance(effect, Spring):
+    if type(effect) is not Spring:
         return effect
     known = {spring.name: spring for spring in robot.description.springs if spring.name in effect.stiffness}
     return Spring(

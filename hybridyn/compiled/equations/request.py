@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...effects.catalogue import OF_MOTION, OfMotion
 from ...effects.choice import Choice, Effects, choose
+from ...effects.link_effect import LinkEffect
 from ...effects.links import GroundContact
 from ...errors import ModelError
 from ...spatial import Array, Index
@@ -53,7 +53,7 @@ class Request:
         return [self._placed(link) for link in self.links]
 
     @cached_property
-    def contacts(self) -> list[tuple[Acting, OfMotion]]:
+    def contacts(self) -> list[tuple[Acting, LinkEffect]]:
         """Where wrenches that depend on the motion of links enter, and their laws; none on a base at rest."""
         place, still = self.robot.bodies.place, self.robot.base != "floating"
         return [
@@ -248,10 +248,11 @@ def request(
     """
     on = choose(robot, effects)
     for unit in (*on.links, *((on.base,) if on.base else ())):
-        if contacts and isinstance(unit, OF_MOTION):
+        follows = isinstance(unit, LinkEffect) and unit.of_motion
+        if contacts and follows:
             continue
         why = "it depends on time"
-        if isinstance(unit, OF_MOTION):
+        if follows:
             why = (
                 "derivatives of 'ddm' and over motors go module by module, and this force follows links of "
                 "several modules; the models and the derivatives of 'idm' over joints have it"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 
 from ...effects.bodies import GravityCompensation, LineSprings
-from ...effects.bushings import Bushings, Moving
-from ...effects.catalogue import OfMotion
+from ...effects.bushings import Bushings
+from ...effects.link_effect import LinkEffect, Moving
 from ...effects.links import GroundContact
 from ...spatial import cross, wrench_to_base
 from ...structure.robot import HybridRobot
@@ -22,6 +22,7 @@ from ..equations.request import Request
 from ..program import Shared, Source
 from .general import WIDTH
 from .kinematics import write_motions
+from .on_symbols import Watched, Written, written_wrench
 from .writer import Writer
 
 
@@ -98,7 +99,7 @@ class ActingWrenches:
         return place
 
 
-def _carrying(robot: HybridRobot, contacts: Sequence[tuple[Acting, OfMotion]]) -> set[int]:
+def _carrying(robot: HybridRobot, contacts: Sequence[tuple[Acting, LinkEffect]]) -> set[int]:
     """Return the numbers of the modules that carry the links that laws watch."""
     out = set[int]()
     for at, law in contacts:
@@ -110,13 +111,7 @@ def _carrying(robot: HybridRobot, contacts: Sequence[tuple[Acting, OfMotion]]) -
     return out
 
 
-#: Symbols of what a wrench depends on, and the wrench.
-Written = tuple[list[ca.SX], ca.SX]
-#: Frames of links in their bodies, as `Bodies.place`.
-Watched = Mapping[str, tuple[int, Expression, Expression]]
-
-
-def _of_law(request: Request, at: Acting, law: OfMotion, watched: Watched) -> Written:
+def _of_law(request: Request, at: Acting, law: LinkEffect, watched: Watched) -> Written:
     """Write a law's wrench on a link, in its body's frame, from the motion of bodies."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
@@ -126,7 +121,9 @@ def _of_law(request: Request, at: Acting, law: OfMotion, watched: Watched) -> Wr
             return _bushings(at, law, watched)
         if isinstance(law, GravityCompensation):
             return _compensation(request, at, law)
-        return _contact(at, law)
+        if isinstance(law, GroundContact):
+            return _contact(at, law)
+        return written_wrench(at.link, law, watched)
 
 
 def _in_body(R: Expression, p: Expression, point: Expression) -> Expression:

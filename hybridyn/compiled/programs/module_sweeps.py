@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,7 +10,6 @@ import numpy as np
 
 from ...effects.joints import OnJoints
 from ...effects.tendons import OnTendons
-from ...errors import ModelError
 from ...spatial import Index
 from ...structure.module import Module
 from ..equations.arguments import ChosenNumbers
@@ -21,6 +19,7 @@ from ..equations.request import Request
 from ..program import Constants, Shared, Source
 from .acting import ActingWrenches
 from .module_calls import ModuleCalls, Stages, moving_base
+from .on_symbols import written_effort
 from .writer import Writer
 
 
@@ -113,7 +112,7 @@ class Sweeps:
                 x, v = ca.SX.sym("x", len(at_q)), ca.SX.sym("v", len(at_v))
                 inputs += [*ca.vertsplit(p), x, v] if len(coefficients) > 1 else [p, x, v]
                 sources += [*coefficients, w.from_given("q", at_q), w.from_given("v", at_v)]
-                total = total + _written(law, i, p, x, v)
+                total = total + written_effort(law, i, p, x, v)
                 key = (*key, x.numel(), v.numel(), repr(law.effect.name), len(law.p), len(coefficients))
         kernel = w.kernel(key, ca.Function("effort", inputs, [pack([total])]), "effects")
         w.call(kernel, 1, sources, [place])
@@ -131,16 +130,3 @@ class Sweeps:
             else Constants(values[:, n : n + 1])
             for n, slot in enumerate(slots)
         ]
-
-
-def _written(law: OnJoints | OnTendons, i: int, p: ca.SX, x: ca.SX, v: ca.SX) -> Any:
-    """Return a law's effort as an expression by running its NumPy code on symbols."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
-            return law.written(i, *(tuple(s[n] for n in range(s.numel())) for s in (p, x, v)))
-    except (TypeError, AttributeError, ValueError, RuntimeError, NotImplementedError) as error:
-        name = law.effect.name
-        raise ModelError(
-            f"the effect '{name}' cannot be compiled: use the general path for it", element=name
-        ) from error

@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from ...effects.choice import Choice, Effects, choose
+from ...effects.others import is_other
 from ...errors import ModelError
 from ...structure.parameters.entries import Parameters
 from ...structure.parameters.slots import Slot
@@ -44,14 +45,32 @@ def kept(known: dict[Key, Value], key: Key, make: Callable[[], Value], most: int
 def robot_key(robot: HybridRobot, effects: Effects | None) -> str:
     """Return a hash of everything that the models of a robot depend on; without effects, its kinematics.
 
-    Where its file lies, and what its reader remarked, are no part of it.
+    Where its file lies, and what its reader remarked, are no part of it. The code of other packages is: it
+    may change while its numbers stay.
     """
     told = replace(robot.description, source=None, read_from=None, notes=())
+    own, others = (effects, []) if effects is None else _told_apart(robot, effects)
     facts = (
         told, robot.base, robot.gravity, robot.motors, robot.home, robot.closure_tolerance,
-        robot.rank_tolerance, sorted(robot.held), robot.payloads, effects,
+        robot.rank_tolerance, sorted(robot.held), robot.payloads, own, others,
     )  # fmt: skip
     return hashlib.sha256(pickle.dumps(facts)).hexdigest()
+
+
+def _told_apart(robot: HybridRobot, effects: Effects) -> tuple[Effects, list[bytes]]:
+    """Return the effects of hybridyn, and what determines the laws of other packages in the models."""
+    laws = [law for law in effects.joints if is_other(type(law.effect))]
+    wrenches = [law for law in effects.links if is_other(type(law))]
+    if not laws and not wrenches:
+        return effects, []
+    from .on_symbols import text_of  # it takes CasADi
+
+    own = replace(
+        effects,
+        joints=tuple(law for law in effects.joints if not is_other(type(law.effect))),
+        links=tuple(law for law in effects.links if not is_other(type(law))),
+    )
+    return own, text_of(robot, laws, wrenches)
 
 
 def library_of(

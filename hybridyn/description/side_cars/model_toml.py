@@ -31,15 +31,14 @@ from ...errors import ModelError
 from ...joints.kinds import JointKind
 from ..cache_folder import hashed, keep, kept, state_of
 from ..closure_forms import FORMS
+from ..effect_names import acts_on, is_added, named_by
 from ..names import did_you_mean
 from ..records import (
-    ON_LINKS,
     Coupling,
     Curve,
     Description,
     MotorStatement,
     RobotFile,
-    named_by,
 )
 from ..writing import write_text
 from .toml_file import line_of, parse_toml
@@ -63,7 +62,8 @@ def read_model_file(text: bytes, file: str) -> dict[str, Any]:
         from .tables import checked  # imports pydantic: 0.1 s
 
         content = checked(text, file)
-        keep(name, content)
+        if not any(map(is_added, content["effects"])):  # else it depends on other packages
+            keep(name, content)
     return content
 
 
@@ -120,8 +120,7 @@ def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tupl
     movable = [name for name, kind in kinds.items() if kind != "fixed"]
     links = [link.name for link in robot.links]
     for effect, table in model["effects"].items():
-        on_links = effect in ON_LINKS
-        what, names = ("link", links) if on_links else ("movable joint", movable)
+        what, names = ("link", links) if acts_on(effect) == "link" else ("movable joint", movable)
         for key, name in named_by(effect, table):
             if name not in names:
                 hint = did_you_mean(name, names)
@@ -278,6 +277,10 @@ def _value(value: Any) -> str:
         return "{ " + ", ".join(f"{key_of(key)} = {_value(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_value(item) for item in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int):
+        return str(value)
     return repr(float(value))
 
 

@@ -13,14 +13,17 @@ objects. pydantic's errors become one-line messages: the problem, its key, and t
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Annotated, Any, Final, Literal, get_args
+import inspect
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Final, Literal, TypeVar, get_args, get_type_hints
 
 from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
     FiniteFloat,
+    PydanticSchemaGenerationError,
+    TypeAdapter,
     ValidationError,
     create_model,
     model_validator,
@@ -28,6 +31,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from ...errors import ModelError
+from ...extensions import added, added_names, refused
 from ..names import did_you_mean, listed
 from .toml_file import Keys, line_of, parse_toml
 
@@ -40,6 +44,8 @@ Point = Annotated[list[FiniteFloat], Field(min_length=3, max_length=3)]
 Three = Annotated[list[NotNegative], Field(min_length=3, max_length=3)]
 Pose = Annotated[list[FiniteFloat], Field(min_length=7, max_length=7)]
 
+
+File = TypeVar("File", bound=BaseModel)
 
 #: The type of the error of an unknown key.
 UNKNOWN: Final = "unknown_key"
@@ -55,14 +61,29 @@ class Schema(BaseModel):
     def _refuse_unknown(cls, content: Any) -> Any:
         """Refuse the first key that is not known, and name those that are."""
         for key in content if isinstance(content, dict) and cls.model_config["extra"] == "forbid" else ():
-            if key not in (known := cls.model_fields):
+            if key not in cls.model_fields:
+                known = cls.names()
                 about = {"key": key, "hint": did_you_mean(str(key), known), "known": listed(known)}
                 raise PydanticCustomError(UNKNOWN, "unknown key '{key}'{hint}; known: {known}", about)
         return content
 
+    @classmethod
+    def names(cls) -> Iterable[str]:
+        """Return the keys that are known."""
+        return cls.model_fields
+
     def stated(self) -> dict[str, Any]:
         """Return the values by key, tables too, without keys that are left out and have no default."""
         return self.model_dump(exclude_none=True)
+
+
+class OfEffects(Schema):
+    """Base class of the tables of effects, some of which may be of other packages."""
+
+    @classmethod
+    def names(cls) -> Iterable[str]:
+        """Return the names of effects that are known."""
+        return dict.fromkeys([*cls.model_fields, *added_names("effects")])
 
 
 class Open(Schema):
@@ -135,8 +156,56 @@ EFFECTS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 EffectTables: Any = table(
-    "EffectTables", **{name: table(name, **keys) | None for name, keys in EFFECTS.items()}
+    "EffectTables", OfEffects, **{name: table(name, **keys) | None for name, keys in EFFECTS.items()}
 )
+
+
+def with_added_effects(schema: type[File], content: Mapping[str, Any]) -> type[File]:
+    """Return the schema of a file, whose table `effects` has the effects of other packages that it states.
+
+    Args:
+        schema: The schema without them.
+        content: The content of the file.
+
+    Raises:
+        ModelError: A package adds an effect that cannot be used.
+    """
+    own, stated = schema.model_fields.get("effects"), content.get("effects")
+    base = None if own is None else own.annotation
+    if not (isinstance(base, type) and issubclass(base, OfEffects) and isinstance(stated, dict)):
+        return schema
+    names = [name for name in stated if name not in base.model_fields]
+    added_ones = {name: kind for name in names if (kind := added("effects", name)) is not None}
+    if not added_ones:
+        return schema
+    tables = {name: table(name, **_keys_of(name, kind)) | None for name, kind in added_ones.items()}
+    extended = table(base.__name__, base, **tables)
+    return create_model(schema.__name__, __base__=schema, effects=(extended, ...))
+
+
+def _keys_of(name: str, kind: type[Any]) -> dict[str, Any]:
+    """Return the keys of an effect of another package: the arguments of its class.
+
+    Raises:
+        ModelError: One has no type, or one that TOML has no values for.
+    """
+    package, known = kind.__module__.partition(".")[0], inspect.signature(kind).parameters
+    try:
+        types = get_type_hints(kind.__init__)
+        keys = {
+            key: types[key] if one.default is one.empty else types[key] | None for key, one in known.items()
+        }
+        for of in keys.values():
+            TypeAdapter(of)
+    except (NameError, KeyError, TypeError, PydanticSchemaGenerationError) as error:
+        told = " ".join(str(error).split())[:80]
+        raise refused(
+            "effects", name, package,
+            f"cannot be stated in a file ({told}): give the arguments of its class "
+            "types such as float, str, Sequence[float], Mapping[str, float]",
+        ) from None  # fmt: skip
+    return keys
+
 
 #: The numbers that model.toml may state for one joint; see `records.Joint`.
 JointNumbers: Any = table(
@@ -177,7 +246,7 @@ def checked(text: bytes, file: str) -> dict[str, Any]:
     """
     plain, content = parse_toml(text, file)
     try:
-        return dict(ModelFile.model_validate(content).stated())
+        return dict(with_added_effects(ModelFile, content).model_validate(content).stated())
     except ValidationError as error:
         place, message = first_problem(error, content)
         keys = tuple(str(part) for part in place)

@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 
 from ...compiled import operations
-from ...effects.catalogue import UNITS
 from ...effects.choice import Effects, choose, stated_names
 from ...errors import HybridynError
 from ...scenes.scene_file import SceneFile
@@ -29,7 +28,7 @@ DROPPABLE = (
 
 def effects_fragment(source: SceneFile, names: Sequence[str]) -> str:
     """Write the table [effects] that requests some of the scene's effects."""
-    own = {name for name in source.scene.effects.stated() if name in UNITS}
+    own = {*source.scene.effects.stated()} - {"use"}
     use = [name for name in names if name not in own and name not in TABLES]
     gone = sorted(own - set(names) - set(TABLES))
     return "\n".join([requested(use), *(f"# without the table [effects.{name}]" for name in gone)])
