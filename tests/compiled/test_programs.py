@@ -12,13 +12,26 @@ from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.kinematics import WIDTH
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.dynamics.link_motion import body_motions
+from hybridyn.structure.building import build_robot
 from tests import ROOT
 from tests.oracle import Base
+from tests.robots.mechanisms import random_mechanism
 from tests.support.comparing import refused
 from tests.support.engines import TRUSTED, written_agrees
 
 AGREE = 1e-10  # the claim: two ways of elimination, each good to some hundred roundings
 EXACT = 1e-13  # one chain of products, summed in another order
+
+
+#: Loops whose closures hold all rotations, slide, or cross an axis; and a platform whose base moves.
+FORMS: dict[str, Base] = {
+    "loop_fixed": "fixed", "loop_cylindrical": "fixed", "loop_universal": "fixed", "planar_rpr": "floating"
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "base"), FORMS.items())
+def test_closures_of_each_form(kind: str, base: Base) -> None:
+    written_agrees(build_robot(random_mechanism(1, kind=kind), base=base), 2)
 
 
 @pytest.mark.parametrize(

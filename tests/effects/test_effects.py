@@ -197,9 +197,9 @@ BY_HAND: dict[str, tuple[Callable[[dict[str, float]], Any], Callable[..., np.nda
     "spring": (lambda c: fx.Spring(c, dict.fromkeys(c, 0.3)), lambda c, q, v, a: c * (q - 0.3)),
     "damper": (fx.Damper, lambda c, q, v, a: c * v),
     "stop": (
-        lambda c: fx.Stop(c, 0.2, dict.fromkeys(c, -0.01), dict.fromkeys(c, 0.01)),
+        lambda c: fx.Stop(c, 5.0, dict.fromkeys(c, -0.01), dict.fromkeys(c, 0.01)),
         lambda c, q, v, a: (
-            c * np.clip(np.abs(q) - 0.01, 0, None) * np.sign(q) * np.clip(1 + 0.2 * v * np.sign(q), 0, None)
+            c * np.clip(np.abs(q) - 0.01, 0, None) * np.sign(q) * np.clip(1 + 5.0 * v * np.sign(q), 0, None)
         ),
     ),
 }  # fmt: skip
