@@ -10,14 +10,14 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.code.scalars import Scalar
-from hybridyn.compiled.comparing import compare_at_states
+from hybridyn.compiled.comparing import SAMPLES, compare_at_states
 from hybridyn.compiled.library.building import best_lanes
 from hybridyn.compiled.library.calls import Calls, Library
 from hybridyn.compiled.programs.derivatives.evaluation import Derivatives
 from hybridyn.compiled.programs.quantities import following
 from hybridyn.compiled.programs.sources import library_of
 from hybridyn.compiled.programs.whole_robot import Interpreted, programs
-from hybridyn.compiled.verifying import verify
+from hybridyn.compiled.verifying import movable_states, verify
 from hybridyn.dynamics.quantities.independent import independent_coordinates
 from hybridyn.effects.choice import choose
 from hybridyn.identification.compiled_rows import CompiledRows
@@ -93,6 +93,13 @@ def test_states_that_the_general_path_refuses_are_not_computed() -> None:
 
     words = "the compiled 'idm' of the robot 'five_bar' computes a state that the general path refuses"
     refused(lambda: compare_at_states(robot, "'idm'", run, general, 1.0), hybridyn.CompileError, words)
+
+
+def test_states_of_few_motors_are_ones_that_they_drive() -> None:
+    """At least every other one, so that the inverse model is compared, too."""
+    robot = hybridyn.load("five_bar", motors=["m1_left_drive"])
+    q, v, _, a = (x[::2] for x in movable_states(robot, choose(robot, None), 0))
+    assert len(hybridyn.idm(robot, q, v, a)) == SAMPLES / 2
 
 
 def test_a_robot_in_which_nothing_moves_is_verified() -> None:

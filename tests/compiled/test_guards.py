@@ -2,6 +2,7 @@
 
 import sys
 import threading
+from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
@@ -15,8 +16,17 @@ from hybridyn.compiled.code.kernels import operations_of
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.chains import point_acceleration, point_velocity
 from hybridyn.compiled.equations.core import write_core
+from hybridyn.compiled.equations.direct import _inertia_guard
 from hybridyn.compiled.equations.expressions import numbers, pack, plain
+from hybridyn.compiled.equations.guarded_elimination import (
+    TRUSTED_PIVOT,
+    choose_pivots,
+    solve,
+    solve_definite,
+)
+from hybridyn.compiled.equations.least_inertia import NEARLY_NO_INERTIA
 from hybridyn.compiled.equations.request import request
+from hybridyn.compiled.equations.scales import squares
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import load
 from hybridyn.compiled.program import Call, GivenPlace, Kernel, Program, ResultPlace, Worst
@@ -69,6 +79,39 @@ def test_each_joint_that_opens_a_loop_is_noticed(name: str) -> None:
                     seen += 1
                     assert not float(function(*nearly)[1]) <= 1.0, (model, which, k)
     assert seen >= robot.nv
+
+
+def test_forces_that_no_motor_bears_are_noticed() -> None:
+    """One motor for two freedoms bears what the direct model gives, but not any motion of the linkage."""
+    robot = hybridyn.load("five_bar", motors=["m1_left_drive"])
+    function = function_of(programs(robot, models=("idm",))["idm"])
+    for drawn, borne in ((robot, True), (hybridyn.load("five_bar"), False)):
+        q, v, a, _ = (x[0] for x in random_states(drawn, 1))
+        assert (float(function(q, v, a)[1]) <= 1.0) == borne
+
+
+def test_pivots_far_below_their_usual_size_are_noticed() -> None:
+    """Pivots are chosen where the first entry is about 2.5."""
+
+    def K(x: Any) -> np.ndarray:
+        return np.array([[x, 1.0, 0.3], [0.2, 0.5, 1.0]], dtype=object)
+
+    samples = np.array([K(x) for x in np.linspace(2.0, 3.0, 9)], dtype=float)
+    pivots, x = choose_pivots(samples, 2, np.ones(2), np.ones(3)), ca.SX.sym("x")
+    _, doubts = solve(K(x), plain(np.ones((2, 1))), pivots)
+    guard = ca.Function("guard", [x], [squares(doubts)])
+    for share, trusted in ((1.0, True), (1.1 * TRUSTED_PIVOT, True), (0.9 * TRUSTED_PIVOT, False)):
+        assert (float(guard(2.5 * share)) <= 1.0) == trusted
+
+
+def test_motions_that_move_the_same_mass_are_noticed() -> None:
+    """Each has an inertia, but their difference has nearly none."""
+    c, usual = ca.SX.sym("c"), SimpleNamespace(usual=(1.0, 1.0))
+    A = np.array([[1.0, c], [c, 1.0]], dtype=object)
+    _, definite = solve_definite(A, plain(np.ones((2, 1))), NEARLY_NO_INERTIA)
+    guard = ca.Function("guard", [c], [_inertia_guard(0.0, usual, A, definite)])
+    for left, trusted in ((0.5, True), (2 * NEARLY_NO_INERTIA, True), (0.1 * NEARLY_NO_INERTIA, False)):
+        assert (float(guard(np.sqrt(1.0 - left))) <= 1.0) == trusted
 
 
 def test_wrists_that_place_a_platform_hold_at_any_joint_motion() -> None:
