@@ -19,8 +19,10 @@ def run(
     **of_c: Any,
 ) -> int:  # fmt: skip
     """Write a robot in another format, its models as C, or its tree for ROS."""
+    only_c = any(of_c[name] for name in ("name", "float32", "parameters", "wrenches", "given"))
     refuse(
         (as_c and as_ros, "--c and --ros exclude each other"),
+        (as_ros and only_c, "--name, --float32, --parameters, --wrenches and --given belong to --c"),
         (
             redundancy not in (None, LEAST),
             f"--redundancy: exported C knows '{LEAST}' alone. Give it the motors' positions that another "

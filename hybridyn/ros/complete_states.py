@@ -50,9 +50,9 @@ class CompleteStates:
     def complete(self, given: JointNumbers, stamp: int) -> JointNumbers:
         """Return the state of all joints; rates and efforts only where they are given.
 
-        Where all motors are among the joints, they determine the posture of their modules, and other joints
-        of these are not read; otherwise all the joints that are given do. Efforts are those that are given,
-        and 0 of other joints.
+        Where all motors are among the joints, they determine the posture of their modules, and positions and
+        rates of other joints of these are not read; otherwise all the joints that are given determine it.
+        Efforts are those that are given, and 0 of other joints.
 
         Args:
             given: The measured state.
@@ -70,11 +70,11 @@ class CompleteStates:
         if self._source is None or self._source.names != tuple(given.names):
             self._source = self._read(tuple(given.names))
         _, places, chosen, close = self._source
-        position, velocity, effort = given.numbers()
+        position, velocity, effort = given.numbers(chosen)
         motion = np.zeros((3, len(chosen)))
-        motion[0] = position[chosen]
+        motion[0] = position
         if velocity is not None:
-            motion[1] = velocity[chosen]
+            motion[1] = velocity
         q, v, a = close(motion, self.q)
         self.q, self.v, self.a = q, v, a
         joints = self.model.joints

@@ -49,4 +49,4 @@ class Health:
             "distance from singular, closures (0 to 1)": f"{closures:.3g}",
             "models": "general path" if states.model.compiled is None else "compiled",
         }
-        return not reason, reason or "closed", values
+        return not reason, reason or ("closed" if self.completed else "no state yet"), values

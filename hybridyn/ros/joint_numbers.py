@@ -17,8 +17,10 @@ from ..description.names import did_you_mean
 from ..errors import TrajectoryError
 from ..joints.kinds import JointKind, Turn
 from ..linkage.joints import ROOT_JOINT
-from ..spatial import Array, rotation_from_quaternion
+from ..spatial import Array, Index, rotation_from_quaternion
 from ..structure.robot import HybridRobot
+
+EVERY = slice(None)
 
 
 class JointNumbers(NamedTuple):
@@ -36,20 +38,28 @@ class JointNumbers(NamedTuple):
     velocity: ArrayLike | None = None
     effort: ArrayLike | None = None
 
-    def numbers(self) -> tuple[Array, Array | None, Array | None]:
-        """Return positions, rates and efforts. Where all are NaN there are none: drivers write them so.
+    def numbers(self, read: Index) -> tuple[Array, Array | None, Array | None]:
+        """Return positions and rates of the joints that are read, and efforts of all joints.
+
+        Rates that are all NaN are none, and an effort that is NaN is 0: drivers write so what they do not
+        measure.
+
+        Args:
+            read: The places of the joints that are read.
 
         Raises:
             TrajectoryError: An array has another length than the names, or a number is not finite.
         """
-        position = checked_numbers(self.names, self.position, "positions")
-        return position, self._optional(self.velocity, "velocities"), self._optional(self.effort, "efforts")
-
-    def _optional(self, numbers: ArrayLike | None, what: str) -> Array | None:
-        """Return numbers that may be missing."""
-        if numbers is None or np.isnan(numbers).all():  # all of none, too
-            return None
-        return checked_numbers(self.names, numbers, what)
+        position = checked_numbers(self.names, self.position, "positions", read)
+        velocity, effort = (
+            None if x is None or np.isnan(x).all() else np.asarray(x, dtype=float)  # all of none, too
+            for x in (self.velocity, self.effort)
+        )
+        if velocity is not None:
+            velocity = checked_numbers(self.names, velocity, "velocities", read)
+        if effort is not None:
+            effort = checked_numbers(self.names, np.where(np.isnan(effort), 0.0, effort), "efforts")
+        return position, velocity, effort
 
 
 def check_names(names: Sequence[str], known: Collection[str]) -> None:
@@ -66,11 +76,16 @@ def check_names(names: Sequence[str], known: Collection[str]) -> None:
         raise TrajectoryError(f"joint '{twice}' is named twice")
 
 
-def checked_numbers(names: Sequence[str], numbers: ArrayLike, what: str) -> Array:
-    """Return numbers, one for each name.
+def checked_numbers(
+    names: Sequence[str], numbers: ArrayLike, what: str, read: Index | slice = EVERY
+) -> Array:
+    """Return numbers of joints, of which the array has one for each name.
 
     Args:
+        names: The names.
+        numbers: The array.
         what: What they are, for messages.
+        read: The places of those that are returned, and must be finite.
 
     Raises:
         TrajectoryError: They are more or fewer, or one is not finite.
@@ -78,9 +93,11 @@ def checked_numbers(names: Sequence[str], numbers: ArrayLike, what: str) -> Arra
     x = np.asarray(numbers, dtype=float)
     if x.shape != (len(names),):
         raise TrajectoryError(f"there are {x.size} {what} of {len(names)} joints")
+    x = x[read]
     if not np.isfinite(x).all():
         wrong = int(np.argmin(np.isfinite(x)))
-        raise TrajectoryError(f"{x[wrong]} is among the {what}, of joint '{names[wrong]}'")
+        name = np.array(names)[read][wrong]
+        raise TrajectoryError(f"{x[wrong]} is among the {what}, of joint '{name}'")
     return x
 
 

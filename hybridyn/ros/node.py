@@ -7,13 +7,14 @@ in     motor_states       sensor_msgs/JointState               measured: of the 
 out    joint_states       sensor_msgs/JointState               all joints, at the time that was measured
        gravity_efforts    sensor_msgs/JointState               of the motors: what holds the measured posture
        feedforward        sensor_msgs/JointState               of the motors: what the commanded state needs
-       motor_trajectory   trajectory_msgs/JointTrajectory      from one of output joints, with efforts
+       motor_trajectory   trajectory_msgs/JointTrajectory      from one of output joints
        joint_trajectory   trajectory_msgs/JointTrajectory      from one of motors
        /diagnostics       diagnostic_msgs/DiagnosticArray      each second, and when a message is refused
 """
 
 from __future__ import annotations
 
+import re
 import tempfile
 import time
 from array import array
@@ -32,25 +33,30 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from ..errors import HybridynError
+from ..errors import HybridynError, ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .complete_states import CompleteStates
 from .health import Health
-from .joint_numbers import JointNumbers
+from .joint_numbers import JointNumbers, check_names
 from .ros_model import RosModel
-from .settings import RosSettings, declared
+from .settings import CHANGEABLE, RosSettings, checked, declared
 from .turned_trajectories import JointPoint, turned
 
 #: Loads a robot from a file, with motors other than those of the file if any are named.
 Load = Callable[[str, Sequence[str]], HybridRobot]
 #: As sensors publish, so that any publisher is heard; two seconds at 500 Hz wait meanwhile.
 SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+#: As plans are published, once: none is lost.
+PLAN = QoSProfile(depth=100)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: Messages that wait for a slow subscriber.
 WAITING = 100
-#: Time after which the same line is said again [s], and between diagnostics [s].
+#: Time after which a line like one before is said again [s], and between diagnostics [s].
 AGAIN = 1.0
+NUMBER = re.compile(r"\d[\d.e+-]*")
+#: Different lines that are said in this time.
+LINES = 10
 SECOND = 1_000_000_000
 
 
@@ -65,14 +71,17 @@ def run(load: Load, settings: RosSettings, ros_args: Sequence[str]) -> None:
     Raises:
         HybridynError: The robot or a parameter is wrong.
     """
-    rclpy.init(args=list(ros_args))
-    node = rclpy.create_node("hybridyn")
+    try:
+        rclpy.init(args=list(ros_args))
+        node = rclpy.create_node("hybridyn")
+    except RuntimeError as error:  # all that rclpy raises of arguments, names and the middleware
+        raise ModelError(f"ROS 2 does not start: {str(error).partition(', at /')[0]}") from error
     executor = SingleThreadedExecutor()
     try:
         executor.add_node(RosNode(node, load, settings).node)
         executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+    except (KeyboardInterrupt, SystemExit, ExternalShutdownException):
+        pass  # SIGINT, SIGTERM, or ROS: a node that is ended has done all that it should
     finally:  # in this order: what is left to the end of the process may be freed under a running thread
         executor.shutdown()
         node.destroy_node()
@@ -93,7 +102,7 @@ class RosNode:
     def __init__(self, node: Any, load: Load, settings: RosSettings) -> None:
         """Load the robot, or wait for the topic `robot_description`."""
         self.node, self._load, self.settings = node, load, declared(node, settings)
-        self._health, self._said, self._due = Health(), ("", -np.inf), 0.0
+        self._health, self._said, self._due, self._text = Health(), set[str](), time.monotonic(), ""
         if self.settings.robot:
             self._begin(self.settings.robot)
         else:
@@ -102,11 +111,14 @@ class RosNode:
 
     def _described(self, message: String) -> None:
         """Load the first robot of the topic."""
-        if not hasattr(self, "model"):
+        if not self._text:
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder, "robot_description.urdf")
                 file.write_text(message.data)
                 self._begin(str(file))
+            self._text = message.data
+        elif message.data != self._text:
+            self.node.get_logger().warning("another robot_description is not loaded: start the node again")
 
     def _begin(self, file: str) -> None:
         """Load a robot, and open the topics."""
@@ -115,7 +127,9 @@ class RosNode:
         self.model = RosModel(robot, settings.joints, settings.effects, settings.payload_link)
         if settings.payload_link:
             self.model.load(settings.payload_mass, settings.payload_centre)
-        self.states, self._commanded = (CompleteStates(self.model, settings.renamed) for _ in range(2))
+        self._own, self._drivers = settings.renamed, {own: name for name, own in settings.renamed.items()}
+        check_names([*self._drivers], self.model.joints.names)
+        self.states, self._commanded = (CompleteStates(self.model, self._own) for _ in range(2))
         self._out = {
             name: node.create_publisher(kind, name, WAITING)
             for name, kind in (
@@ -129,8 +143,15 @@ class RosNode:
             ("commanded_states", JointState, self._wanted),
             ("trajectory", JointTrajectory, self._planned),
         ):
-            node.create_subscription(kind, name, self._guarded(name, answer), SENSOR)
-        node.create_timer(AGAIN, self._diagnose)
+            qos = PLAN if kind is JointTrajectory else SENSOR
+            heard = node.create_subscription(kind, name, self._guarded(name, answer), qos)
+            for other, out in self._out.items():
+                if out.topic_name == heard.topic_name:
+                    raise ModelError(
+                        f"'{name}' and '{other}' are both the topic '{out.topic_name}': the node would hear "
+                        f"itself; call one of them otherwise, as in -r {other}:=complete_{other}"
+                    )
+        node.create_timer(AGAIN, self._tick)
         node.add_on_set_parameters_callback(self._changed)
         node.get_logger().info(f"'{robot.name}' is ready: motors {', '.join(self.model.robot.motors)}")
 
@@ -142,9 +163,10 @@ class RosNode:
             try:
                 answer(message)
             except HybridynError as error:
-                line, now = self._health.refuse(topic, error), time.monotonic()
-                if line != self._said[0] or now - self._said[1] >= AGAIN:
-                    self._said = line, now
+                line = self._health.refuse(topic, error)
+                alike = NUMBER.sub("", line)  # of states that are out of reach, each has its own numbers
+                if alike not in self._said and len(self._said) < LINES:
+                    self._said.add(alike)
                     self.node.get_logger().warning(line)
                     self._diagnose()
 
@@ -172,9 +194,9 @@ class RosNode:
         self._out["feedforward"].publish(_message(message.header, self._of_motors(at, tau)))
 
     def _of_motors(self, at: CompleteStates, tau: Array) -> JointNumbers:
-        """Return positions, rates and efforts of the motors."""
-        robot = self.model.robot
-        return JointNumbers(robot.motors, self.model.motor_positions(at.q), at.v[robot.motor_v], tau)
+        """Return positions, rates and efforts of the motors, which have the names that their driver knows."""
+        robot, names = self.model.robot, [self._drivers.get(x, x) for x in self.model.robot.motors]
+        return JointNumbers(names, self.model.motor_positions(at.q), at.v[robot.motor_v], tau)
 
     def _planned(self, message: JointTrajectory) -> None:
         """Publish the other trajectory."""
@@ -182,12 +204,15 @@ class RosNode:
             JointPoint(_nanoseconds(x.time_from_start), x.positions, x.velocities, x.accelerations)
             for x in message.points
         ]
-        names, found = turned(self.model, message.joint_names, points, self.states.q)
-        of_motors = not set(message.joint_names) <= {*self.model.robot.motors}
+        given = [self._own.get(name, name) for name in message.joint_names]
+        names, found = turned(
+            self.model, given, points, self.states.q, efforts=self.settings.trajectory_efforts
+        )
+        of_motors = not set(given) <= {*self.model.robot.motors}
         self._out["motor_trajectory" if of_motors else "joint_trajectory"].publish(
             JointTrajectory(
                 header=message.header,
-                joint_names=list(names),
+                joint_names=[self._drivers.get(name, name) for name in names],
                 points=[
                     JointTrajectoryPoint(
                         positions=x.positions, velocities=x.velocities, accelerations=x.accelerations,
@@ -202,15 +227,19 @@ class RosNode:
     def _changed(self, parameters: Sequence[Any]) -> SetParametersResult:
         """Set the payload."""
         given = {one.name: one.value for one in parameters}
-        mass, centre = (
-            given.get(name, self.node.get_parameter(name).value)
-            for name in ("payload_mass", "payload_centre")
-        )
         try:
+            mass, centre = (
+                checked(name, given.get(name, self.node.get_parameter(name).value)) for name in CHANGEABLE
+            )
             self.model.load(mass, centre)
         except HybridynError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _tick(self) -> None:
+        """Publish the diagnostics, and let lines be said again."""
+        self._said.clear()
+        self._diagnose()
 
     def _diagnose(self) -> None:
         """Publish the diagnostics."""

@@ -35,12 +35,12 @@ class JointPoint(NamedTuple):
 
 
 def turned(
-    model: RosModel, names: Sequence[str], points: Sequence[JointPoint], q: Array
+    model: RosModel, names: Sequence[str], points: Sequence[JointPoint], q: Array, *, efforts: bool = False
 ) -> tuple[tuple[str, ...], list[JointPoint]]:
     """Return the trajectory of the motors from one of other joints, or that of the outputs from the motors.
 
-    Rates and accelerations are turned where they are given. Where both are, the points of motors have the
-    efforts that the motion needs, unless the robot has joints that nothing drives. Modules without one of the
+    Rates and accelerations are turned where they are given. Where both are, the efforts that the motion needs
+    must be within their limits, unless the robot has joints that nothing drives. Modules without one of the
     joints stay.
 
     Args:
@@ -48,6 +48,7 @@ def turned(
         names: Joints of the trajectory.
         points: Its points.
         q: Posture before it, shape (nq,).
+        efforts: Whether points of motors have the efforts, too.
 
     Returns:
         Names and points of the other trajectory.
@@ -70,7 +71,7 @@ def turned(
     at = [robot.v_slices[robot.joint_index[name]].start for name in others]
     each = [positions_of(robot, q, others), *(x[:, at] for x in (v, a)[: len(levels) - 1])]
     rows = [[x[t].tolist() for x in each] + [[]] * (3 - len(each)) for t in range(len(points))]
-    if tau is not None:
+    if efforts and tau is not None:
         chosen = [robot.motors.index(name) for name in others]
         rows = [[*row, tau[t, chosen].tolist()] for t, row in enumerate(rows)]
     return others, [JointPoint(point.time, *row) for point, row in zip(points, rows, strict=True)]

@@ -85,6 +85,15 @@ def test_what_is_not_measured_does_not_go_out(states: CompleteStates, none: list
     assert found.effort is None
 
 
+def test_what_is_not_read_may_not_be_measured(states: CompleteStates) -> None:
+    """As joint_state_broadcaster says it of a joint that has no such interface."""
+    names, none = [LEFT, "m1_left_elbow", RIGHT], np.nan
+    found = states.complete(JointNumbers(names, [0.1, none, 0.2], [1.0, none, 2.0], [3.0, none, none]), 1)
+    same = states.complete(JointNumbers(BOTH, [0.1, 0.2], [1.0, 2.0], [3.0, 0.0]), 1)
+    for one, other in zip(found[1:], same[1:], strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=CLOSED)
+
+
 BOTH = [LEFT, RIGHT]
 WRONG: dict[str, tuple[JointNumbers, str]] = {
     "not a number": (JointNumbers(BOTH, [0.1, np.nan]), f"nan is among the positions, of joint '{RIGHT}'"),
@@ -95,6 +104,7 @@ WRONG: dict[str, tuple[JointNumbers, str]] = {
     "too few": (JointNumbers(BOTH, [0.0]), "there are 1 positions of 2 joints"),
     "too many rates": (JointNumbers(BOTH, [0.0, 0.0], [1.0] * 3), "there are 3 velocities of 2 joints"),
     "efforts": (JointNumbers(BOTH, [0.0, 0.0], None, [1.0]), "there are 1 efforts of 2 joints"),
+    "an effort": (JointNumbers(BOTH, [0.0, 0.0], None, [1.0, np.inf]), "inf is among the efforts"),
     "one motor": (JointNumbers([LEFT], [0.0]), "could still move"),
     "nothing": (JointNumbers([], []), "could still move"),
     "huge": (JointNumbers(BOTH, [1e300, 0.0]), "1e+300"),
@@ -165,13 +175,14 @@ def test_compiled_models_give_the_same_numbers(tmp_path: Path, monkeypatch: pyte
 
 
 def test_health_tells_the_last_refusal_once(states: CompleteStates) -> None:
-    health = Health()
+    health = Health(completed=1)
     health.refuse("motor_states", HybridynError("two\nlines"))
     well, line, values = health.told(states)
     assert (well, line) == (False, "motor_states: refused, the last right state is held: two lines")
     assert values["messages refused"] == "1"
     assert float(values["closure residual over size"]) < CLOSED
     assert health.told(states)[:2] == (True, "closed")
+    assert Health().told(states)[:2] == (True, "no state yet")
 
 
 def test_health_warns_near_a_singular_posture(

@@ -52,7 +52,7 @@ def test_the_motors_follow_pitch_and_roll(tmp_path: Path, slowly: None) -> None:
 def test_efforts_are_those_of_the_inverse_model(tmp_path: Path, slowly: None) -> None:
     model = RosModel(ankle(tmp_path), JOINTS, payload_link="foot")
     model.load(3.0, [0.1, 0.0, 0.0])
-    _, found = turned(model, JOINTS, points(0.1, 0.2), model.robot.home)
+    _, found = turned(model, JOINTS, points(0.1, 0.2), model.robot.home, efforts=True)
     carrying = hybridyn.with_effects(ankle(tmp_path), ["default", Payload("foot", 3.0, (0.1, 0, 0))])
     motion = [
         np.array([getattr(p, what) for p in found]) for what in ("positions", "velocities", "accelerations")
@@ -64,6 +64,7 @@ def test_efforts_are_those_of_the_inverse_model(tmp_path: Path, slowly: None) ->
 def test_there_and_back_is_the_same(tmp_path: Path, slowly: None) -> None:
     model, wanted = RosModel(ankle(tmp_path), JOINTS), points(0.1, 0.2, 0.4)
     motors, there = turned(model, JOINTS, wanted, model.robot.home)
+    assert not there[0].effort
     joints, back = turned(model, motors, there, model.robot.home)
     assert joints == JOINTS
     for one, other in zip(back, wanted, strict=True):
