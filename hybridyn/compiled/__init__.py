@@ -5,8 +5,7 @@ whole robot as calls), `code/` (programs to C), `library/` (compiler, cache, cal
 (`CompiledRobot`), `compiling` (`hybridyn.compile`), `failures` and `verifying`. `exporting` writes C for a
 controller, `derivatives` differentiates the models.
 
-`__init__.pyi` is the door: the names that other rooms use. `identification` and `warp_batch`, which write
-programs of their own, also use the files.
+`inertial_columns` are those of a regressor. `__init__.pyi` is the door: the names that other rooms use.
 
 May import: `dynamics`, `assembly`, `manifold` and below.
 """

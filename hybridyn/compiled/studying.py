@@ -65,7 +65,7 @@ class DesignModels(DesignEvaluator):
         """
         artifact, parameters = inverse_model(robot, effects, slots)
         inverse = cache(lambda: artifact.loaded(Library).programs["idm"])
-        super().__init__(DesignsInSlots(robot, parameters), effects, inverse)
+        super().__init__(DesignsInSlots(robot, effects, parameters), inverse)
         self._artifact = artifact
 
     def in_cache(self, requests: Requests) -> bool:

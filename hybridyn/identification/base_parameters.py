@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 
 from ..assembly.spanning import spanning_positions
-from ..compiled.equations.states import any_accelerations, moving_states
+from ..compiled import any_accelerations, moving_states
 from ..effects.choice import Choice
 from ..linkage.newton import LoopProblem, close
 from ..linkage.walking import CLOSED

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.failures import as_compile_error
-from ..compiled.programs.designs import DesignsInSlots
+from ..compiled import DesignsInSlots, as_compile_error
 from ..description.names import did_you_mean
 from ..effects.choice import Effects
 from ..errors import ModelError, TrajectoryError
@@ -45,10 +44,10 @@ class Batch:
     ) -> None:
         self.robot, self.effects, self.parameters = robot, effects, parameters
         self.dtype, self.device = dtype, device
-        self._designs = DesignsInSlots(robot, parameters)
+        self._designs = DesignsInSlots(robot, effects, parameters)
         self._arrays = Arrays(device, dtype)
         self._models = NativeModels(robot, effects, parameters.slots, dtype)
-        self._general = General(robot, effects, self._designs, dtype)
+        self._general = General(self._designs, dtype)
         self._made: dict[str, InWarp] = {}
         self._launcher = Launcher(robot, self._arrays)
         self.functions = Functions(tuple(self._models.makers), self.made)

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from ..compiled import needs_casadi
-from ..compiled.programs.sources import asked_for
+from ..compiled import asked_for, needs_casadi
 from ..effects.choice import Choice
 from ..errors import CompileError, install_advice
 from ..structure.parameters.slots import Slot

@@ -11,13 +11,9 @@ import numpy as np
 
 from ..assembly.assemble import assemble
 from ..assembly.posture import holding, posture_at
-from ..compiled.equations.coefficients import at_robot
-from ..compiled.programs.designs import DesignsInSlots
-from ..compiled.programs.general import general_rows
-from ..compiled.verifying import verify
+from ..compiled import DesignsInSlots, verify
 from ..dynamics.inverse import idm
 from ..dynamics.quantities.joint_map import joint_map, motors_beside
-from ..effects.choice import Effects
 from ..errors import SingularityError
 from ..scenes.controllers import ComputedTorque, Pd
 from ..simulation.motion_law import Effort
@@ -34,9 +30,9 @@ Fallback = Callable[[Index, dict[str, Array]], Sequence[Array]]
 class General:
     """Functions of the general path for some samples of a batch."""
 
-    def __init__(self, robot: HybridRobot, effects: Effects, designs: DesignsInSlots, dtype: str) -> None:
-        self._dtype = dtype
-        self._robot, self._effects, self._designs = robot, effects, designs
+    def __init__(self, designs: DesignsInSlots, dtype: str) -> None:
+        self._designs, self._dtype = designs, dtype
+        self._robot, self._effects = designs.robot, designs.effects
 
     def model(self, name: str, rows: Index, given: dict[str, Array]) -> Sequence[Array]:
         """Compute "idm" or "ddm" of some samples, each with its parameters.
@@ -45,14 +41,7 @@ class General:
             rows: Numbers of the samples.
             given: All inputs by name, shape (N, width) each.
         """
-        given = dict(given)
-        numbers = given.pop("parameters", np.zeros((len(given["q"]), 0)))
-        parts = [
-            (own, general_rows(robot, self._at(robot), name, given, own))
-            for robot, own in self._designs.by_design(numbers, rows)
-        ]
-        order = np.argsort(np.concatenate([own for own, _ in parts]))
-        return [np.concatenate([part for _, part in parts])[order]]
+        return [self._designs.general(name, given, rows)]
 
     def close(self, rows: Index, given: dict[str, Array]) -> Sequence[Array]:
         """Compute "close" of some samples, each from its own posture."""
@@ -62,7 +51,7 @@ class General:
     def control(self, rows: Index, given: dict[str, Array]) -> Sequence[Array]:
         """Compute "idm_from_motors" of some samples."""
         found = [self._closed(robot, row, given) for robot, row in self._each(rows, given)]
-        efforts = [idm(robot, q, v, a, effects=self._at(robot)) for robot, q, v, a in found]
+        efforts = [idm(robot, q, v, a, effects=self._designs.effects_of(robot)) for robot, q, v, a in found]
         return [*(np.array(x) for x in list(zip(*found, strict=True))[1:]), np.array(efforts)]
 
     def step(self, law: str, rows: Index, given: dict[str, Array]) -> Sequence[Array]:
@@ -77,7 +66,8 @@ class General:
         for robot, row in self._each(rows, given):
             h, steps = given["clock"][row]
             run = simulate(
-                robot, given["q"][row], given["v"][row], (0.0, h * steps), effects=self._at(robot),
+                robot, given["q"][row], given["v"][row], (0.0, h * steps),
+                effects=self._designs.effects_of(robot),
                 effort=self._law(law, [given[name][row] for name in LAWS[law]]),
                 initial_velocity=closed, method="rk4", step=abs(h),
             )  # fmt: skip
@@ -125,9 +115,6 @@ class General:
         levels = (given[name][row] for name in ("position", "rate", "acceleration"))
         motors = dict(zip(robot.motors, zip(*levels, strict=True), strict=True))
         return (robot, *assemble(robot, motors=motors, guess=given["near"][row]))
-
-    def _at(self, robot: HybridRobot) -> Effects:
-        return self._effects if robot is self._robot else at_robot(self._effects, robot)
 
     def check(self, native: Native, run: Callable[[dict[str, Any]], Any]) -> None:
         """Compare a new model with the general path at random states, see `compiled.verifying.verify`.

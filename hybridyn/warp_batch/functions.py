@@ -16,13 +16,7 @@ from importlib import import_module, resources
 from importlib.util import find_spec
 from typing import Any
 
-from ..compiled.code.c_tables import Tables
-from ..compiled.code.drivers import HEAD as SAMPLES
-from ..compiled.code.drivers import MOVES, across_samples
-from ..compiled.code.kernels import kernel_graph, kernel_text
-from ..compiled.code.rules import check, trimmed
-from ..compiled.code.scalars import GUARD_LIMIT, REAL, SINES, arithmetic
-from ..compiled.program import Program, stored
+from ..compiled import GUARD_LIMIT, Program, sample_code, stored
 from ..description.names import did_you_mean
 
 #: Warp; None where it is not installed, as where the pages are built.
@@ -48,19 +42,6 @@ HEAD = """#define restrict __restrict__
 #define FAST_FMA
 #endif
 #define INLINE static CUDA_CALLABLE inline"""
-#: Run a program for one sample: its guard, NaN where a number that is not finite comes in or out.
-RUN = """static S {name}_run(const S *given, S *result, S * = 0) {{
-    S shared[{shared}], own[{own}], guard = 0;
-    for (int k = 0; k < {given}; k++) guard += given[k] * (S)0;
-    {name}_samples(given, result, shared, own, &guard);
-    for (int k = 0; k < {result}; k++) guard += result[k] * (S)0;
-    return guard;
-}}
-static int {name}_single_at(const S *const *in, S *out) {{
-    S given[{given}];
-    {gathered}
-    return !({name}_run(given, out) <= {limit});
-}}"""
 
 
 @dataclass(frozen=True)
@@ -97,15 +78,14 @@ def native(
         more: C of members of the structure that follow the programs.
     """
     inputs, outputs = (tuple(end) for end in ends)
-    members = "\n".join([*_programs(programs, dtype), more])
-    head = [f"#define SCALAR(name) name{'##f' if dtype == 'float32' else ''}", HEAD, arithmetic(1)]
+    code = sample_code(programs, dtype, HEAD)
+    members = f"{code.functions}\n{more}"
     given, result = (max(sum(size for _, size in end), 1) for end in (inputs, outputs))
     read = "\n".join(_moved(n, size, f"given[{at} + k] = {{}}") for n, size, at in stored(inputs))
     written = "\n".join(_moved(n, size, f"{{}} = result[{at} + k]") for n, size, at in stored(outputs))
-    macros = re.findall(r"#define (\w+)", "\n".join([*head, members]))
+    macros = re.findall(r"#define (\w+)", f"{code.head}\n{members}")
     lines = [
-        f"typedef {REAL[dtype]} S;",
-        *head,
+        code.head,
         f"struct Code {{\n{_on_device(members)}\n}};",
         f"S given[{given}], result[{result}];",
         read,
@@ -134,38 +114,6 @@ def _moved(array: str, size: int, move: str) -> str:
     """Return the C of a loop over the numbers of an array of Warp."""
     at = f"*(S *)((char *){array}.data + (size_t)k * {array}.strides[0])"
     return f"for (int k = 0; k < {size}; k++) {move.format(at)};"
-
-
-def _programs(programs: Mapping[str, Program], dtype: str) -> list[str]:
-    """Return the C of programs: what they call, their kernels, drivers, and functions of one sample."""
-    kernels: dict[str, str] = {}
-    drivers: list[str] = []
-    for called, program in programs.items():
-        program = trimmed(program)
-        check(program)
-        texts = [kernel_text(kernel_graph(kernel)) for kernel in program.kernels]
-        for text in texts:
-            kernels.setdefault(text, f"kernel_{len(kernels)}")
-        drivers.append(_driver(called, program, [kernels[text] for text in texts], dtype))
-    code = "\n".join([*(f"static void {name}{text}" for text, name in kernels.items()), *drivers])
-    return [MOVES, SINES, code]
-
-
-def _driver(name: str, program: Program, kernels: list[str], dtype: str) -> str:
-    """Return the C of a program that calls its kernels, and runs for one sample."""
-    tables = Tables(dtype)
-    head = SAMPLES.format(name=name)
-    first, rest = across_samples(program, kernels, tables, head=head).split("\n", 1)
-    gathered = [
-        f"for (int k = 0; k < {size}; k++) given[{at} + k] = in[{n}][k];"
-        for n, (_, size, at) in enumerate(stored(program.inputs))
-    ]
-    given, result = (max(sum(size for _, size in end), 1) for end in (program.inputs, program.outputs))
-    run = RUN.format(
-        name=name, shared=max(program.shared, 1), own=max(program.own, 1), given=given, result=result,
-        gathered="\n    ".join(gathered), limit=GUARD_LIMIT,
-    )  # fmt: skip
-    return "\n".join([first, tables.text, rest, run])
 
 
 def _on_device(text: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.failures import as_compile_error
+from ..compiled import as_compile_error
 from ..errors import ModelError, TrajectoryError
 from ..structure.robot import HybridRobot
 from .arrays import Arrays

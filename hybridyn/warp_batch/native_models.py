@@ -3,19 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cached_property, partial
 
-from ..compiled.code.scalars import text_of
-from ..compiled.equations.request import Request, request
-from ..compiled.program import Program
-from ..compiled.programs.close import close_program, freedoms_of, lift_program, turning_program
-from ..compiled.programs.direct import direct_program
-from ..compiled.programs.inverse import inverse_program
-from ..compiled.programs.kinematics import kinematics_program
-from ..compiled.programs.loop_kernels import loop_kernels
-from ..compiled.programs.map_programs import map_programs
-from ..compiled.programs.walking import joints_text, walk_text
+from ..compiled import Program, RobotPrograms, c_text
 from ..dynamics.quantities.joint_map import motors_beside
 from ..effects.choice import Effects
 from ..errors import ModelError
@@ -26,7 +16,7 @@ from .functions import Native, native, own_text, sizes_text
 #: Fields of numbers on which the closures depend.
 GEOMETRY = ("placement", "frame_a", "frame_b", "offset")
 #: Models that are one program.
-PLAIN = {"idm": inverse_program, "ddm": direct_program, "kinematics": kinematics_program}
+PLAIN = ("idm", "ddm", "kinematics")
 #: What each law of a step reads, one number a motor, and its kind in `laws.h`.
 LAWS = {"constant": ("tau",), "table": ("tau", "tau_rate", "tau_bend")} | dict.fromkeys(
     ("pd", "torque"), ("position", "rate", "acceleration", "kp", "kd")
@@ -50,14 +40,16 @@ class NativeModels:
     """
 
     def __init__(self, robot: HybridRobot, effects: Effects, slots: Sequence[Slot], dtype: str) -> None:
-        self.robot, self.effects, self.dtype, self._slots = robot, effects, dtype, tuple(slots)
+        self.robot, self.dtype, self._slots = robot, dtype, tuple(slots)
+        self._programs = RobotPrograms(robot, effects, self._slots, dtype)
+        self._constant = RobotPrograms(robot, effects, dtype=dtype)
         self.fixed = all(slot.field not in GEOMETRY for slot in slots)
         self.makers: dict[str, Callable[[], Native]] = {name: partial(self._plain, name) for name in PLAIN}
         self.makers |= {"close": self._close, "idm_from_motors": self._control}
         self.makers |= {f"step_{law}": partial(self.step, law) for law in LAWS}
 
     def _plain(self, name: str) -> Native:
-        program = PLAIN[name](self._request)
+        program = self._programs.model(name)
         return native(name, (program.inputs, program.outputs), {name: program},
                       f"{name}_run(given, result)", self.dtype)  # fmt: skip
 
@@ -66,7 +58,7 @@ class NativeModels:
 
         Raises:
             ModelError: Some numbers are parameters.
-            HybridynError: As `compiled.programs.map_programs` raises.
+            HybridynError: As `RobotPrograms.maps` raises.
         """
         if self._slots:
             raise ModelError("the map of output joints has no parameters: make a batch without them")
@@ -74,21 +66,9 @@ class NativeModels:
         run = f"walk(given, given + {self.robot.nq}, result, 0)"
         return [
             native(program.name, (program.inputs, program.outputs), self._along(program, side), run,
-                   self.dtype, walk_text(self._request, program, side, posed=True))
-            for program, side in zip(map_programs(self._request, joints), sides, strict=True)
+                   self.dtype, self._programs.walk(program, side, posed=True))
+            for program, side in zip(self._programs.maps(joints), sides, strict=True)
         ]  # fmt: skip
-
-    @cached_property
-    def _request(self) -> Request:
-        return request(self.robot, self.effects, parameters=self._slots, dtype=self.dtype)
-
-    @cached_property
-    def _plain_request(self) -> Request:
-        return request(self.robot, self.effects, dtype=self.dtype)
-
-    @cached_property
-    def _lift(self) -> Program | None:
-        return lift_program(self._plain_request)
 
     @cached_property
     def _motions(self) -> tuple[Ends, Ends]:
@@ -96,7 +76,7 @@ class NativeModels:
         robot, motors = self.robot, len(self.robot.motors)
         given = [(name, motors) for name in ("position", "rate", "acceleration")]
         return (
-            [("near", robot.nq), *given, *self._request.parameter_inputs],
+            [("near", robot.nq), *given, *self._programs.parameter_inputs],
             [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)],
         )
 
@@ -105,16 +85,16 @@ class NativeModels:
 
     def _control(self) -> Native:
         """Return the efforts from the motors' motion; the inverse model need not compare the loops again."""
-        idm = inverse_program(replace(self._request, compared=False))
+        idm = self._programs.model("idm", compared=False)
         outputs = [*self._motions[1], *idm.outputs]
-        return self._following("idm_from_motors", outputs, {"idm": idm}, "control", text_of("control.h"))
+        return self._following("idm_from_motors", outputs, {"idm": idm}, "control", c_text("control.h"))
 
     def _following(
         self, name: str, outputs: Ends, more: dict[str, Program], way: str, after: str = ""
     ) -> Native:
         """Return a function of the motors' motion, which the C function `way` makes."""
-        close, motors = close_program(self._request), self.robot.motors
-        text = f"{walk_text(self._request, close, motors)}{after}#define WAY {way}\n{own_text('motors.h')}"
+        close, motors = self._programs.model("close"), self.robot.motors
+        text = f"{self._programs.walk(close, motors)}{after}#define WAY {way}\n{own_text('motors.h')}"
         ends, called = (self._motions[0], outputs), self._along(close, motors) | more
         return native(name, ends, called, "follow(given, result)", self.dtype, text)
 
@@ -124,9 +104,8 @@ class NativeModels:
         Raises:
             SingularityError: The joints depend on each other.
         """
-        for _, _, kernel in loop_kernels(self._request, freedoms_of(self.robot, side)):
-            kernel.check_independent("motors", CONTRADICTING)
-        return {"close": close, "turning": turning_program(self._request, side)}
+        self._programs.check_independent(side, "motors", CONTRADICTING)
+        return {"close": close, "turning": self._programs.turning(side)}
 
     def step(self, law: str) -> Native:
         """Return closed time steps under a law, one of `LAWS`.
@@ -134,40 +113,40 @@ class NativeModels:
         Raises:
             ModelError: The robot has no such steps.
         """
-        robot, motors, plain, lift = self.robot, len(self.robot.motors), self._plain_request, self._lift
+        robot, motors, lift = self.robot, len(self.robot.motors), self._constant.lift
         if lift is None or not self.fixed:
             why = (
                 "its parameters change the loops" if not self.fixed else "its loops close by more than pivots"
             )
             raise ModelError(f"robot '{robot.description.name}' has no closed steps in a batch: {why}")
-        called = {"lift": lift, "ddm": direct_program(self._request)}
+        called = {"lift": lift, "ddm": self._programs.model("ddm")}
         if law == "torque":
-            called["close"] = close_program(plain)
-            called["idm"] = inverse_program(replace(plain, compared=False))
+            called["close"] = self._constant.model("close")
+            called["idm"] = self._constant.model("idm", compared=False)
         given = [("q", robot.nq), ("v", robot.nv), ("clock", 2), *((name, motors) for name in LAWS[law])]
-        given += self._request.parameter_inputs
+        given += self._programs.parameter_inputs
         outputs = [("q_next", robot.nq), ("v_next", robot.nv), ("a_next", robot.nv)]
         parts = [
             self._lift_text(),
             sizes_text(EFFORTS=motors),
             own_text("calls.h"),
-            joints_text(robot, robot.motors),
+            self._programs.joints(robot.motors),
         ]
         parts += [ABSENT.format(name) for name in ("close", "idm") if name not in called]
-        parts += [text_of("laws.h"), text_of("steps.h"), sizes_text(KIND=law.upper())]
+        parts += [c_text("laws.h"), c_text("steps.h"), sizes_text(KIND=law.upper())]
         text = "".join([*parts, own_text("step.h")])
         return native(f"step_{law}", (given, outputs), called, "stepped(given, result)", self.dtype, text)
 
     def regular(self) -> Native:
         """Return the guard of a posture by the pivots of its closures, as of a step; zero without steps."""
         ends: tuple[Ends, Ends] = [("q", self.robot.nq), ("v", self.robot.nv)], []
-        if self._lift is None:
+        if self._constant.lift is None:
             more = "static S regular(const S *given) { return 0; }\n"
             return native("regular", ends, {}, "regular(given)", self.dtype, more)
         more = self._lift_text() + own_text("regular.h")
-        return native("regular", ends, {"lift": self._lift}, "regular(given)", self.dtype, more)
+        return native("regular", ends, {"lift": self._constant.lift}, "regular(given)", self.dtype, more)
 
     def _lift_text(self) -> str:
         """Return the C that closes the loops of a time step."""
         sizes = {"NQ": self.robot.nq, "NV": self.robot.nv, "MODULES": len(self.robot.modules)}
-        return LIFT_HEAD.format(LAST_NEWTON_STEP[self.dtype]) + sizes_text(**sizes) + text_of("lift.h")
+        return LIFT_HEAD.format(LAST_NEWTON_STEP[self.dtype]) + sizes_text(**sizes) + c_text("lift.h")

@@ -17,7 +17,7 @@ import hybridyn
 from benchmarks.operations import operations
 from hybridyn.cli import main
 from hybridyn.compiled.code.plain_c import in_lanes, plain_source, prototype, work_type
-from hybridyn.compiled.code.scalars import text_of
+from hybridyn.compiled.code.scalars import c_text
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.exporting import c_name, export
 from hybridyn.compiled.library.building import NATIVE, find_compiler
@@ -277,7 +277,7 @@ def test_fast_math_is_refused_when_it_is_compiled(exported: Path) -> None:
 @pytest.mark.parametrize("flags", ["-fassociative-math -fno-trapping-math", ""])
 def test_reordered_sums_and_lost_signs_are_refused_when_it_is_compiled(flags: str, tmp_path: Path) -> None:
     """Sines reordered by GCC were wrong by percents, and guards of 0.0004 let the efforts through."""
-    tmp_path.joinpath("head.c").write_text(text_of("plain.h"))
+    tmp_path.joinpath("head.c").write_text(c_text("plain.h"))
     if "__clang__" in compiler("-dM", "-E", "-xc", "/dev/null"):
         pytest.skip("Clang does not tell the source")
     said = compiler(*flags.split(), "-fno-signed-zeros", "-c", "head.c", "-o", "head.o", cwd=tmp_path)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from hybridyn.compiled.code.library_source import library_source
-from hybridyn.compiled.code.scalars import Scalar, text_of
+from hybridyn.compiled.code.scalars import Scalar, c_text
 from hybridyn.compiled.library.building import find_compiler, run_one
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.program import Program
@@ -76,7 +76,7 @@ int call(void) {{ return -1; }}
 
 def test_code_is_fetched_after_a_while_and_not_in_a_row(tmp_path: Path) -> None:
     file, made = tmp_path / "fetching.c", tmp_path / "fetching.so"
-    file.write_text(FETCHING.format(text=text_of("fetching.h")))
+    file.write_text(FETCHING.format(text=c_text("fetching.h")))
     run_one([*find_compiler(), "-fPIC", "-shared", str(file), "-o", str(made)])
     call = ctypes.CDLL(str(made)).call
     if call() == -1:

@@ -7,8 +7,8 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.equations.request import request
+from hybridyn.compiled.inertial_columns import InertialNumbers, regressor_program
 from hybridyn.compiled.programs.whole_robot import function_of
-from hybridyn.identification.compiled_rows import SharedInertias, regressor_program
 from hybridyn.identification.long_measurements import triangular_factor
 from hybridyn.identification.parameters import standard_parameters
 from tests.robots.shipped import shipped, states_near_home
@@ -41,7 +41,9 @@ def test_the_code_of_the_rows_gives_them(name: str, symmetric: bool) -> None:
     q, v, a = (x[:4] for x in states_near_home(shipped(name), "fixed", 1, 4))
     parameters = standard_parameters(robot, symmetric=symmetric)
     columns = hybridyn.base_parameters(robot, symmetric=symmetric).columns
-    asked = replace(request(robot, None), arguments=SharedInertias(robot, parameters))
+    places = [*parameters.bodies.items(), *parameters.payloads]
+    numbers = InertialNumbers(robot, places, len(parameters.names))
+    asked = replace(request(robot, None), arguments=numbers)
     code = function_of(regressor_program(asked, columns))
     wanted = hybridyn.regressor(robot, q, v, a, symmetric=symmetric).Y[..., columns]
     for t, want in enumerate(wanted):

@@ -12,7 +12,7 @@ from .c_tables import Tables
 from .drivers import COPIES_HEAD, HEAD, MOVES, across_copies, across_samples, summed
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
-from .scalars import GUARD_LIMIT, Scalar, text_of
+from .scalars import GUARD_LIMIT, Scalar, c_text
 from .sections import CALLED_ALONE, placed, section
 from .steps_source import steps_in_c, steps_source
 
@@ -130,7 +130,7 @@ def _kernel_units(bodies: Mapping[str, str], scalar: Scalar, parts: Mapping[str,
     for name, text in sorted(bodies.items(), key=lambda item: -item[1].count("\n")):
         length = text.count("\n")
         if not units or room + length > STATEMENTS_PER_UNIT:
-            units.append([scalar.prelude(), text_of("driver.h"), text_of("fetching.h")])
+            units.append([scalar.prelude(), c_text("driver.h"), c_text("fetching.h")])
             room = 0
         units[-1].append(f"{parts.get(name, '')}void {name}{text}\n")
         room += length
@@ -165,7 +165,7 @@ def _driver_unit(every: Iterable[_Printed], bodies: Mapping[str, str], scalar: S
     programs = [printed.program for printed in every]
     if steps_in_c(programs, scalar):
         drivers.append(steps_source(programs))
-    arrays = text_of("numpy_array.h") if scalar.lanes > 1 else ""
+    arrays = c_text("numpy_array.h") if scalar.lanes > 1 else ""
     before = [driver_prelude(bodies, scalar), arrays, *numbers]
     return "\n\n".join([*before, tables.text, *drivers, more]) + "\n"
 
@@ -183,9 +183,9 @@ def driver_prelude(bodies: Mapping[str, str], scalar: Scalar) -> str:
         f"#define GUARD_LIMIT {GUARD_LIMIT}",
         '#define EXPORT __attribute__((visibility("default")))',
         "#include <string.h>",
-        text_of("driver.h"),
+        c_text("driver.h"),
         MOVES,
-        text_of("fetching.h"),
+        c_text("fetching.h"),
         scalar.moves(),
     ]
     return "\n".join([*lines, *(f"void {name}{argument_names(text)};" for name, text in bodies.items())])

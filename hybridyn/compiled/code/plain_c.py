@@ -13,7 +13,7 @@ from .c_tables import Tables
 from .drivers import HEAD, MOVES, across_copies, across_samples
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
-from .scalars import FUNCTIONS, REAL, SINES, arithmetic, moves_of_copies, single, text_of
+from .scalars import FUNCTIONS, REAL, SINES, arithmetic, c_text, moves_of_copies, single
 from .sections import CALLED_ALONE, placed, section
 
 #: Names of the arithmetic of plain numbers that become those of vectors; and new names beside the old ones.
@@ -63,11 +63,11 @@ def plain_source(
     plain, each = _functions(programs, names, kernels, f"{name}_")
     alone = {called: called for (_, of), called in kernels.items() if not of}
     every_driver = _drivers(programs, names, dtype, f"{name}_", alone if lanes else None)
-    own = f"#ifdef EXACT\n{text_of('sines.h')}#else\n{SINES}\n#endif" if dtype == "float64" else SINES
+    own = f"#ifdef EXACT\n{c_text('sines.h')}#else\n{SINES}\n#endif" if dtype == "float64" else SINES
     sections = [
         f'/* {WRITTEN}. What it offers stands in {name}.h. */\n#include <math.h>\n\n#include "{name}.h"',
-        single(dtype) + text_of("plain.h").strip(),
-        text_of("fetching.h").strip(),
+        single(dtype) + c_text("plain.h").strip(),
+        c_text("fetching.h").strip(),
         "\n".join([arithmetic(1), PLAIN_ROOM, own]),
         plain,
         f"#ifdef VECTORS\n{_vectors(own)}\n#endif" if lanes else "",

@@ -58,13 +58,13 @@ class Scalar:
     def prelude(self) -> str:
         """Return the C source that defines the vector type V, its arithmetic and its functions."""
         wide = self.name == "float128"
-        head = WIDE if wide else f"{single(self.name)}{text_of('plain.h')}"
-        return f"#include <math.h>\n{head}\n{arithmetic(self.lanes)}\n{SINES if wide else text_of('sines.h')}"
+        head = WIDE if wide else f"{single(self.name)}{c_text('plain.h')}"
+        return f"#include <math.h>\n{head}\n{arithmetic(self.lanes)}\n{SINES if wide else c_text('sines.h')}"
 
     def moves(self) -> str:
         """Return the C source that moves numbers into lanes and out of them."""
         rows = f"#define ROWS(row, k) {', '.join(f'(row)[{i}][k]' for i in range(self.lanes))}"
-        return "\n".join([moves_of_copies(self.lanes), rows, text_of("lanes.h")])
+        return "\n".join([moves_of_copies(self.lanes), rows, c_text("lanes.h")])
 
 
 def single(dtype: str) -> str:
@@ -75,10 +75,10 @@ def single(dtype: str) -> str:
 def arithmetic(lanes: int) -> str:
     """Return the C source of the arithmetic and the functions of kernels, after `plain.h`; not of sines."""
     if lanes == 1:
-        return "\n".join([text_of("scalar.h"), *(f"#define {x} SCALAR({x.lower()})" for x in FUNCTIONS)])
+        return "\n".join([c_text("scalar.h"), *(f"#define {x} SCALAR({x.lower()})" for x in FUNCTIONS)])
     every = [*(f"LANES1({name}" for name in OF_ONE), *(f"LANES2({name}" for name in OF_TWO)]
     functions = [f"{one}, SCALAR({one[7:].lower()}))" for one in every]
-    return "\n".join([f"#define W {lanes}", text_of("vector.h"), *functions])
+    return "\n".join([f"#define W {lanes}", c_text("vector.h"), *functions])
 
 
 def moves_of_copies(lanes: int) -> str:
@@ -86,10 +86,10 @@ def moves_of_copies(lanes: int) -> str:
     if lanes == 1:
         return ""
     entries = ", ".join(f"(from)[(at)[{i}]]" for i in range(lanes))
-    return f"#define FROM(from, at) {entries}\n{text_of('copies.h')}"
+    return f"#define FROM(from, at) {entries}\n{c_text('copies.h')}"
 
 
 @cache
-def text_of(name: str) -> str:
+def c_text(name: str) -> str:
     """Read one of the C sources of the folder `c`."""
     return (resources.files("hybridyn.compiled") / "c" / name).read_text()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..program import Program
-from .scalars import Scalar, text_of
+from .scalars import Scalar, c_text
 
 
 def steps_in_c(programs: list[Program], scalar: Scalar) -> bool:
@@ -22,4 +22,4 @@ def steps_source(programs: list[Program]) -> str:
     sizes, names = dict(lift.outputs), {"NQ": "q", "NV": "xi_dot", "MODULES": "step"}
     defines = [f"#define {name} {sizes[key]}" for name, key in names.items()]
     defines.append(f"#define EFFORTS {dict(ddm.inputs)['tau']}")
-    return "\n".join([*defines, STEPS, *map(text_of, ("laws.h", "lift.h", "steps.h")), STEPS_WORK])
+    return "\n".join([*defines, STEPS, *map(c_text, ("laws.h", "lift.h", "steps.h")), STEPS_WORK])

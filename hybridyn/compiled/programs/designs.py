@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...effects.choice import Effects
 from ...errors import HybridynError, ModelError, TrajectoryError
 from ...spatial import Array, Index
 from ...structure.building import rebuilt
 from ...structure.parameters.entries import Parameters
 from ...structure.parameters.slots import check_signs, with_values
 from ...structure.robot import HybridRobot
+from ..equations.coefficients import at_robot
+from .general import general_rows
 from .sources import kept
 
 #: Factors on the parameters of the designs at which a new model is verified.
@@ -46,8 +49,8 @@ def changed(robot: HybridRobot, parameters: Parameters, numbers: Array) -> Hybri
 class DesignsInSlots:
     """The designs of calls of one compiled robot."""
 
-    def __init__(self, robot: HybridRobot, parameters: Parameters) -> None:
-        self.robot, self.parameters = robot, parameters
+    def __init__(self, robot: HybridRobot, effects: Effects, parameters: Parameters) -> None:
+        self.robot, self.effects, self.parameters = robot, effects, parameters
         self._nominal = parameters.slot_values(parameters.nominal[None])[0]
         self._robots: dict[bytes, HybridRobot] = {}
 
@@ -93,18 +96,32 @@ class DesignsInSlots:
         check_signs(self.parameters.slots, slots)
         return slots, errors
 
-    def by_design(self, numbers: Array, rows: Index) -> Iterator[tuple[HybridRobot, Index]]:
-        """Yield the robot of each design among some samples, and the samples.
+    def general(self, name: str, given: Mapping[str, Array], rows: Index) -> Array:
+        """Compute a model of some samples by the general path, each with its numbers in the slots.
 
         Args:
-            numbers: Numbers in the slots, shape (T, slots).
+            name: Name of the model.
+            given: Its arguments by name, shape (T, width) each; "parameters" are the numbers.
+            rows: Numbers of the samples, at least one.
 
         Raises:
-            HybridynError: A design is no robot.
+            HybridynError: A design is no robot, or a sample is wrong; the message has its number.
         """
+        states = dict(given)
+        numbers = states.pop("parameters", np.zeros((len(states["q"]), 0)))
         designs, which = np.unique(numbers[rows], axis=0, return_inverse=True)
+        parts = []
         for n, design in enumerate(designs):
-            yield self.robot_of(design), rows[which.ravel() == n]
+            robot = self.robot_of(design)
+            own = rows[which.ravel() == n]
+            parts.append((own, general_rows(robot, self.effects_of(robot), name, states, own)))
+        order = np.argsort(np.concatenate([own for own, _ in parts]))
+        out: Array = np.concatenate([part for _, part in parts])[order]
+        return out
+
+    def effects_of(self, robot: HybridRobot) -> Effects:
+        """Return the effects of a design: their numbers belong to its robot."""
+        return self.effects if robot is self.robot else at_robot(self.effects, robot)
 
     def robot_of(self, numbers: Array) -> HybridRobot:
         """Return the robot with numbers in the slots, shape (slots,); the last few are kept.

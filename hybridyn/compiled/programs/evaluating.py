@@ -14,10 +14,8 @@ from ...assembly.assemble import assemble_requests
 from ...assembly.redundancy import LEAST
 from ...assembly.requests import Requests, gather_requests
 from ...dynamics.inverse import idm
-from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...spatial import Array, Index, Mask
-from ..equations.coefficients import at_robot
 from ..library.calls import Calls
 from ..library.closed_rows import Rows
 from .closing.closing_library import Closing
@@ -71,7 +69,6 @@ class DesignEvaluator:
     def __init__(
         self,
         designs: DesignsInSlots,
-        effects: Effects,
         inverse: Callable[[], Calls],
         threads: int = 1,
     ) -> None:
@@ -79,12 +76,10 @@ class DesignEvaluator:
 
         Args:
             designs: The robot's designs.
-            effects: Effects in the models.
             inverse: Returns the compiled inverse model: from q, v, a and numbers in slots to efforts.
             threads: Number of threads that share a batch.
         """
-        self.designs, self.effects = designs, effects
-        self._inverse, self._threads = inverse, threads
+        self.designs, self._inverse, self._threads = designs, inverse, threads
         self.libraries = ClosingLibraries(designs.robot, designs.parameters)
 
     def table(
@@ -195,6 +190,7 @@ class DesignEvaluator:
         try:
             robot = self.designs.robot_of(numbers)
             out.q[k], out.v[k], out.a[k] = assemble_requests(robot, requests, robot.home)
-            out.tau[k] = idm(robot, out.q[k], out.v[k], out.a[k], effects=at_robot(self.effects, robot))
+            effects = self.designs.effects_of(robot)
+            out.tau[k] = idm(robot, out.q[k], out.v[k], out.a[k], effects=effects)
         except HybridynError as error:
             out.errors[k] = str(error)

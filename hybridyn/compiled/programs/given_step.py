@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..code.plain_c import prototype, work_size
-from ..code.scalars import text_of
+from ..code.scalars import c_text
 from ..equations.request import Request
 from ..equations.scales import GUARD_CLOSED
 from ..program import Program, stored
@@ -71,9 +71,9 @@ def given_step(
         *("#include <string.h>", "#undef NUMBERS"),
         *(f"#undef {x}\n#define {x} {n!r}" for x, n in names.items()),
         *(SOME, CALL, "typedef long long Long;"),
-        *(text_of("one_lane.h"), far_source(parts, motion.chains), text_of("row_records.h")),
+        *(c_text("one_lane.h"), far_source(parts, motion.chains), c_text("row_records.h")),
         *(_called(program, name) for program in every),
-        *(text_of("advance.h"), text_of("given_step.h"), _function(step, name, request.dtype)),
+        *(c_text("advance.h"), c_text("given_step.h"), _function(step, name, request.dtype)),
     ]
     return step, [_without_empty(program) for program in every], "\n".join(text)
 

@@ -12,13 +12,12 @@ from ...effects.choice import Effects
 from ...spatial import Array
 from ...structure.parameters.entries import Parameters
 from ...structure.robot import HybridRobot
-from ..equations.coefficients import at_robot
 from ..library.artifact import Artifact
 from ..library.calls import Calls, Numbers
 from ..library.current import Current, Models
 from ..library.direct_calls import refuse
 from .designs import DesignsInSlots
-from .general import as_batches, check_batches, general, general_rows, named, reasons, samples_of
+from .general import as_batches, check_batches, general, named, reasons, samples_of
 from .handed_over import HandedOver
 
 
@@ -45,7 +44,7 @@ class ModelCalls:
     ) -> None:  # fmt: skip
         """Use models; the library of `whole` replaces those that CasADi runs if it `builds`."""
         self.robot, self.effects, self.threads, self.parameters = robot, effects, threads, parameters
-        self.designs, self.handed = DesignsInSlots(robot, parameters), HandedOver(robot.name)
+        self.designs, self.handed = DesignsInSlots(robot, effects, parameters), HandedOver(robot.name)
         self._moving = robot.base == "moving"
         self.current = Current(models, self._use, whole, builds=builds)
 
@@ -111,10 +110,7 @@ class ModelCalls:
             check_batches(batches, sizes)
             for why, count in reasons(self.robot, many["q"][doubtful], guard[doubtful]).items():
                 self.handed.hand_over(name, count, why)
-            numbers = many.pop("parameters", np.zeros((len(result), 0)))
-            for robot, rows in self.designs.by_design(numbers, doubtful):
-                effects = self.effects if robot is self.robot else at_robot(self.effects, robot)
-                result[rows] = general_rows(robot, effects, name, many, rows)
+            result[doubtful] = self.designs.general(name, many, doubtful)
         if limits is not None and name == "idm":
             limits.check(self.robot, result)
         return result if samples else result[0]

@@ -14,7 +14,7 @@ from ...assembly.follow import FARTHEST
 from ...linkage.newton import LONGEST_STEP
 from ...structure.robot import HybridRobot
 from ..code.plain_c import prototype
-from ..code.scalars import GUARD_LIMIT, text_of
+from ..code.scalars import GUARD_LIMIT, c_text
 from ..equations.request import Request
 from ..equations.scales import GUARD_CLOSED
 from ..program import Program, stored
@@ -65,7 +65,7 @@ def walk_text(
         for column in columns[:, 0].tolist():
             units[column] = str(columns.shape[1])
     table = TABLE.format("int", "unit_size", ", ".join(units) or "0")
-    return "\n".join([*lines, joints_text(robot, side) + table + text_of("walk.h")])
+    return "\n".join([*lines, joints_text(robot, side) + table + c_text("walk.h")])
 
 
 def joints_text(robot: HybridRobot, side: Sequence[str]) -> str:
@@ -105,7 +105,7 @@ def control_step(
     each = "    for (k = 0; k < {}; k++) {};"
     text = [
         *(_run(program, name) for program in called),
-        walk_text(request, close, motors, settled=GUARD_LIMIT) + text_of("control.h"),
+        walk_text(request, close, motors, settled=GUARD_LIMIT) + c_text("control.h"),
         f"{prototype(step, name, request.dtype)} {{",
         f"    S guard, *start = work->numbers, *result = start + {sum(size for _, size in read)};",
         "    int k;",

@@ -218,7 +218,7 @@ class CompiledDesigns:
 
     def _from_built(self, robot: HybridRobot, task: _Task, ours: Sequence[Array]) -> float:
         """Return the largest relative difference of a motion and its efforts to those of a robot."""
-        effects, stated = choose(robot, task.models.effects.names), task.stated
+        effects, stated = choose(robot, task.models.designs.effects.names), task.stated
         try:
             ((at, tau),) = follow(
                 robot, self.designer.tracks[task.name], stated.passive, effects, stated.redundancy

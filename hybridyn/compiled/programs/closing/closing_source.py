@@ -16,7 +16,7 @@ from ....spatial import LARGEST, Index
 from ....structure.robot import HybridRobot
 from ...code.library_source import Source as Generated
 from ...code.library_source import library_source
-from ...code.scalars import Scalar, text_of
+from ...code.scalars import Scalar, c_text
 from ...equations.arguments import ChosenNumbers
 from ...program import Program
 from ..writer import ModuleWriter, alike
@@ -145,7 +145,7 @@ def closing_source(
         written.append(place_program(robot, parts))
         texts.append("close_row.h")
     return library_source(
-        written, scalar, "\n".join([*lines, far_source(parts, chains), *map(text_of, texts)])
+        written, scalar, "\n".join([*lines, far_source(parts, chains), *map(c_text, texts)])
     )
 
 
@@ -155,7 +155,7 @@ def far_source(parts: Sequence[Part], chains: Sequence[Coupled] = ()) -> str:
     kinds = [str(kind) for kind in [*(kind for part in parts for kind in part.given.all_kinds), *coupled]]
     far = [repr(step) for part in parts for step in _farthest_steps(part)] + [repr(LARGEST)] * len(coupled)
     tables = [f"int KINDS[] = {{{', '.join([*kinds, '-1'])}}};", f"S FAR[] = {{{', '.join([*far, '0'])}}};"]
-    return "\n".join([*(f"static const {table}" for table in tables), text_of("far.h")])
+    return "\n".join([*(f"static const {table}" for table in tables), c_text("far.h")])
 
 
 def _farthest_steps(part: Part) -> list[float]:

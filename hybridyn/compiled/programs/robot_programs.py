@@ -1,0 +1,94 @@
+"""The programs of one robot, for rooms that run them in code of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from ...effects.choice import Effects
+from ...structure.parameters.slots import Slot
+from ...structure.robot import HybridRobot
+from ..equations.request import Request, request
+from ..program import Program
+from .close import freedoms_of, lift_program, turning_program
+from .loop_kernels import loop_kernels
+from .map_programs import map_programs
+from .walking import joints_text, walk_text
+from .whole_robot import programs_of
+
+
+@dataclass(frozen=True, eq=False)
+class RobotPrograms:
+    """The programs of a robot, written when they are asked for.
+
+    Attributes:
+        robot: The robot.
+        effects: Effects in the models.
+        slots: Numbers of the description that are arguments ("parameters").
+        dtype: Type of the arithmetic, "float64" or "float32".
+    """
+
+    robot: HybridRobot
+    effects: Effects
+    slots: Sequence[Slot] = ()
+    dtype: str = "float64"
+
+    @cached_property
+    def _asked(self) -> Request:
+        return request(self.robot, self.effects, parameters=self.slots, dtype=self.dtype)
+
+    @property
+    def parameter_inputs(self) -> list[tuple[str, int]]:
+        """The input "parameters" and its size, or nothing."""
+        return self._asked.parameter_inputs
+
+    def model(self, name: str, *, compared: bool = True) -> Program:
+        """Write "idm", "ddm", "kinematics" or "close".
+
+        Args:
+            compared: Whether guards compare both ends of each loop; what closes them has done so.
+
+        Raises:
+            ModelError: An effect is not available in compiled models.
+        """
+        return programs_of(replace(self._asked, compared=compared), (name,))[name]
+
+    @cached_property
+    def lift(self) -> Program | None:
+        """Newton's step onto the assembled postures; None if the robot has no such program."""
+        return lift_program(self._asked)
+
+    def maps(self, joints: Sequence[str]) -> list[Program]:
+        """Write the maps between output joints and motors, "map_to_joints" and "map_to_motors".
+
+        Raises:
+            HybridynError: As `map_programs` raises.
+        """
+        return map_programs(self._asked, joints)
+
+    def turning(self, side: Sequence[str]) -> Program:
+        """Write what compares the branches of two postures that some joints determine."""
+        return turning_program(self._asked, side)
+
+    def check_independent(self, side: Sequence[str], what: str, why: str) -> None:
+        """Refuse joints that depend on each other.
+
+        Args:
+            side: The joints.
+            what: What the message calls them.
+            why: What it says of them.
+
+        Raises:
+            SingularityError: They do, in some module.
+        """
+        for _, _, kernel in loop_kernels(self._asked, freedoms_of(self.robot, side)):
+            kernel.check_independent(what, why)
+
+    def walk(self, program: Program, side: Sequence[str], *, posed: bool = False) -> str:
+        """Return the C of the walk along a branch, see `walking.walk_text`."""
+        return walk_text(self._asked, program, side, posed=posed)
+
+    def joints(self, side: Sequence[str]) -> str:
+        """Return the C that says where joints are in q and v, see `walking.joints_text`."""
+        return joints_text(self.robot, side)
