@@ -19,11 +19,11 @@ from .model import CompiledRobot
 from .program import Program, stored
 from .programs.closing.tables import TableAssembler
 from .programs.designs import DesignsInSlots
-from .programs.evaluating import DesignTable
+from .programs.evaluating import DesignEvaluator, DesignTable
 from .programs.robot_programs import RobotPrograms
 from .programs.sources import asked_for
 from .repeated import ddm, idm
-from .studying import DesignModels, exact_model, operations
+from .studying import design_evaluator, exact_model, operations
 from .verifying import verify
 
 __all__ = [
@@ -31,7 +31,7 @@ __all__ = [
     "CompiledRobot",
     "Control",
     "Derivatives",
-    "DesignModels",
+    "DesignEvaluator",
     "DesignTable",
     "DesignsInSlots",
     "InertialColumns",
@@ -52,6 +52,7 @@ __all__ = [
     "compile",
     "ddm",
     "ddm_jacobian",
+    "design_evaluator",
     "exact_model",
     "export",
     "idm",

@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 
-from ..assembly.requests import Requests
 from ..effects.choice import Effects
 from ..errors import HybridynError
 from ..spatial import Array
@@ -51,28 +50,15 @@ def operations(robot: HybridRobot, effects: Effects, model: str) -> int:
     return sum(program.kernels[c.kernel].function.n_instructions() * c.copies for c in calls)
 
 
-class DesignModels(DesignEvaluator):
-    """Evaluates designs of one structure; the libraries are built or loaded at the first use."""
+def design_evaluator(robot: HybridRobot, effects: Effects, slots: Sequence[Slot]) -> DesignEvaluator:
+    """Return what evaluates designs of one structure; its libraries are built or loaded at the first use.
 
-    def __init__(self, robot: HybridRobot, effects: Effects, slots: Sequence[Slot]) -> None:
-        """Prepare the models.
+    Args:
+        slots: Numbers of the robot's description that differ between the designs.
 
-        Args:
-            slots: Numbers of the robot's description that differ between the designs.
-
-        Raises:
-            HybridynError: There are no compiled models with these effects.
-        """
-        artifact, parameters = inverse_model(robot, effects, slots)
-        inverse = cache(lambda: artifact.loaded(Library).programs["idm"])
-        super().__init__(DesignsInSlots(robot, effects, parameters), inverse)
-        self._artifact = artifact
-
-    def in_cache(self, requests: Requests) -> bool:
-        """Return whether the libraries are in the cache that move designs as requested.
-
-        Raises:
-            CompileError: There is no C compiler, or the cache cannot be used.
-        """
-        closing = self.libraries.artifact(requests)
-        return all(one.known() is not None for one in (self._artifact, closing) if one is not None)
+    Raises:
+        HybridynError: There are no compiled models with these effects.
+    """
+    artifact, parameters = inverse_model(robot, effects, slots)
+    inverse = cache(lambda: artifact.loaded(Library).programs["idm"])
+    return DesignEvaluator(DesignsInSlots(robot, effects, parameters), inverse, artifact)

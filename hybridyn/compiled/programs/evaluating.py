@@ -16,6 +16,7 @@ from ...assembly.requests import Requests, gather_requests
 from ...dynamics.inverse import idm
 from ...errors import HybridynError
 from ...spatial import Array, Index, Mask
+from ..library.artifact import Artifact
 from ..library.calls import Calls
 from ..library.closed_rows import Rows
 from .closing.closing_library import Closing
@@ -70,6 +71,7 @@ class DesignEvaluator:
         self,
         designs: DesignsInSlots,
         inverse: Callable[[], Calls],
+        artifact: Artifact,
         threads: int = 1,
     ) -> None:
         """Prepare the evaluation.
@@ -77,10 +79,21 @@ class DesignEvaluator:
         Args:
             designs: The robot's designs.
             inverse: Returns the compiled inverse model: from q, v, a and numbers in slots to efforts.
+            artifact: Its library, loaded or not.
             threads: Number of threads that share a batch.
         """
         self.designs, self._inverse, self._threads = designs, inverse, threads
+        self._artifact = artifact
         self.libraries = ClosingLibraries(designs.robot, designs.parameters)
+
+    def in_cache(self, requests: Requests) -> bool:
+        """Return whether the libraries are in the cache that move designs as requested.
+
+        Raises:
+            CompileError: There is no C compiler, or the cache cannot be used.
+        """
+        closing = self.libraries.artifact(requests)
+        return all(one.known() is not None for one in (self._artifact, closing) if one is not None)
 
     def table(
         self,

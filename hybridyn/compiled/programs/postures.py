@@ -174,7 +174,7 @@ class Postures:
         """Compute many designs in C."""
         models = self._models
         inverse = partial(models.current.program, "idm")  # it changes when the library is built
-        return DesignEvaluator(models.designs, inverse, models.threads)
+        return DesignEvaluator(models.designs, inverse, models.current.artifact, models.threads)
 
     def posture_at(self, positions: Mapping[str, ArrayLike]) -> Array:
         """Assemble a posture from positions of some modules' joints, also those of wrists that were cut."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...assembly.requests import gather_requests
-from ...compiled import DesignModels, DesignTable
+from ...compiled import DesignEvaluator, DesignTable, design_evaluator
 from ...dynamics.state_checks import largest_rates, natural_force
 from ...effects import choose
 from ...errors import HybridynError, ModelError
@@ -82,7 +82,7 @@ class _Task(NamedTuple):
     name: str
     stated: TaskTable
     motion: TableMotion
-    models: DesignModels
+    models: DesignEvaluator
 
     @property
     def in_cache(self) -> bool:
@@ -128,7 +128,7 @@ class CompiledDesigns:
                 f"task '{name}': its table is longer than a block, or has no times, every joint, or wrenches"
             )
         chosen = effects_of(self.robot, task)
-        return _Task(name, task, motion, DesignModels(self.robot, chosen, self.structure.slots))
+        return _Task(name, task, motion, design_evaluator(self.robot, chosen, self.structure.slots))
 
     @property
     def pays(self) -> bool:
