@@ -96,7 +96,12 @@ def inform(text: str, *, log: str) -> None:
 
 
 class PerformanceWarning(UserWarning):
-    """The program calls hybridyn in a way that is much slower than another one."""
+    """The program calls hybridyn in a way that is much slower than another one.
+
+    Example:
+        >>> import warnings
+        >>> warnings.simplefilter("ignore", hybridyn.PerformanceWarning)
+    """
 
 
 class HybridynError(Exception):
@@ -107,6 +112,13 @@ class HybridynError(Exception):
         sample: Index of the sample in the batch (from 0), or None.
         row_named: Whether `place` names the row of the sample.
         advice: How to mend it, after the message, if who catches the error knows more.
+
+    Example:
+        >>> try:
+        ...     hybridyn.assemble(hybridyn.load("five_bar"), motors=[0.1])
+        ... except hybridyn.HybridynError as error:
+        ...     print(str(error).split(";")[0])
+        motors has shape (1,)
     """
 
     def __init__(self, text: str = "", *, place: str = "", sample: int | None = None) -> None:
@@ -136,6 +148,13 @@ class ModelError(HybridynError):
         file: Path of the file, or None.
         line: Line in the file (from 1), or None.
         element: Name of the link, joint, closure or tag, or None.
+
+    Example:
+        >>> try:
+        ...     hybridyn.load("five_bar", motors=["m1_left_driv"])
+        ... except hybridyn.ModelError as error:
+        ...     print(error.element)
+        m1_left_driv
     """
 
     def __init__(
@@ -152,6 +171,14 @@ class TrajectoryError(HybridynError):
         file: Path of the table, or None for arrays.
         row: Number of the data row (from 1, the header not counted), or None.
         column: Name of the column, or None.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> try:
+        ...     hybridyn.idm(robot, [0.0] * 3, [0.0] * 4, [0.0] * 4)
+        ... except hybridyn.TrajectoryError as error:
+        ...     print(str(error).split(";")[0])
+        q has shape (3,)
     """
 
     def __init__(
@@ -182,6 +209,14 @@ class AssemblyError(HybridynError):
         undriven: Number of the module's freedoms that no motor drives, if freedoms are open.
         distance: By how much the joint that is named moves from where the motion ends to a singular posture,
             about, [m or rad], or None.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> try:
+        ...     hybridyn.assemble(robot, platforms={"m1_tool": {"x": 0.0, "z": -5.0}})
+        ... except hybridyn.AssemblyError as error:
+        ...     print(error.module)
+        m1_right_lower
     """
 
     def __init__(
@@ -210,6 +245,14 @@ class SingularityError(HybridynError):
         module: Name of the module, or None.
         what: What lost rank ("legs", "motors", "inertia", ...), or None.
         condition: Its condition number (scaled), or None.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> try:
+        ...     hybridyn.operational_inertia(robot, robot.home, "m1_tool")
+        ... except hybridyn.SingularityError as error:
+        ...     print(error.what)
+        operational inertia
     """
 
     def __init__(
@@ -232,6 +275,15 @@ class ActuationError(HybridynError):
         module: Name of the module, or None.
         direction: Text that names the missing direction, or None.
         size: Missing effort along it [N or N m], or None.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar", motors=["m1_left_drive"])
+        >>> q, v, a = hybridyn.assemble(robot, motors={"m1_left_drive": 0.1, "m1_right_drive": 0.2})
+        >>> try:
+        ...     hybridyn.idm(robot, q, v, a)
+        ... except hybridyn.ActuationError as error:
+        ...     print(error.module)
+        m1_right_lower
     """
 
     def __init__(
@@ -248,4 +300,12 @@ class ActuationError(HybridynError):
 
 
 class CompileError(HybridynError):
-    """A compiled model cannot be built; the general path works without it."""
+    """A compiled model cannot be built; the general path works without it.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> try:
+        ...     fast = hybridyn.compile(robot)
+        ... except hybridyn.CompileError:
+        ...     fast = None  # hybridyn.idm and ddm work without
+    """

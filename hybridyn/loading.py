@@ -66,6 +66,11 @@ def load(
         ModelError: The files are wrong or not supported, or do not determine the rank of a module; or there
             are notes, and this is `strict`.
         AssemblyError: No posture closes a module's loops.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar", gravity=[0.0, 0.0, -3.71])
+        >>> robot.motors, robot.mobility, robot.nq
+        (('m1_left_drive', 'm1_right_drive'), 2, 4)
     """
     from .description import read
     from .description.shipped import find_robot
@@ -124,6 +129,13 @@ def from_pinocchio(
     Raises:
         ModelError: hybridyn does not support a part of the model or of a constraint; the message names it.
         AssemblyError: No posture closes a module's loops.
+
+    Example:
+        >>> import pinocchio as pin
+        >>> model = pin.buildSampleModelManipulator()
+        >>> robot = hybridyn.from_pinocchio(model)
+        >>> robot.mobility, robot.nv == model.nv
+        (6, True)
     """
     from .description.pin_model import read_model
     from .description.reading import complete

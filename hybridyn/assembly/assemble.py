@@ -102,6 +102,15 @@ def assemble(
             unless all are zero.
         SingularityError: The joints cannot follow the motion, for example of a platform with a stretched leg.
         TrajectoryError: A name is unknown, a shape is wrong, a number is not finite, or there is no sample.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors={"m1_left_drive": 0.1, "m1_right_drive": 0.2})
+        >>> float(hybridyn.closure_residual(robot, q)) < 1e-12
+        True
+        >>> q, v, a = hybridyn.assemble(robot, platforms={"m1_tool": {"x": 0.05, "z": -0.5}})
+        >>> q[robot.motor_q].round(3)
+        array([ 0.049, -0.322])
     """
     requests = asked_requests(robot, motors, platforms, guess, nearest, hold, weights, redundancy)
     if not requests.samples:

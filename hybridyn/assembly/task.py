@@ -568,6 +568,13 @@ def closure_residual(robot: HybridRobot, q: Array) -> Array:
 
     Returns:
         Shape () or (T,): metres over the module's length, or radians, whichever is larger.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> float(hybridyn.closure_residual(robot, robot.home)) < 1e-12
+        True
+        >>> float(hybridyn.closure_residual(robot, robot.home + [0, 0.1, 0, 0])) > 0.01
+        True
     """
     batch, single = as_positions(robot, q)
     worst = np.zeros(len(batch))

@@ -62,6 +62,13 @@ def compile(
             another reason.
         ModelError: A parameter is unknown, `dtype` or `threads` is invalid, or an effect is not available in
             compiled models.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> fast = hybridyn.compile(robot, parameters=["mass:m1_tool"])
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> fast.idm(q, v, a, parameters=[2.0]).round(3)
+        array([ 4.355, -2.921])
     """
     if threads < 1:
         raise ModelError(f"threads must be at least 1, not {threads}")

@@ -57,6 +57,14 @@ def idm_jacobian(
         ModelError: An effect is not available in compiled models, or has no derivative.
         CompileError: The derivatives cannot be generated or built.
         HybridynError: As `Derivatives` raises for the samples.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> found = hybridyn.idm_jacobian(robot, q, v, a, coordinates="motors")
+        >>> found["a"].round(3)  # the mass matrix
+        array([[0.081, 0.021],
+               [0.021, 0.07 ]])
     """
     return prepared(robot, "idm", effects, coordinates)(q, v, a)
 
@@ -90,6 +98,13 @@ def ddm_jacobian(
         ModelError: An effect is not available in compiled models, or has no derivative.
         CompileError: The derivatives cannot be generated or built.
         HybridynError: As `Derivatives` raises for the samples.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> found = hybridyn.ddm_jacobian(robot, q, v, tau=[1.0, -1.0], coordinates="motors")
+        >>> sorted(found), found["q"].shape
+        (['q', 'tau', 'v'], (2, 2))
     """
     return prepared(robot, "ddm", effects, coordinates)(q, v, tau)
 

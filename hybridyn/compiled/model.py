@@ -43,6 +43,16 @@ class CompiledRobot:
         effects: Effects in the models.
         parameters: Numbers that calls may change.
         threads: Number of threads that share a batch.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> fast = hybridyn.compile(robot)
+        >>> tau = fast.idm(q, v, a)
+        >>> (fast.ddm(q, v, tau) - a).round(6) + 0.0
+        array([0., 0., 0., 0.])
+        >>> fast.handed_over.total()
+        0
     """
 
     def __init__(

@@ -70,6 +70,13 @@ def convert(
             would be replaced that belongs to the robot or that `convert` did not write; or loops are open
             at home, and no posture near it closes them.
         OSError: A file cannot be written.
+
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     done = hybridyn.convert("five_bar", f"{folder}/five_bar.sdf")
+        >>> done.losses
+        ()
     """
     target = Path(path)
     writer_of(target)  # an unknown ending is an error before any file is read

@@ -30,6 +30,13 @@ class Conversion:
         losses: Properties that the format cannot express, one line each, with the names of joints, links
             and closures.
         notes: Remarks that do not concern losses.
+
+    Example:
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     done = hybridyn.convert("five_bar", f"{folder}/five_bar.sdf")
+        >>> len(done.files), done.losses
+        (2, ())
     """
 
     files: tuple[Path, ...]

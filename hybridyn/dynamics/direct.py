@@ -83,6 +83,15 @@ def ddm(
 
     Source:
         Ibrahim & Khalil (2010), Eqs. (38)-(53). The paper drops a_dot v_r from xi; `Basis.drift` keeps it.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> a = hybridyn.ddm(robot, q, v, tau=[1.0, -1.0])
+        >>> a[robot.motor_v].round(2)
+        array([-16.47,   9.37])
+        >>> hybridyn.idm(robot, q, v, a).round(6)
+        array([ 1., -1.])
     """
     return direct_model(
         robot, q, v, tau, base_acceleration=base_acceleration, wrenches=wrenches, effects=effects, time=time,

@@ -30,6 +30,13 @@ class Energy:
     Attributes:
         kinetic: Kinetic energy of bodies and, if the effect is chosen, of rotors.
         potential: Potential energy of weights (zero at the world's origin), springs, stops and the ground.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> found = hybridyn.energy(robot, q, v)
+        >>> bool(found.total == found.kinetic + found.potential)
+        True
     """
 
     kinetic: Array
@@ -51,6 +58,13 @@ class Power:
         motors: Power of the motors.
         wrenches: Power of external wrenches.
         lost: Power that friction, dampers, stops and the ground dissipate.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> found = hybridyn.power(robot, q, v, tau=[2.0, -1.0])
+        >>> float(found.wrenches), float(found.lost)
+        (0.0, 0.0)
     """
 
     motors: Array
@@ -71,6 +85,13 @@ def energy(robot: HybridRobot, q: Array, v: Array, *, effects: Choice = None) ->
     Raises:
         ModelError: Effects are unknown or lack parameters.
         TrajectoryError: An array has the wrong shape or is not finite.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> found = hybridyn.energy(robot, q, v)
+        >>> round(float(found.kinetic), 4), round(float(found.potential), 3)
+        (0.0403, -8.146)
     """
     q, v, single = checked_state(robot, q, v)
     on = choose(robot, effects)
@@ -144,6 +165,12 @@ def power(
         ModelError: Effects are unknown or lack parameters.
         TrajectoryError: An array has the wrong shape or is not finite, a link is unknown, or a table is too
             short.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> round(float(hybridyn.power(robot, q, v, tau=[2.0, -1.0]).motors), 6)
+        2.0
     """
     q, v, single = checked_state(robot, q, v)
     tau = as_efforts(robot, tau)[0]
@@ -180,6 +207,12 @@ def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:
 
     Raises:
         TrajectoryError: An array has the wrong shape or is not finite.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> hybridyn.momentum(robot, q, v)[:3].round(3)
+        array([-0.324,  0.   ,  0.215])
     """
     q, v, single = checked_state(robot, q, v)
     out = _by_pinocchio(robot, "computeCentroidalMomentum", 6, q, v)
@@ -195,6 +228,11 @@ def centre_of_mass(robot: HybridRobot, q: Array) -> Array:
 
     Raises:
         TrajectoryError: An array has the wrong shape or is not finite, or the robot has no moving mass.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> hybridyn.centre_of_mass(robot, [0.1, 0.0, 0.1, 0.0])[2].round(3)
+        np.float64(-0.256)
     """
     q, single = as_positions(robot, q)
     out = _by_pinocchio(robot, "centerOfMass", 3, q)

@@ -96,6 +96,15 @@ def idm(
     Source:
         Ibrahim & Khalil (2010), Eqs. (30)-(33), extended here to trees of modules and to any mobility and
         number of motors.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> hybridyn.idm(robot, q, v, a).round(3)
+        array([ 2.128, -1.31 ])
+        >>> pull = {"m1_tool": [0.0, 0.0, -10.0, 0.0, 0.0, 0.0]}
+        >>> hybridyn.idm(robot, q, v, a, wrenches=pull).round(3)
+        array([ 1.106, -3.418])
     """
     return inverse_model(
         robot, q, v, a, wrenches=wrenches, effects=effects, time=time, passive=passive, weights=weights,

@@ -21,6 +21,13 @@ class LinkMotion(NamedTuple):
         pose: Origin and quaternion x, y, z, qx, qy, qz, qw, shape (T, 7), [m].
         twist: Velocity of the origin, then angular velocity, shape (T, 6), [m/s, rad/s], world axes.
         acceleration: Time derivative of `twist` (classical), shape (T, 6), [m/s^2, rad/s^2], world axes.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> motions = hybridyn.kinematics(robot, q, v, a)
+        >>> motions["m1_tool"].acceleration.shape
+        (6,)
     """
 
     pose: Array
@@ -46,6 +53,13 @@ def kinematics(
 
     Raises:
         TrajectoryError: An array has the wrong shape or is not finite, or a link is unknown.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> tool = hybridyn.kinematics(robot, q, v, links=["m1_tool"])["m1_tool"]
+        >>> tool.pose[:3].round(3), tool.twist[:3].round(3)
+        (array([-0.057,  0.   , -0.566]), array([-0.192,  0.   ,  0.14 ]))
     """
     q, single = as_positions(robot, q)
     v = as_rates(robot, v)[0]

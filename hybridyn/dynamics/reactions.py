@@ -50,6 +50,15 @@ class Reactions:
             determines, shape (T, 6).
         joints_shared: For each joint name, what each self-stress of the closures would add to the wrench,
             shape (T, 6, k), with forces times the module's length.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> tau, inner = hybridyn.idm(robot, q, v, a, reactions=True)
+        >>> inner.base[[0, 2]].round(3)
+        array([ 0.109, 90.546])
+        >>> inner.closures["m1_tip"][[0, 2]].round(3)
+        array([-0.131, -3.114])
     """
 
     base: Array

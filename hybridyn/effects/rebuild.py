@@ -22,6 +22,15 @@ def with_effects(robot: HybridRobot, effects: Choice) -> HybridRobot:
 
     Raises:
         ModelError: An effect or a link is unknown, or a floating base is prescribed.
+
+    Example:
+        >>> from hybridyn.effects import Payload
+        >>> robot = hybridyn.load("five_bar")
+        >>> hybridyn.gravity(robot, robot.home).round(3)
+        array([ 1.875, -1.875])
+        >>> loaded = hybridyn.with_effects(robot, [Payload("m1_tool", 2.0)])
+        >>> hybridyn.gravity(loaded, robot.home).round(3)
+        array([ 4.43, -4.43])
     """
     if effects is None or isinstance(effects, Effects):
         return robot

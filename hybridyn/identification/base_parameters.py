@@ -51,6 +51,12 @@ class BaseParameters:
         standard: The standard parameters.
         unit: Unit of each standard parameter, in which they compare, shape (p,).
         never: Names of the standard parameters on which no effort depends.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> base = hybridyn.base_parameters(robot)
+        >>> base.combination.shape, len(base.names)
+        ((11, 40), 11)
     """
 
     rank: int
@@ -92,6 +98,11 @@ def base_parameters(robot: HybridRobot, *, effects: Choice = None, symmetric: bo
     Raises:
         ModelError: Effects are unknown, or have no number to identify.
         SingularityError: The motors lose a direction in every posture.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> hybridyn.base_parameters(robot).rank
+        11
     """
     parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
     unit = units(robot, parameters)

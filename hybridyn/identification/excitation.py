@@ -56,6 +56,14 @@ class Excitation:
         information: log det Y^T Y of a period, in parameters of like influence.
         condition: Condition number of Y with scaled columns.
         gain: Largest growth of the joints' rates over those of the motors, compared with home.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> motion = hybridyn.excitation(robot, evaluations=1)
+        >>> import numpy as np
+        >>> position, rate, acceleration = motion.at(np.array([0.0, 0.5]))
+        >>> position.shape
+        (2, 2)
     """
 
     robot: HybridRobot
@@ -125,6 +133,12 @@ def excitation(
     Raises:
         ModelError: There are too few harmonics, no motion is within the limits, or the robot's base is
             not fixed.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> motion = hybridyn.excitation(robot, evaluations=1)
+        >>> sorted(motion.columns(rate=100.0))[:3]
+        ['m1_left_drive/acceleration', 'm1_left_drive/position', 'm1_left_drive/velocity']
     """
     if harmonics < 3 or not period > 0 or evaluations < 1:
         raise ModelError("an excitation needs a period, at least three harmonics and at least one candidate")

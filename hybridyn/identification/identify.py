@@ -77,6 +77,17 @@ def identify(
         TrajectoryError: The log is too short or too poor, or a column is missing or in another unit.
         ModelError: Effects or names are unknown, or the robot's base is not fixed.
         AssemblyError: The loops cannot be closed at some sample.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> motion = hybridyn.excitation(robot, evaluations=1)
+        >>> log = motion.columns(rate=20.0)
+        >>> q, v, a = hybridyn.assemble(robot, motors=motion.at(log["time"]))
+        >>> tau = hybridyn.idm(robot, q, v, a)
+        >>> log |= {f"{name}/effort": tau[:, i] for i, name in enumerate(robot.motors)}
+        >>> found = hybridyn.identify(robot, log)
+        >>> bool(found.fit.relative.max() < 1e-6)
+        True
     """
     _check_words(method, reference, prior, every)
     check_robot(robot)

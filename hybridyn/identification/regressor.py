@@ -47,6 +47,13 @@ class Regressor:
         Y: Shape (motors, p), or (T, motors, p) for a batch.
         names: Name of each parameter, such as "m of rod1".
         values: The robot's own numbers, shape (p,), SI units.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> found = hybridyn.regressor(robot, q, v, a)
+        >>> found.Y.shape, found.names[0]
+        ((2, 40), 'm of m1_left_upper')
     """
 
     Y: Array
@@ -79,6 +86,13 @@ def regressor(
         SingularityError: The motors lose a direction, or closures lose rank.
         ModelError: Effects are unknown, or have no number to identify.
         TrajectoryError: An array has the wrong shape or is not finite.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> found = hybridyn.regressor(robot, q, v, a)
+        >>> (found.Y @ found.values).round(3)
+        array([ 2.128, -1.31 ])
     """
     parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
     q, single = as_positions(robot, q)

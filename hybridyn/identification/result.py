@@ -106,6 +106,19 @@ class Identification:
         constrained: Whether `identified` had to be kept possible by the conic program.
         never: Standard parameters on which no effort depends.
         remarks: How the signals were processed.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> motion = hybridyn.excitation(robot, evaluations=1)
+        >>> log = motion.columns(rate=20.0)
+        >>> q, v, a = hybridyn.assemble(robot, motors=motion.at(log["time"]))
+        >>> tau = hybridyn.idm(robot, q, v, a)
+        >>> log |= {f"{name}/effort": tau[:, i] for i, name in enumerate(robot.motors)}
+        >>> found = hybridyn.identify(robot, log)
+        >>> len(found.names) == len(found.values) == len(found.deviation)
+        True
+        >>> found.report().splitlines()[0]
+        '# Identification of five_bar'
     """
 
     robot: HybridRobot

@@ -117,6 +117,14 @@ class Event:
         function: Function of (t, q, v) that crosses zero; q of shape (nq,), v of shape (nv,).
         direction: +1 for rising zeros only, -1 for falling ones, 0 for both.
         terminal: Whether the event ends the run.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> turned = hybridyn.Event("turned", lambda t, q, v: q[0] - 0.01, direction=1)
+        >>> rest = [0.0] * robot.nv
+        >>> run = hybridyn.simulate(robot, robot.home, rest, [0.0, 1.0], effort=[3.0, 0.0], events=[turned])
+        >>> run.status, run.events[0].name, round(float(run.q[-1, 0]), 6)
+        ('event', 'turned', 0.01)
     """
 
     name: str
@@ -226,6 +234,11 @@ def near_singularity(
 
     Raises:
         TrajectoryError: The threshold is no number from 0 to 1.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> hybridyn.near_singularity(robot, 0.05, what="motors").name
+        'singularity of the motors'
     """
     advice = "; a posture is given to the event: near_singularity(robot).function(t, q, v)"
     threshold = as_number(threshold, "threshold", 0.0, 1.0, advice)

@@ -101,6 +101,14 @@ def simulate(
         TrajectoryError: Wrong arguments, more steps than fit in memory, or a run to resume that does not
             match.
         ModelError: The method does not support this robot.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> run = hybridyn.simulate(robot, robot.home, [0.0] * robot.nv, [0.0, 0.1])
+        >>> run.status
+        'finished'
+        >>> bool(abs(run.energy[-1] - run.energy[0]) < 1e-6)  # it falls without losses
+        True
     """
     solver = solver_of(options)
     one_of("initial_velocity", initial_velocity, "refuse", "project")

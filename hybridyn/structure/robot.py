@@ -60,6 +60,11 @@ class HybridRobot:
         rank_tolerance: Argument of `build_robot`.
         held: Joints that must not be cut as part of a wrist.
         rebuild: Builds the robot with other parameters (`with_parameters`).
+
+    Example:
+        >>> print(hybridyn.load("five_bar"))
+        HybridRobot 'five_bar' on a fixed base: 1 module, 4 joints, 2 freedoms, 2 motors
+        q has 4 coordinates, v has 4, tau has 2: m1_left_drive, m1_right_drive
     """
 
     description: Description

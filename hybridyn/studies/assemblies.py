@@ -55,6 +55,14 @@ class Assemblies:
         starts: Number of random starts per module.
         unseen: Estimated probability that one more start finds another posture (Good and Turing: the share of
             the starts whose posture no other start found). If it is above 0, use more starts.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> found = hybridyn.assemblies(robot, motors=[0.1, 0.2], starts=50)
+        >>> found.within_limits
+        array([ True, False])
+        >>> bool(found.residual.max() < 1e-12)
+        True
     """
 
     q: Array
@@ -95,6 +103,12 @@ def assemblies(
     Raises:
         AssemblyError: There is no posture, it is underdetermined, or stacked modules have more than 10,000.
         TrajectoryError: A name is unknown, a shape is wrong, or there are several samples.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> found = hybridyn.assemblies(robot, motors=[0.1, 0.2], starts=50)
+        >>> len(found.q)  # the tool below the elbows, and above
+        2
     """
     requests = gather_requests(robot, motors, platforms)
     if not requests.single:

@@ -40,6 +40,11 @@ def geometry_model(
     Raises:
         ModelError: The robot's file is not a URDF, or a mesh is missing or cannot be read.
         TrajectoryError: `kind` is neither "visual" nor "collision".
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> hybridyn.geometry_model(robot, "visual").ngeoms
+        6
     """
     import pinocchio as pin
     from lxml import etree

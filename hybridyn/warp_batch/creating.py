@@ -41,6 +41,13 @@ def warp(
         CompileError: Warp or casadi is not installed.
         ModelError: A parameter is unknown, `dtype` is invalid, there is no such device, no joint moves, or an
             effect is not available.
+
+    Example:
+        >>> batch = hybridyn.warp(hybridyn.load("five_bar"), device="cpu")
+        >>> q, v, a, failed = batch.random_states(100)
+        >>> tau, guard = batch.idm(q, v, a)
+        >>> tau.shape
+        (100, 2)
     """
     needs_casadi()
     if find_spec("warp") is None:

@@ -46,6 +46,14 @@ class JointMap:
         motors_per_joints: H, rates of the motors over those of the joints, shape (T, m, k).
         joints_per_motors: G, rates of the joints over those of the motors, shape (T, k, m).
         motions: Function that computes motions over one side, for `curvature`.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> found = hybridyn.joint_map(robot, robot.home, ["m1_left_elbow", "m1_right_elbow"])
+        >>> found.motors
+        ('m1_left_drive', 'm1_right_drive')
+        >>> found.motor_rates([1.0, 0.0]).round(3)
+        array([-1.237, -0.644])
     """
 
     robot: HybridRobot = field(repr=False)
@@ -194,6 +202,13 @@ def joint_map(robot: HybridRobot, q: ArrayLike | Mapping[str, ArrayLike], joints
         SingularityError: Joints or motors lose a direction, closures lose rank, or there are more or fewer
             joints or motors than freedoms.
         TrajectoryError: An array has the wrong shape or is not finite, or a joint cannot be a coordinate.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> found = hybridyn.joint_map(robot, robot.home, ["m1_left_elbow", "m1_right_elbow"])
+        >>> found.motors_per_joints.round(3)
+        array([[-1.237, -0.644],
+               [-0.644, -1.237]])
     """
     return related(robot, q, joints, partial(side_motions, robot))
 

@@ -46,6 +46,12 @@ def link_jacobian(
         SingularityError: Closures lose rank, or the joints are not independent.
         TrajectoryError: A link is unknown, an array has the wrong shape or is not finite, or a joint cannot
             be a coordinate.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> hybridyn.link_jacobian(robot, robot.home, "m1_tool")[[0, 2]].round(3)  # its x and z
+        array([[-0.191, -0.191],
+               [ 0.13 , -0.13 ]])
     """
     engine = Engine.of(robot, joints)
     named_links(robot, [link])
@@ -83,6 +89,13 @@ def delassus(
         SingularityError: Closures lose rank, or a wrench acts on a motion without inertia.
         ModelError: Effects are unknown, lack parameters, or do not include "inertia".
         TrajectoryError: A link is unknown, or an array has the wrong shape or is not finite.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> hybridyn.delassus(robot, q, "m1_tool")[[0, 2]][:, [0, 2]].round(3)  # its x and z
+        array([[ 0.738, -0.048],
+               [-0.048,  0.535]])
     """
     names = [links] if isinstance(links, str) else list(links)
     named_links(robot, names)
@@ -135,6 +148,11 @@ def operational_inertia(
     Raises:
         SingularityError: The links cannot be moved in every direction (`IMMOVABLE`, scaled by its size).
         AssemblyError, ModelError, TrajectoryError: As `delassus`.
+
+    Example:
+        >>> robot = hybridyn.load("gough_stewart")
+        >>> hybridyn.operational_inertia(robot, robot.home, "m1_platform").shape
+        (6, 6)
     """
     D = delassus(robot, q, links, axes=axes, effects=effects)
     out, size = inverse_of(robot, D.reshape(-1, *D.shape[-2:]))

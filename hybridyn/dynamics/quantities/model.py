@@ -53,6 +53,13 @@ def motion_map(
         SingularityError: Closures lose rank, or the joints are not independent: u does not determine v, or
             has more entries than the robot has freedoms.
         TrajectoryError: An array has the wrong shape or is not finite, or a joint cannot be a coordinate.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> E = hybridyn.motion_map(robot, q)
+        >>> bool(abs(E @ v[robot.motor_v] - v).max() < 1e-12)
+        True
     """
     engine = Engine.of(robot, joints)
     q, rates, single = checked_state(robot, q, v)
@@ -86,6 +93,12 @@ def mass_matrix(
         SingularityError: Closures lose rank, or the joints are not independent.
         ModelError: Effects are unknown, lack parameters, or do not include "inertia".
         TrajectoryError: An array has the wrong shape or is not finite, or a joint cannot be a coordinate.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> hybridyn.mass_matrix(robot, robot.home).round(4)
+        array([[0.0778, 0.0191],
+               [0.0191, 0.0779]])
     """
     u, on = independent_coordinates(robot, joints), choose(robot, effects)
     needs_inertia(on)
@@ -125,6 +138,12 @@ def bias(
         SingularityError: Closures lose rank, or the joints are not independent.
         ModelError: Effects are unknown, lack parameters, or prescribe the base.
         TrajectoryError: An array has the wrong shape or is not finite, or a joint cannot be a coordinate.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> hybridyn.bias(robot, q, v).round(3)
+        array([ 2.128, -1.31 ])
     """
     engine = Engine.of(robot, joints, effects)
     q, v, single = checked_state(robot, q, v)
@@ -155,6 +174,12 @@ def coriolis(
 
     Raises:
         AssemblyError, SingularityError, ModelError, TrajectoryError: As `bias`.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> hybridyn.coriolis(robot, q, v).round(3)
+        array([ 0.015, -0.02 ])
     """
     return bias(robot, q, v, joints=joints, effects=chosen_effects(robot, effects).only(QUADRATIC))
 
@@ -175,6 +200,11 @@ def gravity(
 
     Raises:
         AssemblyError, SingularityError, ModelError, TrajectoryError: As `bias`.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> hybridyn.gravity(robot, robot.home).round(3)
+        array([ 1.875, -1.875])
     """
     return bias(robot, q, None, joints=joints, effects=chosen_effects(robot, effects).only(WEIGHTS))
 
@@ -206,6 +236,16 @@ def coriolis_matrix(
         SingularityError: Closures lose rank, or the joints are not independent or leave idle motions open.
         ModelError: Effects are unknown, lack parameters, or prescribe the base.
         TrajectoryError: An array has the wrong shape or is not finite, or a prescribed base moves.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> hybridyn.coriolis_matrix(robot, q, v).round(3)
+        array([[ 0.015,  0.001],
+               [-0.02 ,  0.007]])
+        >>> u = v[robot.motor_v]
+        >>> (hybridyn.coriolis_matrix(robot, q, v) @ u).round(3)
+        array([ 0.015, -0.02 ])
     """
     engine = Engine.of(robot, joints, chosen_effects(robot, effects).only(QUADRATIC))
     engine.u.fit(robot, "the Coriolis matrix")

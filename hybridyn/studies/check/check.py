@@ -62,6 +62,10 @@ def check(
 
     Returns:
         The findings; an empty list if there are none. If the file cannot be read, only the reasons.
+
+    Example:
+        >>> [finding.code for finding in hybridyn.check("five_bar") if finding.severity == "error"]
+        []
     """
     try:
         file = find_robot(path)

@@ -117,6 +117,26 @@ def sweep(
         HybridynError: The study is wrong, none of its designs loads, the folder has other results, another
             process holds it, or compiled models differ from the general path.
         OSError: The disk is full; the shards written so far are complete.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> text = '''[robot]
+        ... file = "five_bar"
+        ... [designs]
+        ... method = "grid"
+        ... [parameters]
+        ... upper_length = { values = [0.24, 0.25] }
+        ... [tasks.reach]
+        ... workspace = { steps = { x = 0.2, z = 0.2 } }
+        ... measure = ["poses"]
+        ... '''
+        >>> with TemporaryDirectory() as folder:
+        ...     study = Path(folder, "study.toml")
+        ...     size = study.write_text(text)
+        ...     done = hybridyn.sweep(study, Path(folder, "results"), jobs=1)
+        >>> done.statuses
+        Counter({'ok': 2})
     """
     started = time.perf_counter()
     source = read_study(Path(study), allow_python=allow_python, strict=strict)
