@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..effects.choice import Choice, Effects, choose, times
+from ..effects.load_friction import OnLoads
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
@@ -19,7 +20,8 @@ from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
 from .backward import reactions_of
 from .direct_recursion import accelerate, articulate
 from .forward import forward
-from .load_friction import settle
+from .friction_response import responses
+from .load_friction import settle_moving
 from .loads import Loads, all_loads, in_every_sample
 from .reactions import Reactions
 from .results import Result
@@ -120,14 +122,8 @@ def direct_model(
         tau = on.limits.clip(robot, tau)
     loads = all_loads(robot, on, q, v, time, wrenches)
     if on.loaded is not None:
-
-        def under(efforts: Array) -> Reactions:
-            """Compute the reactions under efforts of joints."""
-            more, moved = replace(loads, joints=loads.joints + efforts), a.copy()
-            solve(robot, q, v, moved, tau, more)
-            return reactions_of(robot, q, v, moved, tau, more)
-
-        loads = replace(loads, joints=loads.joints + settle(robot, on.loaded, v, under, apart=False))
+        friction = _load_friction(robot, q, v, a, tau, loads, on.loaded)
+        loads = replace(loads, joints=loads.joints + friction)
     residual = solve(robot, q, v, a, tau, loads)
     result = reactions_of(robot, q, v, a, tau, loads) if reactions else None
     return Result(a, residual, result)
@@ -161,6 +157,22 @@ def solve(
     residual = check_closed(robot, states, q, v)
     accelerate(robot, articulate(robot, states, loads, tau, prescribed), v, a)
     return residual
+
+
+def _load_friction(
+    robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads, law: OnLoads
+) -> Array:
+    """Compute the efforts of friction that grows with load, shape (T, nv); arguments as in `solve`."""
+    on, moved, D = loads.on, a.copy(), law.directions(v)
+    states = forward(robot, q, v, None, on.gravity, classical=on.velocity is not None, base=moved)
+    check_closed(robot, states, q, v)
+    modules = articulate(robot, states, loads, tau, None)
+    accelerate(robot, modules, v, moved)
+    start = reactions_of(robot, q, v, moved, tau, loads)
+    length = max(module.mechanism.length for module in robot.modules)
+    friction = settle_moving(law, start, responses(robot, modules, on, law, D), length)
+    out: Array = np.einsum("tij,tj->ti", D, friction)
+    return out
 
 
 def acceleration_of_base(robot: HybridRobot, acceleration: ArrayLike, samples: int) -> Array:

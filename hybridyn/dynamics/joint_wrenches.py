@@ -74,11 +74,10 @@ def needed_by_bodies(state: ModuleState, load: ModuleLoad, on: Effects, W: Array
 
 def _of_leg_bodies(state: ModuleState, on: Effects) -> tuple[list[int], Array]:
     """Return the leg bodies that have mass, and the wrench that each needs for its own motion, own frame."""
-    bodies = [i for i, body in enumerate(state.mechanism.spec.leg_bodies, 1) if body and not body.massless]
-    if on.leg_inertia is None or not bodies:
+    heavy = heavy_bodies(state, on)
+    if not heavy:
         return [], np.zeros((len(state.V), 0, 6))
-    legs = [state.mechanism.spec.leg_bodies[i - 1] for i in bodies]
-    inertias = np.array([spatial_inertia(b.mass, b.com, b.inertia) for b in legs if b])
+    bodies, inertias = [i for i, _ in heavy], np.array([inertia for _, inertia in heavy])
     V, motion = state.V, state.motion
     if on.velocity is None:
         still = np.zeros_like(state.v)
@@ -89,6 +88,12 @@ def _of_leg_bodies(state: ModuleState, on: Effects) -> tuple[list[int], Array]:
     twist_dot = motion_to_body(motion.R, motion.p, state.V_dot[:, None]) + motion.acceleration()
     twist_dot += crm(twist, relative)  # Eq. (28)
     return bodies, np.einsum("tbi,bij->tbj", twist_dot, inertias) + on.body_bias(twist, inertias)
+
+
+def heavy_bodies(state: ModuleState, on: Effects) -> list[tuple[int, Array]]:
+    """Return the leg bodies that have mass, by their numbers in the whole tree, and their 6-D inertias."""
+    legs = enumerate(state.mechanism.spec.leg_bodies, 1) if on.leg_inertia else ()
+    return [(i, spatial_inertia(b.mass, b.com, b.inertia)) for i, b in legs if b and not b.massless]
 
 
 def needed_of_closures(state: ModuleState, multipliers: Array) -> Array:

@@ -101,15 +101,15 @@ def module_reactions(
     result.modules[module.name] = needed.F
     left = needed.H.copy()
     left[:, module.motor_columns] -= tau
-    multipliers, idle = _multipliers(state, left)
+    multipliers, idle = multipliers_of(state, left[..., None])
     _of_joints(result, state, needed_by_bodies(state, load, on, needed.W), multipliers, idle)
-    _of_closures(result, state, load, multipliers, idle)
+    _of_closures(result, state, load, multipliers[..., 0], idle)
 
 
 def _of_joints(result: Reactions, state: ModuleState, needed: Array, multipliers: Array, idle: Array) -> None:
     """Compute the wrench of each joint from what the bodies beyond it need, and add it to `result`."""
     m, names = state.mechanism, state.module.joints
-    columns = needed_of_closures(state, np.concatenate([multipliers[..., None], idle], axis=2))
+    columns = needed_of_closures(state, np.concatenate([multipliers, idle], axis=2))
     columns[..., 0] += needed
     wrenches = joint_wrenches(state, columns)  # under the multipliers, then under each self-stress
     free = wrenches[..., 1:] * m.length_of_wrench[:, None]
@@ -144,36 +144,37 @@ def _of_closures(
         result.unique[name] = bool(result.determined[name].all())
 
 
-def _multipliers(state: ModuleState, needed: Array) -> tuple[Array, Array]:
+def multipliers_of(state: ModuleState, needed: Array) -> tuple[Array, Array]:
     """Compute the multipliers of a module's closure rows, and a basis of its self-stresses.
 
     A self-stress is a set of multipliers without effect on the motion.
 
     Args:
         state: State of the module.
-        needed: Generalised force along x that the closures must produce, shape (T, n).
+        needed: Columns of the generalised force along x that closures must produce, shape (T, n, c).
 
     Returns:
-        The multipliers, shape (T, rows), with the least norm in the author's rows; and an orthonormal basis
-        of the self-stresses, scaled like the multipliers and padded with zeros, shape (T, rows, k).
+        The multipliers, shape (T, rows, c), with the least norm in the author's rows; and an orthonormal
+        basis of the self-stresses, scaled like them and padded with zeros, shape (T, rows, k).
     """
     m, reduction = state.mechanism, state.mechanism.reduction
     rows, rank = len(reduction.row_scale), reduction.rank
     if not rows:
-        return np.zeros((len(needed), 0)), np.zeros((len(needed), 0, 0))
+        return np.zeros((len(needed), 0, needed.shape[2])), np.zeros((len(needed), 0, 0))
     U, s, Vt = np.linalg.svd(reduction.scaled(state.K), full_matrices=rank < rows)
     keep = (np.arange(s.shape[1]) < rank) & (s > LOST_PIVOT * s[:, :1])
-    y = np.einsum("tij,tj->ti", Vt[:, : s.shape[1]], needed * reduction.col_scale)
-    lam = np.einsum("tij,tj->ti", U[:, :, : s.shape[1]], np.where(keep, y / np.where(keep, s, 1.0), 0.0))
+    y = np.matmul(Vt[:, : s.shape[1]], needed * reduction.col_scale[:, None])
+    y = np.where(keep[..., None], y / np.where(keep, s, 1.0)[..., None], 0.0)
+    lam = np.matmul(U[:, :, : s.shape[1]], y)
     kept = keep.sum(axis=1)
     first = int(kept.min(initial=rank))
     idle = U[:, :, first:] * np.where(np.arange(first, U.shape[2]) >= kept[:, None], 1.0, 0.0)[:, None]
     carried = m.closures.row_slices[len(m.spec.closures) : len(m.closures.closures)]  # wrists of platforms
     if carried and idle.size:
         authors = np.r_[: carried[0].start, carried[-1].stop : rows]
-        change = np.linalg.pinv(idle[:, authors], rcond=UNDETERMINED) @ lam[:, authors, None]
-        lam -= np.matmul(idle, change)[..., 0]
-    return lam * reduction.row_scale, idle * reduction.row_scale[:, None]
+        change = np.linalg.pinv(idle[:, authors], rcond=UNDETERMINED) @ lam[:, authors]
+        lam -= np.matmul(idle, change)
+    return lam * reduction.row_scale[:, None], idle * reduction.row_scale[:, None]
 
 
 def _closure_wrenches(state: ModuleState, cut: TreeClosure, author: TreeClosure) -> Array:

@@ -90,6 +90,43 @@ class OnLoads(NamedTuple):
         out: Array = np.abs(parts).max(axis=(0, 2, 3), initial=0.0)
         return out
 
+    def between(self, joints: Index, wrenches: Array) -> Array:
+        """Compute by how much the friction of joints changes at most, shape (T, joints, k).
+
+        Args:
+            joints: Numbers of some joints.
+            wrenches: Columns of changes of their wrenches, shape (T, joints, 6, k).
+        """
+        terms, at = self._among(joints)
+        parts = np.einsum("kij,tkjs->tkis", self.part[terms], wrenches[:, at])
+        sizes = self.factor[terms][:, None] * np.linalg.norm(parts, axis=2)
+        out = np.zeros((len(wrenches), len(joints), sizes.shape[2]))
+        for term, joint in enumerate(at):
+            out[:, joint] += sizes[:, term]
+        return out
+
+    def lipschitz(self, joints: Index, wrenches: Array, weight: Array) -> Array:
+        """Compute rows whose length bounds the change of friction of joints, each over its weight.
+
+        Args:
+            joints: Numbers of some joints.
+            wrenches: Columns of changes of their wrenches, shape (T, joints, 6, k).
+            weight: Shape (T, joints).
+
+        Returns:
+            Shape (T, 3 terms, k). A joint of m terms has |sum of f |P w|| <= sqrt(m sum of f^2 |P w|^2).
+        """
+        terms, at = self._among(joints)
+        factor = self.factor[terms] * np.sqrt(np.bincount(at, minlength=len(joints)))[at]
+        parts = np.einsum("kij,tkjs->tkis", factor[:, None, None] * self.part[terms], wrenches[:, at])
+        out: Array = (parts / weight[:, at, None, None]).reshape(len(wrenches), -1, wrenches.shape[3])
+        return out
+
+    def _among(self, joints: Index) -> tuple[Index, Index]:
+        """Return the terms of some joints, and for each the number of its joint among these."""
+        terms = np.flatnonzero(np.isin(self.of_joint, joints))
+        return terms, np.searchsorted(joints, self.of_joint[terms])
+
     def _parts(self, wrenches: Array) -> Array:
         """Compute the part of the wrench that each term takes, shape (..., terms, 3)."""
         out: Array = np.einsum("kij,...kj->...ki", self.part, wrenches[..., self.of_joint, :])

@@ -128,12 +128,12 @@ class Cut:
         """Copy rates (or accelerations, or efforts) of the legs from the spanning tree to `tree`.
 
         Args:
-            x: Rates of the spanning tree, shape (T, nv).
+            x: Rates of the spanning tree, shape (T, nv) or, of many columns, (T, nv, k).
 
         Returns:
-            Rates of `tree`, zero for platforms, shape (T, its nv).
+            Rates of `tree`, zero for platforms, shape (T, its nv) or (T, its nv, k).
         """
-        out = np.zeros((len(x), self.tree.nv))
+        out = np.zeros((len(x), self.tree.nv, *x.shape[2:]))
         out[:, self.v_to] = x[:, self.v_from]
         return out
 

@@ -20,8 +20,8 @@ from tests.support.samples import slow
 
 JUDGED = 1e-9  # of the largest: the given motions are rounded, and closure rows have conditions to 100
 SHARED = 1e-6  # part of a self-stress from which a load counts as shared
-#: A loop in a plane, a coupling across loops, a module on a leg: what runs by default.
-FEW = [("four_bar", 1, "floating"), ("gear_across", 2, "fixed"), ("on_leg", 0, "moving")]
+#: A loop in a plane, a coupling across loops, a module on a module: what runs by default.
+FEW = [("four_bar", 1, "floating"), ("gear_across", 2, "fixed"), ("legged", 0, "moving")]
 ALL = [(k, seed, BASES[(i + seed) % 3]) for i, k in enumerate(KINDS) for seed in range(3, 8)]
 CASES = [*FEW, *(slow(*case) for case in [one for one in ALL if not KINDS[one[0]].massless][:200])]
 
