@@ -1,5 +1,6 @@
 """What every test shares: one thread of BLAS, and a folder in which workers find what one of them made."""
 
+import gc
 import hashlib
 import os
 import shutil
@@ -47,6 +48,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add `--part 3/20`, the tests whose names fall into one of so many parts, and `--missed`."""
     parser.addoption("--part", default="0/1", metavar="K/N", help="run part K of N of the tests, K from 0")
     parser.addoption("--missed", action="store_true", help="what the last run skipped for an absent extra")
+
+
+def pytest_collection() -> None:
+    """Search for garbage again when all tests are known: there is none among them."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Leave the tests themselves, 400,000 objects, out of what is searched for garbage."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)

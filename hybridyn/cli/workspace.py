@@ -8,6 +8,7 @@ import numpy as np
 
 from ..assembly.redundancy import LEAST, RULES
 from ..figures.workspace import figure_of_workspace
+from ..spatial import Array
 from ..streams.workers import Workers, keep_freed_memory
 from ..structure.robot import HybridRobot
 from ..studies.workspace.workspace import Workspace, workspace
@@ -68,9 +69,14 @@ def _draw(robot: HybridRobot, found: Workspace, plot: str) -> None:
     sweep = found.sweep
     units = dict.fromkeys(robot.effort_units[i] for k in sweep.modules for i in robot.modules[k].motor_index)
     swept = [*sweep.axes, *(name for name in sweep.names if name not in sweep.axes)]
-    poses = {name: found.coordinates[:, sweep.names.index(name)] for name in swept}
-    title = f"{robot.name}: {sweep.link}"
-    save(figure_of_workspace(poses, found.measures, title=title, unit=" or ".join(units)), plot)
+
+    def named(coordinates: Array) -> dict[str, Array]:
+        return {name: coordinates[:, sweep.names.index(name)] for name in swept}
+
+    title, unit = f"{robot.name}: {sweep.link}", " or ".join(units)
+    ends = {reason: named(found.edges[reason]) for reason in sorted(found.edges)[:BLOCKS]}
+    poses = named(found.coordinates)
+    save(figure_of_workspace(poses, found.measures, title=title, unit=unit, ends=ends), plot)
 
 
 def _summary(robot: HybridRobot, found: Workspace, seconds: float) -> list[str]:

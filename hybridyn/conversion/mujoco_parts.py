@@ -12,12 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..description.closure_forms import FULL
 from ..description.joint_words import WORDS
 from ..description.loop_signs import WeldedBodies
 from ..description.names import unique
 from ..description.records import Closure, Description
 from ..joints.kinds import JointKind
-from .parts import FULL, RobotParts
+from .parts import RobotParts
 from .renamed import held_links
 from .request import Losses
 from .small_bodies import Sizes, is_solid, is_weightless

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..description.closure_forms import SIDEWAYS
+from ..description.closure_forms import FULL, SIDEWAYS
 from ..description.names import unique
 from ..description.placement import inverse, placement_from, poses_at
 from ..description.records import Array, Closure, Coupling, Description, Joint, massless
@@ -24,7 +24,7 @@ from .as_text import quaternion_of
 from .renamed import effects_on
 from .request import Losses, home_of
 
-FULL, AXES = (0, 1, 2), np.eye(3)
+AXES = np.eye(3)
 
 
 def in_words(kind: JointKind) -> str:

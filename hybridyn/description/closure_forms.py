@@ -50,15 +50,21 @@ class Form(NamedTuple):
     rotation_of_frames: Array = np.eye(3)
 
 
-#: How many rows lock a part of the rotation.
-TURNS_HELD: dict[RotationKind, int] = {"free": 0, "perpendicular": 1, "parallel": 2, "fixed": 3}
+#: Rows of a general closure: translations along and rotations about the axes of the predecessor frame.
+ROWS = ("tx", "ty", "tz", "rx", "ry", "rz")
+#: The rotation row of a universal joint: the third axes of both frames stay perpendicular.
+PERPENDICULAR = "perpendicular"
+#: The rows that lock a part of the rotation.
+TURNS_HELD: dict[RotationKind, tuple[str, ...]] = {
+    "free": (), "perpendicular": (PERPENDICULAR,), "parallel": ROWS[3:5], "fixed": ROWS[3:],
+}  # fmt: skip
 
 
 def _forms() -> dict[str, Form]:
     """Return the closures by name, those with more rows before others; a joint that holds nothing is none."""
     held = {kind.value: form for kind in WORDS if (form := kind.closure)}
     held |= {CYLINDRICAL: ((0, 1), "parallel"), UNIVERSAL: (FULL, "perpendicular"), POINT: (FULL, "free")}
-    rows = {name: len(axes) + TURNS_HELD[rotation] for name, (axes, rotation) in held.items()}
+    rows = {name: len(axes) + len(TURNS_HELD[rotation]) for name, (axes, rotation) in held.items()}
     return {
         name: Form(*held[name], has_axis=held[name] not in ((FULL, "fixed"), (FULL, "free")))
         for name in sorted(held, key=lambda name: -rows[name])
@@ -69,12 +75,8 @@ def _forms() -> dict[str, Form]:
 #: Closures by name.
 FORMS = _forms()
 
-#: Rows of a general closure: translations along and rotations about the axes of the predecessor frame.
-ROWS = ("tx", "ty", "tz", "rx", "ry", "rz")
 #: Largest cosine between the axes of a universal joint in a file: files keep 5 or 6 digits.
 LARGEST_COSINE = 1e-5
-#: The rotation row of a universal joint: the third axes of both frames stay perpendicular.
-PERPENDICULAR = "perpendicular"
 #: Axes of the second frame in the first one where a follower of MJCF has a universal closure at zero.
 SIDEWAYS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
@@ -142,8 +144,7 @@ def form_of_rows(text: str) -> Form:
 
 def words_of_rows(translations: tuple[int, ...], rotation: RotationKind) -> list[str]:
     """Return the rows of a closure in canonical form, the inverse of `form_of_rows`."""
-    turns = {"free": (), "perpendicular": (PERPENDICULAR,), "parallel": ROWS[3:5], "fixed": ROWS[3:]}
-    return [ROWS[axis] for axis in translations] + [*turns[rotation]]
+    return [ROWS[axis] for axis in translations] + [*TURNS_HELD[rotation]]
 
 
 #: Numbers of a joint without limits.

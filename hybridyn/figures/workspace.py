@@ -31,7 +31,7 @@ LABELS = {
 
 def figure_of_workspace(
     coordinates: Mapping[str, Array], measures: Mapping[str, Array], *, title: str = "",
-    unit: str = "N or N m",
+    unit: str = "N or N m", ends: Mapping[str, Mapping[str, Array]] | None = None,
 ) -> Figure:  # fmt: skip
     """Draw the maps of a workspace, one row per measure, with slices of the third coordinate side by side.
 
@@ -40,6 +40,8 @@ def figure_of_workspace(
             up to three. Of a lattice in more of them, only the middle of the others is drawn.
         measures: Measures of the poses by name, shape (n,) each.
         title, unit: Title of the figure, and unit of the motors' efforts.
+        ends: What ends the workspace to where it does, coordinates by name as for the poses; they are marked
+            in the first row.
 
     Raises:
         HybridynError: matplotlib is missing.
@@ -65,6 +67,12 @@ def figure_of_workspace(
     for ax, level in zip(panels[0], levels, strict=True) if len(axes) == 3 else ():
         at = (lattice.start[2] + level * lattice.steps[2]).round(DIGITS) + 0.0
         ax.set_title(f"{axes[2]} = {at:.4g} {_unit(axes[2])}", fontsize="small")
+    middle = np.median(index[:, 3:], axis=0).round()
+    for ax, level in zip(panels[0], levels, strict=True):
+        _mark(ax, lattice, [*([] if level is None else [level]), *middle], ends or {})
+    if ends:
+        marks = panels[0, 0].get_legend_handles_labels()
+        figure.legend(*marks, loc="outside lower center", ncols=len(levels) + 1, fontsize="x-small")
     for ax in panels[-1]:
         ax.set_xlabel(f"{axes[0]} [{_unit(axes[0])}]")
     figure.suptitle(title)
@@ -90,6 +98,23 @@ class _Lattice:
         self.steps = np.array([np.diff(column).min(initial=np.inf) for column in different])
         self.steps[np.isinf(self.steps)] = 1.0
         self.index = np.rint((values - self.start) / self.steps).astype(int)
+
+    def steps_to(self, coordinates: Mapping[str, Array]) -> Array:
+        """Return how many steps coordinates are from the start, shape (n, axes); halves lie between poses."""
+        values = np.column_stack([coordinates[name] for name in self.axes])
+        return np.asarray((values - self.start) / self.steps)
+
+
+def _mark(
+    ax: Axes, lattice: _Lattice, fixed: Sequence[float], ends: Mapping[str, Mapping[str, Array]]
+) -> None:
+    """Mark what ends the workspace in a slice; `fixed` are its other coordinates, in steps of the lattice."""
+    drawn = len(lattice.axes) - len(fixed)
+    for reason, coordinates in ends.items():
+        off = np.abs(lattice.steps_to(coordinates)[:, drawn:] - fixed).max(axis=1, initial=0.0)
+        here = [coordinates[name][off < 0.25] for name in lattice.axes[:drawn]]
+        height = here[1] if drawn > 1 else np.zeros(len(here[0]))
+        ax.scatter(here[0], height, s=6.0, linewidths=0.0, label=reason, zorder=3)
 
 
 def _levels(index: Index) -> list[Any]:

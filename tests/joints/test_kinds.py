@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hybridyn.description.closure_forms import FORMS, TURNS_HELD
+from hybridyn.description.closure_forms import FORMS, words_of_rows
 from hybridyn.description.joint_words import JOINTS, WORDS
 from hybridyn.joints.kinds import JointKind
 from hybridyn.linkage.joints import TreeJoint
@@ -44,8 +44,7 @@ def test_a_kind_is_that_of_pinocchio(kind: JointKind, axis: tuple[float, ...]) -
 def test_parts_and_closure_have_its_freedoms(kind: JointKind) -> None:
     assert sum(part.nv for part in kind.parts.values()) == kind.nv
     if kind.closure is not None:  # no closure is a screw
-        translations, rotation = kind.closure
-        assert len(translations) + TURNS_HELD[rotation] == 6 - kind.nv
+        assert len(words_of_rows(*kind.closure)) == 6 - kind.nv
         assert (kind in FORMS) == (kind.nv < 6)
 
 

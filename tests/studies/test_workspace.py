@@ -240,6 +240,24 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert figure.stat().st_size > 20_000
 
 
+def test_a_figure_marks_what_ends_the_workspace() -> None:
+    """Marks lie between a pose that is reached and one that is not."""
+    from hybridyn.figures.workspace import figure_of_workspace
+
+    found = workspace(hybridyn.load("five_bar"), steps={"x": 0.06, "z": 0.06})
+
+    def named(coordinates: Array) -> dict[str, Array]:
+        return dict(zip(found.sweep.names, coordinates.T, strict=True))
+
+    ends = {reason: named(x) for reason, x in found.edges.items()}
+    figure = figure_of_workspace(named(found.coordinates), found.measures, ends=ends)
+    for marks, (reason, steps) in zip(figure.axes[0].collections, found.rejected.items(), strict=True):
+        assert marks.get_label() == reason
+        at = (np.asarray(marks.get_offsets()) - found.start) / found.steps
+        close_to(at, (steps[:, 0] + steps[:, 1]) / 2, SOLVED)
+    assert {text.get_text() for text in figure.legends[0].get_texts()} == set(found.blocked)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [slow("delta"), "rps3", slow("gough_stewart")])
 def test_a_figure_of_slices(name: str, tmp_path: Path) -> None:
