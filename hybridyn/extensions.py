@@ -39,6 +39,7 @@ class Kind(NamedTuple):
 
 KINDS = {
     "effects": Kind("effect", "effects.catalogue", "UNITS", "checked_effect"),
+    "formats": Kind("robot format", "description.added_formats", "ENDINGS", "checked_format"),
 }
 
 

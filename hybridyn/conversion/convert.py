@@ -13,12 +13,14 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from ..description.added_formats import format_of
 from ..description.closure_forms import words_of_rows
 from ..description.names import did_you_mean
 from ..description.reading import read
 from ..description.records import Description, StatedBase
 from ..description.shipped import find_robot
 from ..errors import ModelError
+from ..extensions import added_names
 from ..structure.robot import HybridRobot
 from .closed_home import closed_at_home
 from .mjcf import write_mjcf
@@ -125,11 +127,16 @@ def writer_of(target: Path) -> Callable[[ConversionRequest, Losses], Written]:
     Raises:
         ModelError: No writer has this ending.
     """
-    ending = target.suffix.lower()
+    ending, form = target.suffix.lower(), None
     if ending in WRITERS:
         return WRITERS[ending]
+    if (form := format_of(target)) is not None and form.write is not None:
+        return form.write
+    if form is not None:
+        raise ModelError(f"the format of '{ending}' has no writer: it is only read", file=str(target))
+    known = [*WRITERS, *(f".{name}" for name in added_names("formats"))]
     raise ModelError(
-        f"unknown ending '{ending}'{did_you_mean(ending, WRITERS)}; known: {', '.join(WRITERS)}",
+        f"unknown ending '{ending}'{did_you_mean(ending, known)}; known: {', '.join(known)}",
         file=str(target),
     )
 

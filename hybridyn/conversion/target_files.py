@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..description.added_formats import format_of
 from ..description.side_cars.model_toml import find_model_file, find_side_car
 from ..description.writing import write_text
 from ..errors import ModelError
@@ -53,7 +54,9 @@ def refuse_replacing(target: Path, source: str | None) -> None:
         problem = "is a folder" if target.is_dir() else "is not a regular file"
     elif target.exists() and source and os.path.exists(source) and os.path.samefile(target, source):
         problem = "is the robot's own file; write to another one"
-    elif target.exists() and not target.read_bytes().endswith(_last_line(target).encode()):
+    elif target.exists() and not (
+        (last := _last_line(target)) and target.read_bytes().endswith(last.encode())
+    ):
         problem = "exists and is not from convert; move it away, or write to another name"
     if problem:
         raise ModelError(problem, file=str(target))
@@ -99,4 +102,6 @@ def file_beside(target: Path, ending: str) -> Path:
 
 def _last_line(target: Path) -> str:
     """Return the last line of a robot file from `convert`."""
+    if (form := format_of(target)) is not None:
+        return f"{form.comment.format(MARK)}\n" if form.comment else ""
     return f"# {MARK}\n" if target.suffix.lower().startswith(".usd") else f"<!-- {MARK} -->\n"

@@ -6,16 +6,31 @@ frames name), `placement`, `joint_graph` (a tree with closures, of bodies and jo
 `side_cars/`. `loop_signs` refuses loops in forms that are not read, and finds signs of lost ones.
 `validate` checks the description from every format.
 
-May import: `errors`, `spatial`, `colours`.
+May import: `errors`, `extensions`, `spatial`, `colours`.
 """
 
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .added_formats import RobotFormat
+    from .closure_forms import closure_of
     from .reading import read
-    from .records import Closure, Coupling, Description, Joint, Link
+    from .records import Closure, Coupling, Description, Joint, Link, MotorStatement, RobotFile
 
-__all__ = ["Closure", "Coupling", "Description", "Joint", "Link", "read"]
+__all__ = [
+    "Closure",
+    "Coupling",
+    "Description",
+    "Joint",
+    "Link",
+    "MotorStatement",
+    "RobotFile",
+    "RobotFormat",
+    "closure_of",
+    "read",
+]
+#: Files of the names that are no records.
+_FILES = {"RobotFormat": ".added_formats", "closure_of": ".closure_forms", "read": ".reading"}
 
 
 def __getattr__(name: str) -> object:
@@ -24,4 +39,4 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module 'hybridyn.description' has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(".reading" if name == "read" else ".records", __name__), name)
+    return getattr(import_module(_FILES.get(name, ".records"), __name__), name)

@@ -240,6 +240,7 @@ STATE_THEM: dict[Format, str] = {
     "MJCF": "state its loops as <connect> or <weld> in <equality>",
     "SDF": "state its loops as joints: a link may be the child of several",
     "USD": "state its loops as joints with excludeFromArticulation",
+    "added": "let the reader of its format return them among the closures",
     "Pinocchio": "give its loops as constraint models",
 }
 

@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 
 from ..errors import ModelError
+from .added_formats import format_of
 from .bounds import content_of
 from .closure_forms import apply_closing_frames, apply_welded_frames
 from .followers import followers_at_home
@@ -36,6 +37,8 @@ FORMATS = {
 #: First bytes of USD files, and the ending that fits. USD is no XML: an empty element `USD` stands for it.
 USD_STARTS = {b"#usda": ".usda", b"#sdf": ".usda", b"PXR-USDC": ".usdc", b"PK\x03\x04": ".usdz"}
 USD = b"<_usd/>"
+#: The same for files of formats that other packages add.
+ADDED = b"<_added/>"
 
 
 def read(
@@ -81,6 +84,8 @@ def read(
 
 def _read_root(root: XmlNode, model: str, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:
     """Read the root element of a file by the reader of its format; `model`: one of several in SDF, or ""."""
+    if (form := format_of(root.file)) is not None:
+        return form.read(read_bytes(root.file), root.file)
     if root.tag not in FORMATS:
         part = "this is a part of an MJCF file (MuJoCo); name the file that includes it"
         other = "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
@@ -215,12 +220,14 @@ def open_robot(
 ) -> XmlNode:
     """Return the root element of a robot file, expanded if it is xacro, with notes of XML and xacro.
 
-    USD is no XML: its root is `USD`, without content.
+    Files that are no XML, USD and those of other packages' formats, have a root without content.
 
     Raises:
         ModelError: The file cannot be read, is not XML, or xacro reports an error.
     """
     file, _ = split_model(path)
+    if format_of(file) is not None:
+        return parse(ADDED, file)
     text = read_bytes(file)
     ending = next((ending for start, ending in USD_STARTS.items() if text.startswith(start)), None)
     if ending and not Path(file).suffix.lower().startswith(".usd"):

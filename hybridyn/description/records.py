@@ -22,7 +22,7 @@ from ..joints.kinds import JointKind, RotationKind
 Array = NDArray[np.float64]
 
 StatedBase = Literal["fixed", "floating"]
-Format = Literal["URDF", "MJCF", "Pinocchio", "USD", "SDF"]
+Format = Literal["URDF", "MJCF", "Pinocchio", "USD", "SDF", "added"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,7 +328,8 @@ class Description:
             z, w; None is identity.
         gravity: Acceleration of gravity that the file states [m/s^2], or None.
         read_from: What it was read from; None for a model in memory.
-        format: Format of the robot file; "Pinocchio" for a model in memory, whose order of joints is kept.
+        format: Format of the robot file, "added" by another package; "Pinocchio" for a model in memory, whose
+            order of joints is kept.
         loads: Bodies that were added to links, whose numbers include them.
         crossed: Lower and upper position limit [m or rad] of each joint whose file states the lower above the
             upper; the joint itself has no limits.
