@@ -32,7 +32,7 @@ TRUSTED_PIVOT = 1e-2
 #: Pivots smaller than the best by this factor may be chosen to keep the rows sparse.
 SPARSE_PIVOT = 0.1
 #: Operations that bounds by the inverse of a block may take beyond those by triangular factors, as a part of
-#: these. Bounds of the turning of shipped robots are 2 to 14 times lower by it.
+#: these. Bounds of the turning of shipped robots are up to 14 times lower by it.
 INVERTED = 0.1
 #: Shares of the samples at which a pivot may fail, tried in this order until some pivot is left.
 FAILING = (0.0, 0.1, 0.25, 0.5)
