@@ -51,6 +51,13 @@ class TreeCoupling(NamedTuple):
         return self._replace(name="", terms=terms, curve=self.curve and self.curve.of(number))
 
 
+class Slices(Protocol):
+    """The slice of each joint of a tree."""
+
+    def __getitem__(self, joint: int, /) -> slice:
+        """Return the slice of a joint."""
+
+
 class Places(Protocol):
     """Where the coordinates of a tree's joints are, as in `Tree`."""
 
@@ -59,11 +66,11 @@ class Places(Protocol):
         """Number of freedoms."""
 
     @property
-    def q_slices(self) -> list[slice]:
+    def q_slices(self) -> Slices:
         """Slice of q of each joint."""
 
     @property
-    def v_slices(self) -> list[slice]:
+    def v_slices(self) -> Slices:
         """Slice of v of each joint."""
 
 

@@ -30,6 +30,7 @@ class Cut:
         welds: For each wrist, the closure from its end to its target, with bodies of `whole`.
         bodies: For each body of `tree`, its number in `spanning`, shape (bodies,).
         q_of, v_of: For each coordinate and each freedom of `spanning`, its number in `whole`.
+        q_in, v_in: For each of `whole`, its number in `spanning`; -1 for those of platforms.
         q_from, v_from: Coordinates and freedoms of `spanning` that `tree` has, too.
         q_to, v_to: The same in `tree`.
     """
@@ -43,6 +44,7 @@ class Cut:
         self.welds = self._welds()
         self.q_of = indices(self.whole.q_slices[i] for i in spec.in_whole)
         self.v_of = indices(self.whole.v_slices[i] for i in spec.in_whole)
+        self.q_in, self.v_in = _places(self.q_of, self.whole.nq), _places(self.v_of, self.whole.nv)
         self.q_from, self.v_from = _kept(self.q_of, self.tree.nq), _kept(self.v_of, self.tree.nv)
         self.q_to, self.v_to = self.q_of[self.q_from], self.v_of[self.v_from]
 
@@ -162,6 +164,13 @@ class Cut:
         if (wrist := next(ends, None)) is not None:
             return self.tree_body(wrist.target), wrist.R, wrist.p
         return (self.tree_body(body), np.eye(3), np.zeros(3)) if body in self.bodies else None
+
+
+def _places(of: Index, count: int) -> Index:
+    """Return where each number below a count stands among some numbers, or -1, shape (count,)."""
+    out = np.full(count, -1)
+    out[of] = np.arange(len(of))
+    return out
 
 
 def _kept(of: Index, count: int) -> Index:

@@ -88,8 +88,7 @@ def along_path(module: Module, at: Acting, arguments: ModuleArguments | None) ->
     m = module.mechanism
     spec = m.spec if arguments is None else arguments.spec
     (q_col, q), (w_col, wrench) = symbols("q", m.spanning.nq), symbols("wrench", 6)
-    links = links_of(spec.spanning, [np.zeros(10)] * len(spec.spanning))
-    chain = sweep(links, q, zeros(m.spanning.nv), zeros(6))
+    chain = sweep(links_of(spec.spanning), q, zeros(m.spanning.nv), zeros(6))
     efforts, body = [], at.own
     while body:
         efforts += list(reversed(dot(chain.S[body - 1].T, wrench)))

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -22,7 +23,7 @@ from ...linkage.joints import TreeJoint
 from ...spatial import crf, crm, cross, hat, motion_to_base, motion_to_body, slices, wrench_to_base
 from ...symbols import Expression, dot, is_zero, plus, times
 from .expressions import eye, filled, numbers, plain, snap, zeros
-from .rigid import LinkNumbers, inertia_matrix, momentum, moved, quaternion_matrix
+from .rigid import LinkNumbers, Links, freedoms, inertia_matrix, momentum, moved, quaternion_matrix
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,12 @@ class Placed:
 
 @dataclass
 class Chain:
-    """A tree of links at one posture; index 0 of the lists of bodies is the base.
+    """Some joints of a tree, with their links, at one posture; body 0 is the base.
 
     Attributes:
         links: The links; numbers may be expressions.
         platforms: Links whose motion is given.
-        R, p: Each child in its parent.
+        R, p: Each child in its parent, by joint.
         R0, p0: Each body in the base.
         S: Motion subspace of each joint, shape (6, nv), child frame.
         V: Twist of each body, own frame.
@@ -51,31 +52,31 @@ class Chain:
         root: Root of each body: 0 or a platform.
     """
 
-    links: list[LinkNumbers]
+    links: Links
     platforms: frozenset[int]
-    R: list[Expression] = field(default_factory=list)
-    p: list[Expression] = field(default_factory=list)
-    R0: list[Expression] = field(default_factory=list)
-    p0: list[Expression] = field(default_factory=list)
-    S: list[Expression] = field(default_factory=list)
-    V: list[Expression] = field(default_factory=list)
-    c: list[Expression] = field(default_factory=list)
-    root: list[int] = field(default_factory=list)
+    R: dict[int, Expression] = field(default_factory=dict)
+    p: dict[int, Expression] = field(default_factory=dict)
+    R0: dict[int, Expression] = field(default_factory=dict)
+    p0: dict[int, Expression] = field(default_factory=dict)
+    S: dict[int, Expression] = field(default_factory=dict)
+    V: dict[int, Expression] = field(default_factory=dict)
+    c: dict[int, Expression] = field(default_factory=dict)
+    root: dict[int, int] = field(default_factory=dict)
 
     @property
     def nv(self) -> int:
         """Number of freedoms."""
-        return sum(link.nv for link in self.links)
+        return sum(link.nv for link in self.links.values())
 
-    @property
-    def q_slices(self) -> list[slice]:
+    @cached_property
+    def q_slices(self) -> dict[int, slice]:
         """Positions of each joint."""
-        return slices(link.kind.nq for link in self.links)
+        return dict(zip(self.links, slices(link.kind.nq for link in self.links.values()), strict=True))
 
-    @property
-    def v_slices(self) -> list[slice]:
+    @cached_property
+    def v_slices(self) -> dict[int, slice]:
         """Freedoms of each joint."""
-        return slices(link.nv for link in self.links)
+        return freedoms(self.links)
 
     def columns_of(self, root: int) -> list[int]:
         """Return the indices in s of a root's acceleration."""
@@ -84,10 +85,10 @@ class Chain:
 
 
 def sweep(
-    links: list[LinkNumbers], q: Expression, v: Expression, V_base: Expression, a: Expression | None = None,
+    links: Links, q: Expression, v: Expression, V_base: Expression, a: Expression | None = None,
     A_base: Expression | None = None, placed: dict[int, Placed] | None = None,
 ) -> Chain:  # fmt: skip
-    """Compute the motion of a tree.
+    """Compute the motion of some joints of a tree, which begin at the base or at platforms.
 
     Args:
         links: The links.
@@ -99,13 +100,11 @@ def sweep(
         placed: Motion of each platform, by its link; its entries of q, v and a are not read.
     """
     placed = placed or {}
-    chain = Chain(links, frozenset(placed))
-    chain.R0, chain.p0, chain.V, chain.root = [eye(3)], [zeros(3)], [V_base], [0]
-    chain.c = [zeros(6) if A_base is None else A_base]
-    lists: list[list[Any]] = [
-        chain.R, chain.p, chain.R0, chain.p0, chain.S, chain.V, chain.c, chain.root,
-    ]  # fmt: skip
-    for i, (link, at, cols) in enumerate(zip(links, chain.q_slices, chain.v_slices, strict=True)):
+    chain = Chain(links, frozenset(placed.keys() & links.keys()))
+    chain.R0[0], chain.p0[0], chain.V[0], chain.root[0] = eye(3), zeros(3), V_base, 0
+    chain.c[0] = zeros(6) if A_base is None else A_base
+    for i, link in links.items():
+        at, cols = chain.q_slices[i], chain.v_slices[i]
         if i in placed:
             R, p, V, c = placed[i].R, placed[i].p, placed[i].V, placed[i].c
             R0, p0, S, root = R, p, zeros(6, 6), i + 1
@@ -119,8 +118,9 @@ def sweep(
             c = c if a is None else plus(c, dot(S, a[cols]))
             R0, p0 = dot(below, R), plus(chain.p0[link.parent], dot(below, p))
             root = chain.root[link.parent]
-        for own, value in zip(lists, (R, p, R0, p0, S, V, c, root), strict=True):
-            own.append(value)
+        chain.R[i], chain.p[i], chain.S[i] = R, p, S
+        chain.R0[i + 1], chain.p0[i + 1], chain.V[i + 1], chain.c[i + 1] = R0, p0, V, c
+        chain.root[i + 1] = root
     return chain
 
 
@@ -159,14 +159,14 @@ def forces(chain: Chain) -> Expression:
         Generalised forces over s, shape (6 + nv,): the wrench of the base on the tree, then H, where a
         platform's entries are its wrench on the bodies that it carries; wrenches in the base's frame.
     """
-    wrench = [zeros(6) for _ in chain.V]
-    for i, link in enumerate(chain.links):
+    wrench = {body: zeros(6) for body in chain.V}
+    for i, link in chain.links.items():
         inertia = numbers(link.inertia)
         if any(not is_zero(x) for x in inertia):
             V, A = chain.V[i + 1], chain.c[i + 1]
             wrench[i + 1] = plus(momentum(inertia, A), crf(V, momentum(inertia, V)))
     out = zeros(6 + chain.nv)
-    for i, cols in reversed(list(enumerate(chain.v_slices))):
+    for i, cols in reversed(chain.v_slices.items()):
         at = slice(6 + cols.start, 6 + cols.stop)
         if i in chain.platforms:
             out[at] = wrench_to_base(chain.R0[i + 1], chain.p0[i + 1], wrench[i + 1])
@@ -185,10 +185,10 @@ def mass_matrix(chain: Chain) -> tuple[Expression, Expression]:
         M: Mass matrix, shape (6 + nv, 6 + nv); the base's block is left zero.
         S1: The base's block as ten numbers, the composite inertia of the bodies that the base carries.
     """
-    composite = [zeros(10)] + [numbers(link.inertia) for link in chain.links]
-    M, slices = zeros(6 + chain.nv, 6 + chain.nv), chain.v_slices
-    cols = [list(range(6 + s.start, 6 + s.stop)) for s in slices]
-    for i in reversed(range(len(chain.links))):
+    composite = {0: zeros(10)} | {i + 1: numbers(link.inertia) for i, link in chain.links.items()}
+    M = zeros(6 + chain.nv, 6 + chain.nv)
+    cols = {i: list(range(6 + at.start, 6 + at.stop)) for i, at in chain.v_slices.items()}
+    for i in reversed(chain.links):
         if i in chain.platforms:
             hanging = moved(composite[i + 1], chain.R0[i + 1], chain.p0[i + 1])
             M[np.ix_(cols[i], cols[i])] = inertia_matrix(hanging)

@@ -66,7 +66,7 @@ class Core:
         chain: Its motion, including base and platforms.
         platforms: Motion of each platform for its legs, by the platform's link.
         rows: Rows of its closures.
-        outputs: Body in the core of each output.
+        outputs: Body of each output.
     """
 
     chain: Chain
@@ -99,7 +99,7 @@ def write_core(
     placed, platforms = _platforms(plan, (q, v, a), (V_base, A_base))
     tree_q, tree_v = pick(q, parts.q), pick(v, parts.v)
     tree_a = None if a is None else pick(a, parts.v)
-    chain = sweep(list(parts.links), tree_q, tree_v, V_base, tree_a, A_base, placed)
+    chain = sweep(parts.links, tree_q, tree_v, V_base, tree_a, A_base, placed)
     twists = tree_v.copy()
     for i, motion in platforms.items():
         twists[chain.v_slices[i]] = motion.V
@@ -112,8 +112,7 @@ def write_core(
             felt = felt * plan.mechanism.reduction.row_scale[list(parts.closure_rows)]
             rows.guard = rows.guard + spin_guard(plan, felt, first_moment(spin, parts.links), IDLE)
         rows.K[:, 6 + spin.col] = 0.0  # the rows do not feel the freedoms that stand for spins
-    outputs = [parts.bodies.index(o) for o in plan.mechanism.spec.outputs]
-    return Core(chain, platforms, rows, outputs)
+    return Core(chain, platforms, rows, list(plan.mechanism.spec.outputs))
 
 
 def _platforms(
@@ -128,15 +127,15 @@ def _platforms(
         base: Twist and acceleration of the base.
     """
     q, v, a = own
-    placed, platforms = {}, {}
-    for path in plan.paths:
+    placed, platforms = dict[int, Placed](), dict[int, PlatformMotion]()
+    for path in plan.parts.paths:
         if path.wrist.carries:
-            along = None if a is None else a[path.v]
-            chain = sweep(list(path.links), q[path.q], v[path.v], base[0], along, base[1])
-            i = core_body(plan, path.wrist.end) - 1  # the link that represents the platform
-            R, p, V = chain.R0[-1], chain.p0[-1], chain.V[-1]
-            placed[i] = Placed(R, p, V, zeros(6) if a is None else chain.c[-1])
-            platforms[i] = _platform(Placed(R, p, V, chain.c[-1]), base, plan.scale)
+            along = None if a is None else pick(a, path.v)
+            chain = sweep(path.links, pick(q, path.q), pick(v, path.v), base[0], along, base[1], placed)
+            i, end = path.target - 1, path.end
+            R, p, V, c = chain.R0[end], chain.p0[end], chain.V[end], chain.c[end]
+            placed[i] = Placed(R, p, V, zeros(6) if a is None else c)
+            platforms[i] = _platform(Placed(R, p, V, c), base, plan.scale)
     return placed, platforms
 
 
@@ -223,11 +222,6 @@ def rank_guard(plan: ModulePlan, rows: CoreRows, guard: Any, Psi: Expression) ->
     K = rows.K[rest, 6:] * row_scale[:, None] * unit
     left = largest(dot(K, without_units)) / (plan.scale.closed * (1.0 + largest(without_units)))
     return ca.fmax(guard, left)
-
-
-def core_body(plan: ModulePlan, body: int) -> int:
-    """Return the index in the core of a body of the spanning tree."""
-    return plan.parts.bodies.index(plan.mechanism.spec.tree_body.index(body))
 
 
 def pick(values: Expression, index: Index) -> Expression:

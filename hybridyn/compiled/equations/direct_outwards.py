@@ -9,8 +9,8 @@ import numpy as np
 
 from ...spatial import Index, motion_to_body
 from ...symbols import Expression
-from .chains import motion_map, sweep
-from .core import Core, core_body, whole
+from .chains import Chain, Placed, motion_map, sweep
+from .core import Core, pick, whole
 from .expressions import numbers, pack
 from .guarded_elimination import solve
 from .module_plan import ModulePlan
@@ -32,16 +32,16 @@ def accelerations_outwards(
         out[f"delta {i}"] = pack(s[core.chain.columns_of(i + 1)] - s[:6])
     for o, body in enumerate(core.outputs):
         if options.carries[o]:
-            A = whole(core.chain, body, s, motion_map(core.chain, body))
+            A = _accelerated(core.chain, body, s)
             out[f"A {o}"] = pack(classical(core.chain.V[body], A) if options.velocity else A)
     return out
 
 
 def legs_on_paths(plan: ModulePlan) -> Index:
     """Return the freedoms of grouped legs on paths to wrists."""
-    own = {int(col) for col in plan.parts.v if col >= 0}
-    wrists = {int(col) for path in plan.paths for col in path.v[path.wrist_v]}
-    return np.array(sorted({int(c) for path in plan.paths for c in path.v} - own - wrists), dtype=int)
+    wrists = {int(col) for path in plan.parts.paths for col in path.v[path.own]}
+    others = {int(col) for path in plan.parts.paths for col in path.v} - {*plan.parts.v.tolist()} - wrists
+    return np.array(sorted(others), dtype=int)
 
 
 def add_wrists(
@@ -56,17 +56,26 @@ def add_wrists(
     (q, v), parts, legs = given, plan.parts, legs_on_paths(plan)
     known = dict(zip(legs.tolist(), received.take("a_legs", len(legs)), strict=True))
     known |= {int(col): s[6 + k] for k, col in enumerate(parts.v) if col >= 0}
+    chain = core.chain
+    placed = {
+        i: Placed(chain.R0[i + 1], chain.p0[i + 1], chain.V[i + 1], _accelerated(chain, i + 1, s))
+        for i in core.platforms
+    }
     out: dict[int, Any] = {}
     guard: Any = ca.SX(0.0)
-    for path, pivots in zip(plan.paths, plan.wrist_pivots, strict=True):
+    for path, pivots in zip(parts.paths, plan.wrist_pivots, strict=True):
         a = np.array([(known | out).get(int(col), 0.0) for col in path.v], dtype=object)
-        a[path.wrist_v] = 0.0
-        chain = sweep(list(path.links), q[path.q], v[path.v], base[0], a, base[1])
-        body = core_body(plan, path.wrist.target)
-        target = whole(core.chain, body, s, motion_map(core.chain, body))
+        a[path.own] = 0.0
+        chain = sweep(path.links, pick(q, path.q), pick(v, path.v), base[0], a, base[1], placed)
+        target = _accelerated(core.chain, path.target, s)
         target = motion_to_body(numbers(path.wrist.R), numbers(path.wrist.p), target)
-        miss = target - chain.c[-1]
+        miss = target - chain.c[path.end]
         X, doubts = solve(wrist_jacobian(path, chain), miss[:, None], pivots)
-        out |= {int(col): value for col, value in zip(path.v[path.wrist_v], X[:, 0], strict=True)}
+        out |= {int(col): value for col, value in zip(path.v[path.own], X[:, 0], strict=True)}
         guard = ca.fmax(guard, squares(doubts))
     return out, guard
+
+
+def _accelerated(chain: Chain, body: int, s: Expression) -> Expression:
+    """Compute a body's acceleration at s, own frame, shape (6,)."""
+    return whole(chain, body, s, motion_map(chain, body))

@@ -203,7 +203,7 @@ def _without_rates(
         product = crm(V, V - motion_to_body(R, p, base[0]))
         placed[i] = Placed(R, p, zeros(6), chain.c[i + 1] - product)
     still, tree_q, tree_a = zeros(len(parts.v)), pick(q, parts.q), pick(a, parts.v)
-    return sweep(list(parts.links), tree_q, still, zeros(6), tree_a, base[1], placed)
+    return sweep(parts.links, tree_q, still, zeros(6), tree_a, base[1], placed)
 
 
 def _motor_map(

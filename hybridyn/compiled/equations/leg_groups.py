@@ -1,19 +1,23 @@
-"""Legs of a module that hang alone between its base and a platform, and groups of equal ones."""
+"""Branches of a module's whole tree; legs that hang alone between base and a platform, grouped by equality.
+
+A branch is some joints of the whole tree (`structure.cut`), by their numbers there.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ...linkage.closures import TreeClosure
-from ...spatial import Array, Index
+from ...spatial import Array, Index, indices
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
 from ...structure.wrists import axis_frame
 from .expressions import snap
-from .rigid import LinkNumbers
+from .rigid import Links
 from .spins import UNFELT, Spin, first_moment
 
 #: Digits in which the axes of equal legs agree; the rest is rounding.
@@ -25,31 +29,61 @@ LOCATED_LEG = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
+class Branch:
+    """Some joints of the whole tree of a module.
+
+    Attributes:
+        mechanism: The module.
+        links: Their links, parents first, by the number of the joint in the whole tree.
+    """
+
+    mechanism: Mechanism
+    links: Links
+
+    @cached_property
+    def tree_q(self) -> Index:
+        """Its coordinates in the whole tree."""
+        return indices(self.mechanism.cut.whole.q_slices[i] for i in self.links)
+
+    @cached_property
+    def tree_v(self) -> Index:
+        """Its freedoms in the whole tree."""
+        return indices(self.mechanism.cut.whole.v_slices[i] for i in self.links)
+
+    @property
+    def q(self) -> Index:
+        """Its coordinates in the module's spanning tree, -1 for those of platforms."""
+        return self.mechanism.cut.q_in[self.tree_q]
+
+    @property
+    def v(self) -> Index:
+        """Its freedoms in the module's spanning tree, -1 for those of platforms."""
+        return self.mechanism.cut.v_in[self.tree_v]
+
+
+@dataclass(frozen=True, eq=False)
+class Leg(Branch):
     """One leg of a group.
 
     Attributes:
-        links: Its links, parents numbered inside the leg.
         closure: Its closure, with frames in aligned axes.
         on_a: Whether the leg's body is the closure's predecessor.
-        end: Body of the leg in the closure, numbered inside the leg (1 is the first).
-        platform: Link of the core that the closure connects it to.
         spin: Its idle spin, with freedoms of the leg, or None.
-        q, v: Its coordinates in the module's spanning tree.
-        tree_v: Its freedoms in the tree after the cuts.
-        tree_q: Its coordinates in the tree after the cuts.
     """
 
-    links: tuple[LinkNumbers, ...]
     closure: TreeClosure
     on_a: bool
-    end: int
-    platform: int
     spin: Spin | None
-    q: Index
-    v: Index
-    tree_q: Index
-    tree_v: Index
+
+    @property
+    def end(self) -> int:
+        """Body of the leg in the closure."""
+        return self.closure.body_a if self.on_a else self.closure.body_b
+
+    @property
+    def platform(self) -> int:
+        """Joint of the platform that the closure connects it to."""
+        return (self.closure.body_b if self.on_a else self.closure.body_a) - 1
 
     @property
     def unspun(self) -> Array:
@@ -73,9 +107,7 @@ class Leg:
         return [j for j, k in enumerate(self.tree_v) if k in freedoms]
 
 
-def held_legs(
-    mechanism: Mechanism, spins: Sequence[Spin], links: list[LinkNumbers]
-) -> dict[tuple[int, ...], int]:
+def held_legs(mechanism: Mechanism, spins: Sequence[Spin], links: Links) -> dict[tuple[int, ...], int]:
     """Return the legs that may be grouped, as bodies of the tree, each with the closure at its end.
 
     A spin that moves mass by more than rounding, if less than `IDLE`, is left to the core, as are those of
@@ -92,31 +124,20 @@ def held_legs(
 
 
 def leg_of(
-    mechanism: Mechanism, bodies: tuple[int, ...], links: list[LinkNumbers], closure: TreeClosure,
-    core: dict[int, int], spins: Sequence[Spin],
-) -> Leg:  # fmt: skip
-    """Return a leg; `core` numbers the bodies of the core."""
-    joints = [b - 1 for b in sorted(bodies)]
-    number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(joints)}
-    on_a = closure.body_a in bodies
-    end, platform = (closure.body_a, closure.body_b) if on_a else (closure.body_b, closure.body_a)
-    columns = columns_of(mechanism, joints)
-    return Leg(
-        links=renumbered_links(links, joints, number),
-        closure=closure,
-        on_a=on_a,
-        end=number[end],
-        platform=core[platform] - 1,
-        spin=next(iter(spins_among(spins, columns["tree_v"])), None),
-        **columns,
-    )
+    mechanism: Mechanism, bodies: tuple[int, ...], links: Links, closure: TreeClosure, spins: Sequence[Spin]
+) -> Leg:
+    """Return a leg."""
+    own = Branch(mechanism, {i: links[i] for i in sorted(body - 1 for body in bodies)})
+    spin = next(iter(spins_among(spins, own.tree_v)), None)
+    return Leg(mechanism, own.links, closure, closure.body_a in bodies, spin)
 
 
 def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...], spins: Sequence[Spin]) -> int | None:
     """Return the one closure that connects a leg to a platform and determines all but its spin, or None."""
     spec, tree, inside = mechanism.spec, mechanism.tree, set(bodies)
     touching = [i for i, c in enumerate(spec.cut_closures) if {c.body_a, c.body_b} & inside]
-    if len(touching) != 1 or not _hangs_alone(spec, inside):
+    wrists = {mechanism.cut.tree_body(wrist.target) for wrist in spec.wrists}  # of which some may end in it
+    if len(touching) != 1 or wrists & inside or not _hangs_alone(spec, inside):
         return None
     at = touching[0]
     c = spec.cut_closures[at]
@@ -146,10 +167,12 @@ def grouped_legs(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ..
     """Group legs that differ in their numbers only."""
     out: dict[tuple[object, ...], list[Leg]] = {}
     for leg in legs:
-        axes = [tuple(link.axis.round(ROUNDED_AXIS).tolist()) if link.nv == 1 else () for link in leg.links]
-        shape = tuple((link.kind, link.parent, axis) for link, axis in zip(leg.links, axes, strict=True))
+        links, place = leg.links.values(), {0: 0} | {i + 1: n for n, i in enumerate(leg.links, 1)}
+        axes = [tuple(link.axis.round(ROUNDED_AXIS).tolist()) if link.nv == 1 else () for link in links]
+        shape = tuple((link.kind, place[link.parent], axis) for link, axis in zip(links, axes, strict=True))
         acting = tuple(marks[k] for k in leg.tree_v), leg.spin and leg.spin.cols
-        out.setdefault((shape, acting, leg.end, leg.platform, leg.closure.rotation), []).append(leg)
+        key = shape, acting, place[leg.end], leg.platform, leg.closure.rotation
+        out.setdefault(key, []).append(leg)
     return tuple(tuple(group) for group in out.values())
 
 
@@ -157,21 +180,3 @@ def spins_among(spins: Sequence[Spin], tree_v: Index) -> tuple[Spin, ...]:
     """Return the spins of some freedoms, numbered among these."""
     number = {int(col): k for k, col in enumerate(tree_v)}
     return tuple(spin.at(number) for spin in spins if number.keys() >= {*spin.cols})
-
-
-def renumbered_links(
-    links: list[LinkNumbers], joints: list[int], number: dict[int, int]
-) -> tuple[LinkNumbers, ...]:
-    """Return the links of some joints with renumbered parents."""
-    return tuple(replace(links[j], parent=number[links[j].parent]) for j in joints)
-
-
-def columns_of(mechanism: Mechanism, joints: list[int]) -> dict[str, Index]:
-    """Return coordinates and freedoms of joints of the tree: `tree_q`, `tree_v`, and `q`, `v` (`Parts`)."""
-    nothing = np.zeros(0, dtype=int)
-    tree, cut = mechanism.tree, mechanism.cut
-    q_of, v_of = np.full(tree.nq, -1), np.full(tree.nv, -1)
-    q_of[cut.q_to], v_of[cut.v_to] = cut.q_from, cut.v_from
-    tree_q = np.concatenate([nothing, *(np.arange(tree.nq)[tree.q_slices[j]] for j in joints)])
-    tree_v = np.concatenate([nothing, *(np.arange(tree.nv)[tree.v_slices[j]] for j in joints)])
-    return {"tree_q": tree_q, "tree_v": tree_v, "q": q_of[tree_q], "v": v_of[tree_v]}

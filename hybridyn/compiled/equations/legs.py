@@ -13,6 +13,7 @@ S (`parts.Spin`), whose acceleration s follows from
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from operator import add
@@ -28,7 +29,7 @@ from .chains import Chain, own_columns, point_acceleration, point_velocity, swee
 from .expressions import Folding, along, numbers, pack, sampled, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots, solve
 from .leg_groups import Leg
-from .rigid import LinkNumbers
+from .rigid import Links
 from .scales import Scale, squares, weighed
 from .spins import Spin
 
@@ -99,17 +100,17 @@ class WrittenLeg:
         return wrench_to_base(numbers(np.eye(3)), self.point, F)
 
 
-def fold_links(folding: Folding, copies: list[list[LinkNumbers]]) -> list[LinkNumbers]:
-    """Return links whose numbers represent those of all copies."""
-    return [
-        replace(
+def fold_links(folding: Folding, copies: Sequence[Links]) -> Links:
+    """Return links whose numbers represent those of all copies, by the joints of the first."""
+    return {
+        i: replace(
             same[0],
             R=folding.array([link.R for link in same]),
             p=folding.array([link.p for link in same]),
             inertia=folding.array([link.inertia for link in same]),
         )
-        for same in zip(*copies, strict=True)
-    ]
+        for i, *same in zip(copies[0], *(links.values() for links in copies), strict=True)
+    }
 
 
 def _frames(folding: Folding, group: tuple[Leg, ...]) -> list[Expression]:
@@ -144,7 +145,7 @@ def write_leg(
         a: Accelerations of the leg, for the inverse model. They then have to close the loop.
     """
     folding = Folding()
-    links = fold_links(folding, [list(leg.links) for leg in group])
+    links = fold_links(folding, [leg.links for leg in group])
     R_s, p_s, R_o, p_o = _frames(folding, group)
     leg = group[0]
     chain = sweep(links, q, v, base[0], a, None if a is None else base[1])
@@ -216,7 +217,7 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
         scales: Factor of each row of the closure, and unit of each of its unknowns.
     """
     folding = Folding()
-    links = fold_links(folding, [list(leg.links) for leg in group])
+    links = fold_links(folding, [leg.links for leg in group])
     R_s, p_s, _, _ = _frames(folding, group)
     column, q = symbols("q", len(group[0].tree_q))
     chain = sweep(links, q, zeros(len(group[0].tree_v)), zeros(6))

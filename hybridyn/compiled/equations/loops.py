@@ -141,8 +141,7 @@ def spinning_rods(
     m: Mechanism, joints: tuple[TreeJoint, ...], closures: Sequence[TreeClosure]
 ) -> dict[int, Rod]:
     """Return the rods of closures of a module's tree if some of its rods spin, by the closure's number."""
-    bare = links_of(joints, [np.zeros(10)] * len(joints))
-    return rods_of(bare, closures) if spins_of(m, ()) else {}
+    return rods_of(links_of(joints), closures) if spins_of(m, ()) else {}
 
 
 def spanning_closures(
@@ -163,7 +162,7 @@ def spanning_closures(
     """
     m = modules[0].mechanism
     specs = specs or [module.mechanism.spec for module in modules]
-    links = fold_links(folding, [links_of(s.spanning, [np.zeros(10)] * len(s.spanning)) for s in specs])
+    links = fold_links(folding, [links_of(s.spanning) for s in specs])
     rods = spinning_rods(m, m.spec.spanning, m.spec.closures)
     out = LoopRows(sweep(links, q, zeros(m.spanning.nv) if v is None else v, zeros(6)), v)
     closures, couplings = [along_rods(s.closures, rods) for s in specs], [s.couplings for s in specs]

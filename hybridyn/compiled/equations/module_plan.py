@@ -1,4 +1,4 @@
-"""Everything that is chosen about a module before its code is written: parts, paths, pivots, scales."""
+"""Everything that is chosen about a module before its code is written: parts, pivots, scales."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from .leg_groups import Leg
 from .parts import Parts
 from .scales import Scale
 from .spins import Decided, decided
-from .wrist_paths import Path
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,6 @@ class ModulePlan:
 
     Attributes:
         parts: Its core and its legs.
-        paths: One path for each wrist of the module.
         loop_pivots: Pivots of the core's closures.
         leg_pivots: Pivots of each group's closures.
         wrist_pivots: Pivots of each wrist's Jacobian.
@@ -34,7 +32,6 @@ class ModulePlan:
     """
 
     parts: Parts
-    paths: tuple[Path, ...]
     loop_pivots: Pivots
     leg_pivots: tuple[Pivots, ...]
     wrist_pivots: tuple[Pivots, ...]

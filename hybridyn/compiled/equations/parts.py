@@ -13,52 +13,41 @@ import numpy as np
 
 from ...linkage.closures import TreeClosure
 from ...linkage.couplings import TreeCoupling
-from ...spatial import Array, Index
+from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
 from .arguments import ModuleArguments
 from .expressions import plain, settled, zeros
-from .leg_groups import Leg, columns_of, grouped_legs, held_legs, leg_of, renumbered_links, spins_among
-from .rigid import LinkNumbers, aligned, links_of, moved, regrouped, ten_numbers
+from .leg_groups import Branch, Leg, grouped_legs, held_legs, leg_of, spins_among
+from .rigid import Links, aligned, links_of, moved, regrouped, ten_numbers
 from .rods import Rod, rods_of
 from .spins import Spin, spins_of
+from .wrist_paths import Path, path_of
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
-    """A module split into its core and its groups of equal legs.
+class Parts(Branch):
+    """A module split into its core, which is a branch, and its groups of equal legs.
 
     Attributes:
-        mechanism: The module.
-        links: Links of the core.
-        bodies: For each body of the core (base first) its index in the mechanism's tree.
-        platforms: Links of the core that are platforms.
-        closures, couplings: Those of the core; bodies and joints numbered in the core, axes aligned.
+        closures, couplings: Those of the core, axes aligned.
         checked: How many of the closures, the first ones, can be open. The others stand for the wrists that
             place the platforms, and hold at any positions of the joints.
         closure_rows: Their rows in the mechanism's closures.
-        tree_q, tree_v: Coordinates and freedoms of the core in the tree after the cuts.
-        q, v: The same in the spanning tree, -1 for those of platforms.
         groups: Groups of equal legs.
+        paths: One path for each wrist of the module.
         base: Ten inertial numbers that regrouping moves to the base.
         rank: Rank of the core's closures.
         spins: Idle spins of the core.
         rods: Rods at the ends of its closures, by the closure's number.
     """
 
-    mechanism: Mechanism
-    links: tuple[LinkNumbers, ...]
-    bodies: tuple[int, ...]
-    platforms: frozenset[int]
     closures: tuple[TreeClosure, ...]
     couplings: tuple[TreeCoupling, ...]
     checked: int
     closure_rows: tuple[int, ...]
-    tree_q: Index
-    tree_v: Index
-    q: Index
-    v: Index
     groups: tuple[tuple[Leg, ...], ...]
+    paths: tuple[Path, ...]
     base: Array
     rank: int
     spins: tuple[Spin, ...]
@@ -94,39 +83,25 @@ def parts_of(
     driven = {k for k, mark in enumerate(marks) if "motor" in mark}
     spins = spins_of(mechanism, driven)
     held = held_legs(mechanism, spins, constants) if free else {}
-    kept = [i for i in range(len(links)) if not any(i + 1 in bodies for bodies in held)]
-    number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
-    legs = [leg_of(mechanism, bodies, links, closures[at], number, spins) for bodies, at in held.items()]
-    used = [i for i, c in enumerate(closures) if c.body_a in number and c.body_b in number]
-    core_links, core_closures = _core(links, closures, kept, used)
-    known = _core(constants, [_turned(c, axes) for c in mechanism.spec.cut_closures], kept, used)
-    columns = columns_of(mechanism, kept)
+    of_legs = {body for bodies in held for body in bodies}
+    kept = [i for i in range(len(spec.tree)) if i + 1 not in of_legs]
+    core = Branch(mechanism, {i: links[i] for i in kept})
+    legs = [leg_of(mechanism, bodies, links, closures[at], spins) for bodies, at in held.items()]
+    used = [i for i in range(len(closures)) if i not in held.values()]
+    known = [_turned(mechanism.spec.cut_closures[i], axes) for i in used]
     return Parts(
         mechanism=mechanism,
-        links=core_links,
-        bodies=tuple(number),
-        platforms=frozenset(number[j + 1] - 1 for j in spec.platforms),
-        closures=core_closures,
-        couplings=tuple(c.of({j: number[j + 1] - 1 for j, _ in c.terms}) for c in spec.cut_couplings),
+        links=core.links,
+        closures=tuple(closures[i] for i in used),
+        couplings=spec.cut_couplings,
         checked=len(used) if arguments else sum(i < len(spec.closures) for i in used),
         closure_rows=_rows(mechanism, used),
-        **columns,
         groups=grouped_legs(legs, marks),
+        paths=tuple(path_of(mechanism, wrist, links) for wrist in spec.wrists),
         base=base,
         rank=mechanism.reduction.rank - sum(leg.closure.rows for leg in legs),
-        spins=spins_among(spins, columns["tree_v"]),
-        rods=rods_of(*known),
-    )
-
-
-def _core(
-    links: list[LinkNumbers], closures: list[TreeClosure], kept: list[int], used: list[int]
-) -> tuple[tuple[LinkNumbers, ...], tuple[TreeClosure, ...]]:
-    """Return some links and closures with bodies numbered in the core."""
-    number = {0: 0} | {j + 1: i + 1 for i, j in enumerate(kept)}
-    return renumbered_links(links, kept, number), tuple(
-        replace(closures[i], body_a=number[closures[i].body_a], body_b=number[closures[i].body_b])
-        for i in used
+        spins=spins_among(spins, core.tree_v),
+        rods=rods_of({i: constants[i] for i in kept}, known),
     )
 
 
@@ -134,16 +109,18 @@ def _links(
     spec: ModuleSpec,
     leg_inertia: bool,
     arguments: ModuleArguments | None,
-) -> tuple[list[LinkNumbers], list[Array]]:
-    """Return the tree's links, and its bodies' turns."""
+) -> tuple[Links, list[Array]]:
+    """Return the links of the whole tree, and its bodies' turns."""
     massive = leg_inertia and arguments is None
+    massless = [np.zeros(10)] * (len(spec.whole) - len(spec.tree))  # the wrists
     inertias = [ten_numbers(body if massive else None) for body in spec.leg_bodies]
-    links, turns = aligned(links_of(spec.tree, inertias), frozenset(spec.outputs))
+    ends = {spec.in_whole[wrist.joints[-1]] + 1 for wrist in spec.wrists}
+    links, turns = aligned(links_of(spec.whole, [*inertias, *massless]), ends.union(spec.outputs))
     if arguments is not None and (leg_inertia or not arguments.free):
-        links = [
-            link if body is None else replace(link, inertia=settled(moved(ten, plain(turn.T), zeros(3))))
-            for link, body, ten, turn in zip(links, spec.leg_bodies, arguments.own, turns[1:], strict=True)
-        ]
+        for i, (body, ten) in enumerate(zip(spec.leg_bodies, arguments.own, strict=True)):
+            if body is not None:
+                own = settled(moved(ten, plain(turns[i + 1].T), zeros(3)))
+                links[i] = replace(links[i], inertia=own)
     return links, turns
 
 

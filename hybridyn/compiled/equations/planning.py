@@ -15,7 +15,7 @@ from .module_plan import ModulePlan
 from .parts import Parts
 from .scales import GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale
 from .states import seen_postures
-from .wrist_paths import path_of, wrist_pivots
+from .wrist_paths import wrist_pivots
 
 
 def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = True) -> ModulePlan:
@@ -28,7 +28,6 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
         compared: As in `Scale`.
     """
     m = parts.mechanism
-    paths = tuple(path_of(m, m.spec, wrist) for wrist in m.spec.wrists)
     postures = seen_postures(m)
     groups = []
     for group in parts.groups:
@@ -37,9 +36,9 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
         units = np.abs(leg.unspun.T) @ m.reduction.col_scale[leg.tree_v]
         groups.append(leg_pivots(group, postures, (rows, units)))
     closed = max(GUARD_CLOSED[dtype], OF_ROUNDED * m.rounding if m.reduction.rounded else 0.0)
-    wrists = [wrist_pivots(m, path, positions) for path in paths]
+    wrists = [wrist_pivots(path, positions) for path in parts.paths]
     scale = Scale(m.length, closed, TINY_RATE[dtype], compared, float(np.finfo(dtype).eps))
-    plan = ModulePlan(parts, paths, Pivots((), (), ()), tuple(groups), tuple(wrists), scale)
+    plan = ModulePlan(parts, Pivots((), (), ()), tuple(groups), tuple(wrists), scale)
     return replace(plan, loop_pivots=_loop_pivots(plan, positions[-len(m.postures) :]))
 
 

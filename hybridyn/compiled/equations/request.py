@@ -26,7 +26,6 @@ from .parts import Parts, parts_of
 from .planning import plan_module
 from .rigid import ten_expressions, ten_numbers
 from .states import generic_positions
-from .wrist_paths import path_of
 
 
 @dataclass(frozen=True)
@@ -123,8 +122,7 @@ class Request:
         plan = replace(plans[k], inertias=inertias, column=chosen.column)
         if own is None:
             return plan
-        paths = tuple(path_of(module.mechanism, spec, wrist) for wrist in spec.wrists)
-        return replace(plan, parts=self._parts(module, own), paths=paths)
+        return replace(plan, parts=self._parts(module, own))
 
     def _parts(self, module: Module, arguments: ModuleArguments | None) -> Parts:
         """Split a module into its core and its groups of legs."""

@@ -10,13 +10,14 @@ make more numbers zero.
 
 from __future__ import annotations
 
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...joints.kinds import JointKind
 from ...linkage.joints import TreeJoint
-from ...spatial import Array, cross, hat
+from ...spatial import Array, cross, hat, slices
 from ...structure.bodies import Body
 from ...structure.wrists import axis_frame
 from ...symbols import Expression, dot, plus, times
@@ -130,15 +131,25 @@ class LinkNumbers:
         return self.kind.nv
 
 
-def links_of(joints: tuple[TreeJoint, ...], inertias: list[Array]) -> list[LinkNumbers]:
-    """Return the links of a tree from its joints and its bodies' ten numbers."""
-    return [
-        LinkNumbers(j.kind, j.parent, snap(j.R), j.p, j.axis, inertia, j.pitch)
-        for j, inertia in zip(joints, inertias, strict=True)
-    ]
+#: Links of some joints of a tree, parents first, by the number of the joint; body i + 1 is the child of i.
+Links = dict[int, LinkNumbers]
 
 
-def aligned(links: list[LinkNumbers], fixed: frozenset[int]) -> tuple[list[LinkNumbers], list[Array]]:
+def links_of(joints: Sequence[TreeJoint], inertias: Sequence[Array] | None = None) -> Links:
+    """Return the links of a tree from its joints and its bodies' ten numbers, by default zero."""
+    each = [np.zeros(10)] * len(joints) if inertias is None else inertias
+    return {
+        i: LinkNumbers(j.kind, j.parent, snap(j.R), j.p, j.axis, inertia, j.pitch)
+        for i, (j, inertia) in enumerate(zip(joints, each, strict=True))
+    }
+
+
+def freedoms(links: Links) -> dict[int, slice]:
+    """Return the freedoms of each joint among those of all links."""
+    return dict(zip(links, slices(link.nv for link in links.values()), strict=True))
+
+
+def aligned(links: Links, fixed: Container[int]) -> tuple[Links, list[Array]]:
     """Turn bodies' frames so that the axis of every joint of one freedom is a coordinate axis.
 
     Args:
@@ -147,18 +158,18 @@ def aligned(links: list[LinkNumbers], fixed: frozenset[int]) -> tuple[list[LinkN
     Returns:
         The links, and for each body (base first) the new axes in the old axes, shape (3, 3).
     """
-    out, axes = [], [np.eye(3)]
-    for body, link in enumerate(links, 1):
-        turned = body not in fixed and np.abs(link.axis).max() < 1.0 and link.kind.single
+    out, axes = dict[int, LinkNumbers](), [np.eye(3)]
+    for i, link in links.items():
+        turned = i + 1 not in fixed and np.abs(link.axis).max() < 1.0 and link.kind.single
         here, back = axis_frame(link.axis) if turned else np.eye(3), axes[link.parent].T
         axes.append(here)
         inertia = np.array(moved(plain(link.inertia), plain(here.T), plain(np.zeros(3))), dtype=float)
         axis = snap(here.T @ link.axis) if turned else link.axis
-        out.append(replace(link, R=snap(back @ link.R @ here), p=back @ link.p, axis=axis, inertia=inertia))
+        out[i] = replace(link, R=snap(back @ link.R @ here), p=back @ link.p, axis=axis, inertia=inertia)
     return out, axes
 
 
-def regrouped(links: list[LinkNumbers]) -> tuple[list[LinkNumbers], Array]:
+def regrouped(links: Links) -> tuple[Links, Array]:
     """Move inertial parameters that do not affect a joint's force to the parent body, outermost first.
 
     The force of a revolute joint does not depend on the mass, the first moment along the axis, and an inertia
@@ -171,9 +182,9 @@ def regrouped(links: list[LinkNumbers]) -> tuple[list[LinkNumbers], Array]:
     Source:
         Reference [34] of Ibrahim & Khalil (2010): base inertial parameters.
     """
-    out = list(links)
+    out = links.copy()
     base = np.zeros(10)
-    for i in reversed(range(len(out))):
+    for i in reversed(out):
         link = out[i]
         gone = unfelt(link)
         out[i] = replace(link, inertia=_clean(link.inertia - gone, link.inertia))

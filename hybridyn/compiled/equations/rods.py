@@ -12,7 +12,7 @@ from ...linkage.closures import TreeClosure
 from ...spatial import Array
 from ...structure.wrists import axis_frame
 from .expressions import snap
-from .rigid import LinkNumbers
+from .rigid import Links, freedoms
 from .spins import UNFELT
 
 
@@ -33,7 +33,7 @@ class Rod:
     turns: tuple[int, ...]
 
 
-def rods_of(links: Sequence[LinkNumbers], closures: Sequence[TreeClosure]) -> dict[int, Rod]:
+def rods_of(links: Links, closures: Sequence[TreeClosure]) -> dict[int, Rod]:
     """Return the rods of closures by the closure's number; of one tree, in plain numbers."""
     out: dict[int, Rod] = {}
     for k, c in enumerate(closures):
@@ -55,20 +55,20 @@ def is_ball(closure: TreeClosure) -> bool:
 
 
 def _free_rod(
-    links: Sequence[LinkNumbers], closures: Sequence[TreeClosure], number: int, body: int, point: Array
+    links: Links, closures: Sequence[TreeClosure], number: int, body: int, point: Array
 ) -> tuple[Array, tuple[int, ...]] | None:
     """Return `_rod` of a body on a floating joint that a ball and another one hold, and nothing else."""
     if (
         not body
         or links[body - 1].kind is not JointKind.FLOATING
-        or any(link.parent == body for link in links)
+        or any(link.parent == body for link in links.values())
     ):
         return None
     others = [c for k, c in enumerate(closures) if k != number and body in (c.body_a, c.body_b)]
     if len(others) != 1 or not is_ball(others[0]):
         return None
     line = point - (others[0].p_a if others[0].body_a == body else others[0].p_b)
-    length, first = float(np.linalg.norm(line)), sum(link.nv for link in links[: body - 1])
+    length, first = float(np.linalg.norm(line)), freedoms(links)[body - 1].start
     if not length:
         return None
     beside = np.abs(np.cross(point, line)).max() > UNFELT * length
@@ -76,7 +76,7 @@ def _free_rod(
     return snap(axis_frame(snap(line / length))), turns
 
 
-def _rod(links: Sequence[LinkNumbers], body: int, point: Array) -> tuple[Array, tuple[int, ...]] | None:
+def _rod(links: Links, body: int, point: Array) -> tuple[Array, tuple[int, ...]] | None:
     """Return the axes and the turning freedoms of the rod that ends at a point of a body, or None.
 
     A rod is a body on a ball or a universal joint, or slides along its line on one.
@@ -97,6 +97,6 @@ def _rod(links: Sequence[LinkNumbers], body: int, point: Array) -> tuple[Array, 
     axis = line[int(np.argmax(lengths))] / (lengths.max() or 1.0)
     if not lengths.max() or np.abs(np.cross(line, axis)).max() > UNFELT * max(lengths.max(), 1.0):
         return None
-    ends = np.cumsum([0, *(link.nv for link in links)])
-    turns = [col for i in joints for col in range(ends[i], ends[i + 1])]
+    at = freedoms(links)
+    turns = [col for i in joints for col in range(at[i].start, at[i].stop)]
     return snap(axis_frame(snap(axis))), tuple(turns)

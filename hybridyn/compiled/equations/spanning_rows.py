@@ -24,13 +24,13 @@ class SpanningRows:
         self._chain = chain
 
     @cached_property
-    def _columns(self) -> list[Expression]:
+    def _columns(self) -> dict[int, Expression]:
         """Twist of each joint's child at unit rates, at the base's origin, shape (6, nv)."""
         chain = self._chain
-        return [
-            np.stack([motion_to_base(chain.R0[i + 1], chain.p0[i + 1], column) for column in S.T], axis=1)
-            for i, S in enumerate(chain.S)
-        ]
+        return {
+            i: np.stack([motion_to_base(chain.R0[i + 1], chain.p0[i + 1], column) for column in S.T], axis=1)
+            for i, S in chain.S.items()
+        }
 
     def closure(self, c: TreeClosure, frames: Frames) -> tuple[Expression, Expression]:
         """Compute a closure's residual, shape (rows,), and Jacobian, shape (rows, nv)."""

@@ -14,7 +14,7 @@ the general path decides, and where a rod without inertia about its line has mas
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,7 +28,7 @@ from ...structure.mechanism import Mechanism
 from ...symbols import Expression, dot, is_zero, minus, times
 from .chains import motion_subspace
 from .expressions import along, numbers, scalar, snap
-from .rigid import LinkNumbers, momentum
+from .rigid import Links, freedoms, momentum
 from .scales import Scale, squares
 
 #: A closure does not feel a motion that opens it by less than this, without units: rounding. The spin of a
@@ -128,30 +128,27 @@ class Decided:
     guard: Any
 
 
-def twists_of(spin: Spin, links: Sequence[LinkNumbers]) -> dict[int, Expression]:
+def twists_of(spin: Spin, links: Links) -> dict[int, Expression]:
     """Return the twists of its body, and of slides on it, at a spin of one; by body, own frames."""
-    ends = np.cumsum([0, *(link.nv for link in links)]).tolist()
-    first = ends.index(spin.cols[0])
+    first = next(i for i, at in freedoms(links).items() if at.start == spin.cols[0])
     twists = {first + 1: dot(motion_subspace(links[first]), numbers(spin.axis))}
-    for i, link in enumerate(links):
+    for i, link in links.items():
         if link.kind.slides and link.parent in twists:
             twists[i + 1] = motion_to_body(numbers(link.R), numbers(link.p), twists[link.parent])
     return twists
 
 
-def momenta(spin: Spin, links: Sequence[LinkNumbers]) -> dict[int, Expression]:
+def momenta(spin: Spin, links: Links) -> dict[int, Expression]:
     """Compute the momentum of each body that a spin of one moves, own frames, shape (6,)."""
     return {i: momentum(numbers(links[i - 1].inertia), V) for i, V in twists_of(spin, links).items()}
 
 
-def first_moment(spin: Spin, links: Sequence[LinkNumbers]) -> Expression:
+def first_moment(spin: Spin, links: Links) -> Expression:
     """Compute how far a spin of one moves the mass of its body and of slides on it, shape (3 bodies,)."""
     return np.concatenate([P[:3] for P in momenta(spin, links).values()])
 
 
-def decided(
-    spin: Spin, links: Sequence[LinkNumbers], rotor: Array, reference: float, scale: Scale
-) -> Decided:
+def decided(spin: Spin, links: Links, rotor: Array, reference: float, scale: Scale) -> Decided:
     """Decide whether a spin has inertia.
 
     Args:

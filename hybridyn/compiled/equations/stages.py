@@ -170,8 +170,6 @@ def twist_width(velocity: bool) -> int:
 def read_by_core(plan: ModulePlan) -> tuple[Index, Index]:
     """Return the coordinates and freedoms of the spanning tree that a core reads."""
     parts = plan.parts
-    q, v = (
-        np.unique(np.concatenate([own[own >= 0], *paths]).astype(int))
-        for own, paths in ((parts.q, [p.q for p in plan.paths]), (parts.v, [p.v for p in plan.paths]))
-    )
-    return q, v
+    every = [parts, *parts.paths]
+    q, v = (np.unique(np.concatenate(own)) for own in ([x.q for x in every], [x.v for x in every]))
+    return q[q >= 0], v[v >= 0]

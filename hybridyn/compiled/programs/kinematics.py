@@ -105,7 +105,7 @@ def _in_world(R: Expression, p: Expression, V: Expression, A: Expression) -> ca.
 def _module(module: Module, own: ModuleArguments | None) -> ca.Function:
     """Return the kernel of a module's bodies."""
     spec = module.mechanism.spec if own is None else own.spec
-    links = links_of(spec.spanning, [np.zeros(10)] * len(spec.spanning))
+    links = links_of(spec.spanning)
     tree = module.mechanism.spanning
     columns: list[Any] = [ca.SX.sym("q", tree.nq), ca.SX.sym("v", tree.nv), ca.SX.sym("a", tree.nv)]
     base_col, base = symbols("base", WIDTH)

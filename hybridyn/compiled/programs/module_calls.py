@@ -64,7 +64,7 @@ class Stages:
         w.call(self._kernels[s], self._copies, ins, outs)
 
 
-#: Places of inputs and outputs by their names in the stages. "platform 0" belongs to link 0 of the core, as
+#: Places of inputs and outputs by their names in the stages. "platform 0" belongs to joint 0 of the tree, as
 #: do sums over its legs; "V 0" to output 0.
 Ports = dict[str, Any]
 

@@ -127,7 +127,7 @@ def rows_at(
         v: Rates of the freedoms, for `TreeRows.rates`, or None.
         exact: Whether rows on rods hold for open loops, too.
     """
-    links = fold_links(folding, [links_of(t.joints, [np.zeros(10)] * len(t.joints)) for t in trees])
+    links = fold_links(folding, [links_of(t.joints) for t in trees])
     nv = trees[0].tree.nv
     out = TreeRows(sweep(links, z, zeros(nv) if v is None else v, zeros(6)), v)
     out.exact = exact
@@ -190,8 +190,7 @@ def _kernel(parts: Sequence[Part]) -> tuple[ca.Function, Array]:
     e, m, folding = trees[0], parts[0].module.mechanism, Folding()
     spanning = m.spanning
     column, q = symbols("q", spanning.nq)
-    massless = [np.zeros(10)] * len(spanning.joints)
-    links = fold_links(folding, [links_of(x.module.mechanism.spec.spanning, massless) for x in parts])
+    links = fold_links(folding, [links_of(x.module.mechanism.spec.spanning) for x in parts])
     chain = sweep(links, q, zeros(spanning.nv), zeros(6))
     z = []
     for joint, source in enumerate(e.source):

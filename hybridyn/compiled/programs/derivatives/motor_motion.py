@@ -53,10 +53,12 @@ def spins_in_v(calls: ModuleCalls) -> Spins:
 def moved_by_spins(calls: ModuleCalls) -> list[set[int]]:
     """Return the freedoms in v that each idle spin moves: those of its joint, and of wrists beyond it."""
     out = [set(at) for at, _ in spins_in_v(calls)]
-    for path in calls.request.plans[calls.k].paths:
-        freedoms = calls.module.v_index[path.v].tolist()
+    m, v_index = calls.module.mechanism, calls.module.v_index
+    for path in calls.request.plans[calls.k].parts.paths:
+        held = m.cut.v_in[np.flatnonzero(m.tree.support[path.target])]
+        freedoms = v_index[[col for col in (*path.v, *held) if col >= 0]].tolist()
         for moved in out:
-            moved.update(freedoms[path.wrist_v] if moved.intersection(freedoms) else [])
+            moved.update(v_index[path.v[path.own]].tolist() if moved.intersection(freedoms) else [])
     return out
 
 
