@@ -18,10 +18,10 @@ from ..spatial import (
     arctan2,
     cos,
     cross,
+    hat,
     length,
     rotate,
     rotate_back,
-    rotation_from_axis_angle,
     rotation_from_quaternion,
     rotation_vector,
     sin,
@@ -32,13 +32,30 @@ from .kinds import JointKind, Turn
 SMALL_ANGLE = 1e-4
 
 
-def placed(kind: JointKind, q: Array) -> tuple[Array, Array]:
-    """Return rotations (T, 3, 3) and shifts (T, 3) of the child of a joint with several freedoms."""
-    n, shift = kind.shift, np.zeros((len(q), 3))
-    shift[:, :n] = q[:, :n]
+def placed(kind: JointKind, q: Array, axis: Array, slope: float) -> tuple[Array, Array]:
+    """Compute rotations and shifts of the child of a joint, in its own axes, (..., 3, 3) and (..., 3).
+
+    Args:
+        q: Positions, shape (..., nq).
+        axis: Unit axis, shape (3,); of a joint with several freedoms the third one.
+        slope: Way along the axis per unit of the one position.
+    """
+    n = kind.shift
+    still = np.zeros((*q.shape[:-1], 3 - n))
+    shift = q[..., :1] * (slope * axis) if kind.single else np.concatenate([q[..., :n], still], axis=-1)
     if kind.ball:
-        return rotation_from_quaternion(q[:, n:]), shift
-    return rotation_from_axis_angle(np.array([0.0, 0.0, 1.0]), q[:, n], q[:, n + 1]), shift
+        return rotation_from_quaternion(q[..., n:]), shift
+    if kind.slides:
+        return np.broadcast_to(np.eye(3), (*q.shape[:-1], 3, 3)), shift
+    turn = np.concatenate([cos(q), sin(q)], axis=-1) if kind.additive else q[..., n:]
+    turn = np.concatenate([np.ones_like(turn[..., :1]), turn], axis=-1)
+    return rotate(turn_parts(axis).reshape(3, 9).T, turn).reshape(*q.shape[:-1], 3, 3), shift
+
+
+def turn_parts(axis: Array) -> Array:
+    """Return C0, C1, C2 of rotations about an axis, C0 + C1 cos + C2 sin, shape (3, 3, 3)."""
+    along = np.outer(axis, axis)
+    return np.array([along, np.eye(3) - along, hat(axis)])
 
 
 def moved(kind: JointKind, q: Array, xi: Array) -> Array:

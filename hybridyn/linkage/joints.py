@@ -10,9 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..joints.displacement import bending, difference, moved, placed
+from ..joints.displacement import bending, difference, moved, placed, turn_parts
 from ..joints.kinds import JointKind
-from ..spatial import Array, hat
+from ..spatial import Array
 
 #: Name of the free-flyer joint of the root link, as in Pinocchio.
 ROOT_JOINT = "root_joint"
@@ -52,17 +52,18 @@ class TreeJoint:
         return np.eye(6)[:, self.kind.columns]
 
     def transform(self, q: Array) -> tuple[Array, Array]:
-        """Compute the child placement of a joint with several freedoms: rotations (T, 3, 3), shifts (T, 3).
+        """Compute how the joint turns and shifts its child: rotations (..., 3, 3), shifts (..., 3).
 
-        The tree evaluates all joints with one freedom together (`Tree.sweep`).
+        Positions of shape (..., nq) are numbers or symbols. The tree evaluates all joints with one freedom
+        together (`Tree.sweep`).
         """
-        return placed(self.kind, q)
+        axis = self.axis if self.kind.single else np.array([0.0, 0.0, 1.0])
+        return placed(self.kind, q, axis, self.slope)
 
     @property
     def turn_parts(self) -> Array:
         """C0, C1, C2 of the child axes in the parent, C0 + C1 cos + C2 sin, shape (3, 3, 3)."""
-        along = np.outer(self.axis, self.axis)
-        parts: Array = np.matmul(self.R, np.array([along, np.eye(3) - along, hat(self.axis)]))
+        parts: Array = np.matmul(self.R, turn_parts(self.axis))
         return parts
 
     @property

@@ -14,16 +14,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
-from ...linkage.joints import TreeJoint
 from ...spatial import crf, crm, cross, hat, motion_to_base, motion_to_body, slices, wrench_to_base
-from ...symbols import Expression, dot, is_zero, plus, times
-from .expressions import eye, filled, numbers, plain, snap, zeros
-from .rigid import LinkNumbers, Links, freedoms, inertia_matrix, momentum, moved, quaternion_matrix
+from ...symbols import Expression, dot, is_zero, plus
+from .expressions import eye, numbers, zeros
+from .rigid import Links, freedoms, inertia_matrix, momentum, moved
 
 
 @dataclass(frozen=True)
@@ -109,9 +106,9 @@ def sweep(
             R, p, V, c = placed[i].R, placed[i].p, placed[i].V, placed[i].c
             R0, p0, S, root = R, p, zeros(6, 6), i + 1
         else:
-            turn, shift = joint_motion(link, q[at])
+            turn, shift = link.transform(q[at])
             R, p = dot(numbers(link.R), turn), plus(numbers(link.p), dot(numbers(link.R), shift))
-            below, S = chain.R0[link.parent], motion_subspace(link)
+            below, S = chain.R0[link.parent], numbers(link.S)
             rate = dot(S, v[cols])
             V = plus(motion_to_body(R, p, chain.V[link.parent]), rate)
             c = plus(motion_to_body(R, p, chain.c[link.parent]), crm(V, rate))
@@ -122,34 +119,6 @@ def sweep(
         chain.R0[i + 1], chain.p0[i + 1], chain.V[i + 1], chain.c[i + 1] = R0, p0, V, c
         chain.root[i + 1] = root
     return chain
-
-
-def motion_subspace(link: LinkNumbers) -> Expression:
-    """Return the motion subspace S of a joint, shape (6, nv), child frame."""
-    return numbers(TreeJoint("", link.kind, axis=link.axis, pitch=link.pitch).S)
-
-
-def joint_motion(link: LinkNumbers, q: Expression) -> tuple[Expression, Expression]:
-    """Compute a joint's rotation and translation of its child, in the axes of the placement."""
-    kind, n = link.kind, link.kind.shift
-    axis = link.axis if kind.single else np.array([0.0, 0.0, 1.0])
-    joint = TreeJoint("", kind, axis=axis, pitch=link.pitch)
-    if kind.single:
-        way = _scaled(plain(joint.slope * joint.axis), q[0])
-    else:
-        way = np.concatenate([q[:n], zeros(3 - n)])
-    if kind.ball:
-        return quaternion_matrix(q[n:]), way
-    if kind.slides:
-        return eye(3), way
-    cos, sin = (ca.cos(q[0]), ca.sin(q[0])) if kind.additive else q[n:]
-    still, by_cos, by_sin = (plain(snap(part)) for part in joint.turn_parts)
-    return plus(plus(still, _scaled(by_cos, cos)), _scaled(by_sin, sin)), way
-
-
-def _scaled(values: Expression, factor: Any) -> Expression:
-    """Multiply numbers by a scalar."""
-    return filled([times(x, factor) for x in values.ravel()], *values.shape)
 
 
 def forces(chain: Chain) -> Expression:

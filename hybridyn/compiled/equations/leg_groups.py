@@ -29,7 +29,7 @@ LOCATED_LEG = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class TreeBranch:
     """Some joints of the whole tree of a module.
 
     Attributes:
@@ -62,7 +62,7 @@ class Branch:
 
 
 @dataclass(frozen=True, eq=False)
-class Leg(Branch):
+class Leg(TreeBranch):
     """One leg of a group.
 
     Attributes:
@@ -127,7 +127,7 @@ def leg_of(
     mechanism: Mechanism, bodies: tuple[int, ...], links: Links, closure: TreeClosure, spins: Sequence[Spin]
 ) -> Leg:
     """Return a leg."""
-    own = Branch(mechanism, {i: links[i] for i in sorted(body - 1 for body in bodies)})
+    own = TreeBranch(mechanism, {i: links[i] for i in sorted(body - 1 for body in bodies)})
     spin = next(iter(spins_among(spins, own.tree_v)), None)
     return Leg(mechanism, own.links, closure, closure.body_a in bodies, spin)
 

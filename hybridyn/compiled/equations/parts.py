@@ -18,7 +18,7 @@ from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
 from .arguments import ModuleArguments
 from .expressions import plain, settled, zeros
-from .leg_groups import Branch, Leg, grouped_legs, held_legs, leg_of, spins_among
+from .leg_groups import Leg, TreeBranch, grouped_legs, held_legs, leg_of, spins_among
 from .rigid import Links, aligned, links_of, moved, regrouped, ten_numbers
 from .rods import Rod, rods_of
 from .spins import Spin, spins_of
@@ -26,7 +26,7 @@ from .wrist_paths import Path, path_of
 
 
 @dataclass(frozen=True, eq=False)
-class Parts(Branch):
+class Parts(TreeBranch):
     """A module split into its core, which is a branch, and its groups of equal legs.
 
     Attributes:
@@ -85,7 +85,7 @@ def parts_of(
     held = held_legs(mechanism, spins, constants) if free else {}
     of_legs = {body for bodies in held for body in bodies}
     kept = [i for i in range(len(spec.tree)) if i + 1 not in of_legs]
-    core = Branch(mechanism, {i: links[i] for i in kept})
+    core = TreeBranch(mechanism, {i: links[i] for i in kept})
     legs = [leg_of(mechanism, bodies, links, closures[at], spins) for bodies, at in held.items()]
     used = [i for i in range(len(closures)) if i not in held.values()]
     known = [_turned(mechanism.spec.cut_closures[i], axes) for i in used]

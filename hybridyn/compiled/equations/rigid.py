@@ -11,7 +11,7 @@ make more numbers zero.
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -90,40 +90,15 @@ def classical(V: Expression, A: Expression) -> Expression:
     return np.concatenate([plus(A[:3], cross(V[3:], V[:3])), A[3:]])
 
 
-def quaternion_matrix(q: Expression) -> Expression:
-    """Return the rotation matrix of a unit quaternion (x, y, z, w), shape (3, 3)."""
-    x, y, z, w = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ],
-        dtype=object,
-    )
-
-
 @dataclass(frozen=True, eq=False)
-class LinkNumbers:
-    """One joint and its child body as numbers.
+class LinkNumbers(TreeJoint):
+    """One joint of a tree and the body that it carries; numbers may be expressions.
 
     Attributes:
-        kind: Kind of joint.
-        parent: Index of the parent body in the tree (0: the base; the child of link i is body i + 1).
-        R: Child axes in the parent at joint position zero, shape (3, 3).
-        p: Child origin in the parent at joint position zero, shape (3,), [m].
-        axis: Joint axis in the child, shape (3,).
-        pitch: Way of a screw along it [m/rad].
         inertia: Ten numbers of the child's inertia (`rigid`), shape (10,).
     """
 
-    kind: JointKind
-    parent: int
-    R: Array
-    p: Array
-    axis: Array
-    inertia: Array
-    pitch: float = 0.0
+    inertia: Array = field(default_factory=lambda: np.zeros(10))
 
     @property
     def nv(self) -> int:
@@ -139,7 +114,7 @@ def links_of(joints: Sequence[TreeJoint], inertias: Sequence[Array] | None = Non
     """Return the links of a tree from its joints and its bodies' ten numbers, by default zero."""
     each = [np.zeros(10)] * len(joints) if inertias is None else inertias
     return {
-        i: LinkNumbers(j.kind, j.parent, snap(j.R), j.p, j.axis, inertia, j.pitch)
+        i: LinkNumbers("", j.kind, j.parent, snap(j.R), j.p, snap(j.axis), j.pitch, inertia)
         for i, (j, inertia) in enumerate(zip(joints, each, strict=True))
     }
 

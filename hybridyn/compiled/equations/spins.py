@@ -26,7 +26,6 @@ from ...dynamics.guards import FORCED
 from ...spatial import Array, Index, motion_to_body
 from ...structure.mechanism import Mechanism
 from ...symbols import Expression, dot, is_zero, minus, times
-from .chains import motion_subspace
 from .expressions import along, numbers, scalar, snap
 from .rigid import Links, freedoms, momentum
 from .scales import Scale, squares
@@ -131,7 +130,7 @@ class Decided:
 def twists_of(spin: Spin, links: Links) -> dict[int, Expression]:
     """Return the twists of its body, and of slides on it, at a spin of one; by body, own frames."""
     first = next(i for i, at in freedoms(links).items() if at.start == spin.cols[0])
-    twists = {first + 1: dot(motion_subspace(links[first]), numbers(spin.axis))}
+    twists = {first + 1: dot(numbers(links[first].S), numbers(spin.axis))}
     for i, link in links.items():
         if link.kind.slides and link.parent in twists:
             twists[i + 1] = motion_to_body(numbers(link.R), numbers(link.p), twists[link.parent])

@@ -14,12 +14,12 @@ from ...symbols import Expression
 from .chains import Chain, own_columns, sweep
 from .expressions import sampled, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots
-from .leg_groups import Branch
+from .leg_groups import TreeBranch
 from .rigid import Links, freedoms
 
 
 @dataclass(frozen=True, eq=False)
-class Path(Branch):
+class Path(TreeBranch):
     """The joints from the base, or from a platform, to the end of a wrist, innermost first.
 
     Attributes:

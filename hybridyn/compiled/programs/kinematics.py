@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Index, cross
+from ...spatial import Index, cross, rotation_from_quaternion
 from ...structure.module import Module
 from ...structure.samples import UNIT
 from ...symbols import Expression, dot
@@ -17,7 +17,7 @@ from ..equations.arguments import ModuleArguments
 from ..equations.chains import sweep
 from ..equations.expressions import eye, pack, symbols, unpack, zeros
 from ..equations.request import Request
-from ..equations.rigid import links_of, quaternion_matrix
+from ..equations.rigid import links_of
 from ..program import Constants, Program, ResultPlace, Shared, Source, Target, Worst
 from .general import WIDTH
 from .writer import Writer
@@ -91,7 +91,9 @@ def _root(w: Writer, base: str, root: Any, accelerations: Callable[[Index], Sour
         w.call(w.kernel("root body", still, "kinematics"), 1, [], [root])
         return
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", 7), symbols("v", 6), symbols("a", 6)
-    function = ca.Function("root", [q_col, v_col, a_col], [_in_world(quaternion_matrix(q[3:]), q[:3], v, a)])
+    function = ca.Function(
+        "root", [q_col, v_col, a_col], [_in_world(rotation_from_quaternion(q[3:]), q[:3], v, a)]
+    )
     sources = [w.from_given("q", np.arange(7)), w.from_given("v", np.arange(6)), accelerations(np.arange(6))]
     w.call(w.kernel("root body", function, "kinematics"), 1, sources, [root])
 

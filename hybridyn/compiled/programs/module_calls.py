@@ -10,14 +10,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Index
+from ...spatial import Index, rotation_from_quaternion
 from ...structure.module import Module
 from ...symbols import dot
 from ..equations.arguments import ChosenNumbers, decided_alike
 from ..equations.expressions import pack, plain, symbols
 from ..equations.leg_groups import Leg
 from ..equations.request import Request
-from ..equations.rigid import classical, quaternion_matrix
+from ..equations.rigid import classical
 from ..equations.stages import Stage, WrittenModule
 from ..program import Add, Call, Each, Own, Shared, Source, Target, Worst
 from .writer import Writer
@@ -195,7 +195,7 @@ def moving_base(request: Request, w: Writer, acceleration: str) -> Ports:
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", 4), symbols("v", 6), symbols("a", 6)
     velocity, report = request.on.velocity is not None, acceleration != "a"
     A = classical(v, a) if velocity else a.copy()
-    A[:3] = A[:3] - dot(quaternion_matrix(q).T, plain(request.gravity))
+    A[:3] = A[:3] - dot(rotation_from_quaternion(q).T, plain(request.gravity))
     V = pack(v[3:]) if velocity else v_col
     outputs = [V, pack(A), pack(a)] if report else [V, pack(A)]
     kernel = w.kernel(("root", report), ca.Function("root", [q_col, v_col, a_col], outputs), "kinematics")

@@ -13,11 +13,10 @@ from ....assembly.chain.bodies import CarriedFrame
 from ....assembly.chain.problem import Relative
 from ....linkage.pointing import DirectionTarget, DistanceTarget, met_direction_rows
 from ....linkage.targets import CoordinateTarget, PoseTarget
-from ....spatial import Array, arctan2, hat, length, sines
+from ....spatial import Array, arctan2, hat, length, rotation_from_quaternion, sines
 from ....symbols import Expression, dot, is_zero, plus
 from ...equations.expressions import filled, numbers, pack, plain, symbols, symmetric, unpack, zeros
 from ...equations.factors import Definite, Handed
-from ...equations.rigid import quaternion_matrix
 from ...equations.scales import largest
 from .chain_kernels import SAME_MOTION
 from .coupled import Coupled
@@ -133,7 +132,7 @@ class ChainTargets:
                 miss = pointed.residual
                 guard = ca.fmax(guard, ca.if_else(pointed.cosine > SHORTER_WAY, 0.0, 2.0))
             elif isinstance(one.target, PoseTarget):
-                turn, cosine = _rotation_vector(dot(R, quaternion_matrix(goal[-4:]).T))
+                turn, cosine = _rotation_vector(dot(R, rotation_from_quaternion(goal[-4:]).T))
                 miss = np.concatenate([p[: len(goal) - 4] - goal[:-4], turn])
                 guard = ca.fmax(guard, ca.if_else(cosine > SHORTER_WAY, 0.0, 2.0))
             else:

@@ -8,13 +8,12 @@ import numpy as np
 from ....linkage.motion import Motion
 from ....linkage.newton import LoopProblem
 from ....linkage.reduction import decide_rank
-from ....spatial import Array, cross, quaternion_from_rotation
+from ....spatial import Array, cross, quaternion_from_rotation, rotation_from_quaternion
 from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from ....symbols import Expression, dot
 from ...equations.expressions import pack, symbols
 from ...equations.request import Request
-from ...equations.rigid import quaternion_matrix
 from ...equations.scales import GUARD_CLOSED
 from ...program import Program
 from ..close import CLOSED, by_motors, freedoms_of, keep_base, loop_writer
@@ -106,7 +105,7 @@ def _by_poses(modules: list[Module], closed: float) -> Kernel:
 
 def _in_own_axes(pose: Expression, twist: Expression, change: Expression) -> tuple[Expression, Expression]:
     """Convert a platform's twist and its derivative to its own axes; the derivative becomes spatial."""
-    back = quaternion_matrix(pose[3:]).T
+    back = rotation_from_quaternion(pose[3:]).T
     spatial = change[:3] - cross(twist[3:], twist[:3])
     return (
         np.concatenate([dot(back, twist[:3]), dot(back, twist[3:])]),

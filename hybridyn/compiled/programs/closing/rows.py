@@ -11,14 +11,14 @@ import numpy as np
 from ....linkage.angles import turn_rates
 from ....linkage.closures import TreeClosure
 from ....linkage.tree import Tree
-from ....spatial import Array
+from ....spatial import Array, rotation_from_quaternion
 from ....structure.robot import HybridRobot
 from ....symbols import Expression, dot
 from ...equations.chains import Chain, sweep
 from ...equations.expressions import Folding, pack, plain, symbols, zeros
 from ...equations.legs import fold_links
 from ...equations.loops import LoopRows, folded
-from ...equations.rigid import links_of, quaternion_matrix
+from ...equations.rigid import links_of
 from ...equations.scales import largest
 from ...equations.spanning_rows import Frames
 from ...program import Program
@@ -145,7 +145,7 @@ def _prescribe(
     """Add the rows of targets; arguments as of `rows_at`, `fold` makes a number that modules share."""
     for i, body in enumerate(given.bodies):
         pose = targets[7 * i : 7 * i + 7]
-        rows.frames.append(quaternion_matrix(pose[3:]))
+        rows.frames.append(rotation_from_quaternion(pose[3:]))
         rows.close(_weld(body), (rows.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)))
     at = 7 * len(given.bodies)
     for some in given.coordinates:
