@@ -25,21 +25,31 @@ class Kind(NamedTuple):
 
     Attributes:
         word: What one is called.
-        room: Module of hybridyn that knows its own ones.
-        own: Their names there.
-        check: A function there that returns what an entry point leads to, in the form that it is used in; it
-            raises a ModelError if it cannot be used.
+        own: Where the names of hybridyn's own ones are, module and name.
+        check: A function that returns what an entry point leads to, in the form that it is used in; it raises
+            a ModelError if it cannot be used.
     """
 
     word: str
-    room: str
     own: str
     check: str
 
 
 KINDS = {
-    "effects": Kind("effect", "effects.catalogue", "UNITS", "checked_effect"),
-    "formats": Kind("robot format", "description.added_formats", "ENDINGS", "checked_format"),
+    "effects": Kind("effect", "effects.catalogue:UNITS", "effects.catalogue:checked_effect"),
+    "formats": Kind(
+        "robot format", "description.added_formats:ENDINGS", "description.added_formats:checked_format"
+    ),
+    "measures": Kind("measure", "studies.sweep.measures:OWN", "studies.sweep.added_measures:checked_measure"),
+    "parameters": Kind(
+        "kind of parameter",
+        "structure.parameters.entries:KINDS",
+        "structure.parameters.entries:checked_parameter",
+    ),
+    "controllers": Kind(
+        "controller", "scenes.controller_tables:CONTROLLERS", "scenes.added_controllers:checked_controller"
+    ),
+    "engines": Kind("engine", "studies.compare.methods:ENGINES", "studies.compare.methods:checked_engine"),
 }
 
 
@@ -50,11 +60,13 @@ class Extension(NamedTuple):
         name: The name.
         package: The package, as it was installed.
         value: What the entry point leads to.
+        version: Version of the package.
     """
 
     name: str
     package: str
     value: Any
+    version: str = ""
 
     def refused(self, kind: str, why: str) -> ModelError:
         """Return the error that says why it cannot be used."""
@@ -108,8 +120,14 @@ def added(kind: str, name: str) -> Any:
 
 def _own(kind: str) -> Collection[str]:
     """Return the names of hybridyn."""
-    own: Collection[str] = getattr(import_module(f"hybridyn.{KINDS[kind].room}"), KINDS[kind].own)
+    own: Collection[str] = _named(KINDS[kind].own)
     return own
+
+
+def _named(place: str) -> Any:
+    """Return what has a place in hybridyn, written as an entry point is."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(f"hybridyn.{module}"), name)
 
 
 @cache
@@ -132,11 +150,12 @@ def _loaded(kind: str, name: str) -> Any:
     """
     (point,) = _points(kind)[name]
     try:
-        found = Extension(name, _package(point), point.load())
+        version = point.dist.version if point.dist else ""
+        found = Extension(name, _package(point), point.load(), version)
     except Exception as error:  # whatever the package raises
         why = f"cannot be imported from '{point.value}': {type(error).__name__}: {error}"
         raise refused(kind, name, _package(point), why) from error
-    return getattr(import_module(f"hybridyn.{KINDS[kind].room}"), KINDS[kind].check)(found)
+    return _named(KINDS[kind].check)(found)
 
 
 def _package(point: EntryPoint) -> str:

@@ -97,8 +97,8 @@ def _evaluations(ready: SceneStage) -> int:
     rows = 0 if ready.output_times is None else len(ready.output_times)
     if solver.step and solver.method in ("rk4", "implicit"):
         return math.ceil(4 * scene.duration / solver.step)
-    stateful = controller is not None and controller.kind == "python"  # a program may keep a state
-    if stateful or ready.motion is not None or solver.method == "conserving":
+    of_others = controller is not None and controller.kind not in ("efforts", "pd", "computed_torque")
+    if of_others or ready.motion is not None or solver.method == "conserving":
         return rows
     steps = itertools.count(1)
 

@@ -29,8 +29,8 @@ from ..description.shipped import find_robot
 from ..description.side_cars.tables import EffectTables, Schema, table
 from ..errors import TrajectoryError
 from ..simulation.solver import Solver
+from .added_controllers import kinds_of_controllers
 from .controller_tables import (
-    CONTROLLERS,
     ByJoint,
     EffortsTable,
     NotNegative,
@@ -231,6 +231,6 @@ def read_scene(path: str | Path, *, strict: bool = False) -> SceneFile:
         ModelError: The file cannot be read, is not TOML, or has a wrong key or value; the message names file,
             line and key.
     """
-    source, scene = read_schema(path, Scene, CONTROLLERS)
+    source, scene = read_schema(path, Scene, kinds_of_controllers)
     scene = scene.model_copy(update={"robot": scene.robot.stricter(strict)})
     return SceneFile(source.file, source.text, scene)

@@ -24,6 +24,7 @@ from ..spatial import Array
 from ..structure.parameters.xacro import text_of
 from ..structure.robot import HybridRobot
 from . import controllers
+from .added_controllers import added_law
 from .controller_tables import EffortsTable, PdTable, PythonTable, ReferenceTable, TorqueTable
 from .effects import check_covers, events, read_rows, units
 from .prescribed import follow_motion
@@ -223,6 +224,8 @@ def _effort(
             return controllers.ComputedTorque(robot, reference, table.kp, table.kd, known), reference
         if isinstance(table, PythonTable):
             return _python(source, robot, table, allow_python), None
+        if table is not None:
+            return added_law(robot, table), None
     return None, None
 
 

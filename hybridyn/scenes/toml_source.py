@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ from ..description.reading import read_bytes
 from ..description.side_cars.tables import Schema, first_problem, with_added_effects
 from ..description.side_cars.toml_file import Keys, line_of, parse_toml
 from ..errors import HybridynError, ModelError
+from .added_controllers import with_added_controller
 
 Whole = TypeVar("Whole", bound=Schema)
 
@@ -57,7 +58,9 @@ def naming(source: TomlSource, keys: Keys) -> Iterator[None]:
         raise
 
 
-def read_schema(path: str | Path, schema: type[Whole], kinds: Iterable[str]) -> tuple[TomlSource, Whole]:
+def read_schema(
+    path: str | Path, schema: type[Whole], kinds: Callable[[], Iterable[str]]
+) -> tuple[TomlSource, Whole]:
     """Read a file, and check its content.
 
     Raises:
@@ -67,9 +70,10 @@ def read_schema(path: str | Path, schema: type[Whole], kinds: Iterable[str]) -> 
     file = str(path)
     text, content = parse_toml(read_bytes(file), file)
     try:
-        return TomlSource(file, text), with_added_effects(schema, content).model_validate(content)
+        whole = with_added_controller(with_added_effects(schema, content), content)
+        return TomlSource(file, text), whole.model_validate(content)
     except ValidationError as error:
-        keys, message = first_problem(error, content, kinds)
+        keys, message = first_problem(error, content, kinds())
         key = ".".join(str(part) for part in keys)
         line = line_of(text, keys)
         raise ModelError(

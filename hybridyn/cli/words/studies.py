@@ -97,7 +97,7 @@ compare = RobotCommand(
     params=[
         option(
             "--with", "engines", metavar="ENGINE,...", default="pinocchio,mujoco", show_default=True,
-            callback=known_names("engine", "studies.compare.methods", "ENGINES"),
+            callback=known_names("engine", "studies.compare.methods", "engine_names"),
             help="Engines to compare; those that are not installed are listed and skipped.",
         ),
         option(

@@ -14,7 +14,7 @@ objects. pydantic's errors become one-line messages: the problem, its key, and t
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any, Final, Literal, TypeVar, get_args, get_type_hints
 
 from pydantic import (
@@ -178,20 +178,30 @@ def with_added_effects(schema: type[File], content: Mapping[str, Any]) -> type[F
     added_ones = {name: kind for name in names if (kind := added("effects", name)) is not None}
     if not added_ones:
         return schema
-    tables = {name: table(name, **_keys_of(name, kind)) | None for name, kind in added_ones.items()}
+    tables = {
+        name: table(name, **keys_of("effects", name, kind.__module__.partition(".")[0], kind)) | None
+        for name, kind in added_ones.items()
+    }
     extended = table(base.__name__, base, **tables)
     return create_model(schema.__name__, __base__=schema, effects=(extended, ...))
 
 
-def _keys_of(name: str, kind: type[Any]) -> dict[str, Any]:
-    """Return the keys of an effect of another package: the arguments of its class.
+def keys_of(kind: str, name: str, package: str, make: Callable[..., Any], given: int = 0) -> dict[str, Any]:
+    """Return the keys of a table for what another package adds: the arguments of its class or function.
+
+    Args:
+        kind: One of `extensions.KINDS`.
+        name: Its name.
+        package: Its package.
+        make: The class or function.
+        given: Number of its first arguments that no file states.
 
     Raises:
         ModelError: One has no type, or one that TOML has no values for.
     """
-    package, known = kind.__module__.partition(".")[0], inspect.signature(kind).parameters
     try:
-        types = get_type_hints(kind.__init__)
+        known = dict([*inspect.signature(make).parameters.items()][given:])
+        types = get_type_hints(vars(make).get("__init__", make) if isinstance(make, type) else make)
         keys = {
             key: types[key] if one.default is one.empty else types[key] | None for key, one in known.items()
         }
@@ -200,9 +210,9 @@ def _keys_of(name: str, kind: type[Any]) -> dict[str, Any]:
     except (NameError, KeyError, TypeError, PydanticSchemaGenerationError) as error:
         told = " ".join(str(error).split())[:80]
         raise refused(
-            "effects", name, package,
-            f"cannot be stated in a file ({told}): give the arguments of its class "
-            "types such as float, str, Sequence[float], Mapping[str, float]",
+            kind, name, package,
+            f"cannot be stated in a file ({told}): give its arguments types such as "
+            "float, str, Sequence[float], Mapping[str, float]",
         ) from None  # fmt: skip
     return keys
 

@@ -1,13 +1,15 @@
 """Parameters by name: "mass:LINK", "position:JOINT", ..., and the numbers of a description that they set."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...description.names import did_you_mean
 from ...description.records import Description
-from ...errors import ModelError
+from ...errors import HybridynError, ModelError
+from ...extensions import Extension, added, added_names, failing
 from ...spatial import Array, slices
 from .slots import Slot, check_load, check_one, values_of
 from .xacro import XacroArguments
@@ -141,10 +143,14 @@ def entry_of(description: Description, name: str) -> Entry:
             payload.
     """
     kind, colon, of = name.partition(":")
+    if colon and kind not in KINDS and (made := added("parameters", kind)) is not None:
+        out: Entry = made(description, name)
+        return out
     if not colon or kind not in KINDS:
+        known = (*KINDS, *added_names("parameters"))
         raise ModelError(
-            f"there is no parameter '{name}'{did_you_mean(kind, KINDS)}; write KIND:NAME with a kind of "
-            f"{', '.join(KINDS)}, or the name of a xacro argument of the robot's file",
+            f"there is no parameter '{name}'{did_you_mean(kind, known)}; write KIND:NAME with a kind of "
+            f"{', '.join(known)}, or the name of a xacro argument of the robot's file",
             element=name,
         )
     if kind in _FIELDS:
@@ -164,6 +170,39 @@ def entry_of(description: Description, name: str) -> Entry:
         check_one(name, of, names, "joint or side of a closure")
         slots = [Slot("joints", of, "placement", at) for at in places]
     return _entry(name, labels, slots, numbers, own)
+
+
+def checked_parameter(found: Extension) -> Callable[[Description, str], Entry]:
+    """Return what finds the parameter that a package adds, from a description and its name.
+
+    Raises:
+        ModelError: It is no function.
+    """
+    if not callable(found.value):
+        raise found.refused("parameters", f"is {found.value!r}: make it a function of description and name")
+    return partial(_added_entry, found)
+
+
+def _added_entry(found: Extension, description: Description, name: str) -> Entry:
+    """Return a parameter that a package adds.
+
+    Raises:
+        ModelError: Its code fails, or what it returns is no `Entry` that computes its slots.
+    """
+    try:
+        out = found.value(description, name)
+        if not isinstance(out, Entry):
+            raise TypeError(f"{type(out).__name__} is no Entry")
+        own = out.own(np.array(list(values_of(description, out.slots))))
+        shapes = np.shape(own), np.shape(out.numbers(np.tile(own, (2, 1)))[0])
+    except HybridynError:
+        raise
+    except Exception as error:  # whatever the package raises
+        raise failing("parameters", found.name, found.package, error) from error
+    if shapes != (wanted := ((out.size,), (2, len(out.slots)))):
+        why = f"returns numbers of shapes {shapes[0]} and {shapes[1]}, not {wanted[0]} and {wanted[1]}"
+        raise found.refused("parameters", why)
+    return out
 
 
 def _entry(

@@ -94,10 +94,10 @@ def compare(
     own = own_file(robot, xacro_args, package_dirs)
     verdicts, skipped = [_ourselves(robot)], []
     for name, file in files.items():
-        if find_spec(name) is None:
+        if name in ENGINES and find_spec(name) is None:
             skipped.append((name, f"is not installed: {install_advice(ENGINES[name])}"))
             continue
-        names = name, import_module(name).__version__
+        names = name, (import_module(name) if name in ENGINES else file).__version__
         verdicts += [
             judge_way(way, build, robot, states, names, tolerance) for way, build in file.ways(robot, own)
         ]

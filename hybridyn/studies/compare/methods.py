@@ -16,6 +16,7 @@ import numpy as np
 
 from ...description.names import did_you_mean, listed
 from ...errors import ModelError
+from ...extensions import Extension, added, added_names
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot
 from .peer_engine import NotComparableError
@@ -142,6 +143,29 @@ def each(solve: Solver, samples: Sequence[State]) -> list[Array]:
     return [solve(*sample) for sample in samples]
 
 
+def engine_names() -> tuple[str, ...]:
+    """Return the names of all engines.
+
+    Raises:
+        ModelError: Two packages add engines of one name.
+    """
+    return (*ENGINES, *added_names("engines"))
+
+
+def checked_engine(found: Extension) -> Any:
+    """Return the module of an engine that a package adds.
+
+    Raises:
+        ModelError: It has no `ways`, no `METHODS`, or no `__version__`.
+    """
+    lacking = [name for name in ("ways", "METHODS", "__version__") if not hasattr(found.value, name)]
+    if lacking:
+        raise found.refused("engines", f"has no {' and no '.join(lacking)}")
+    if not all(isinstance(method, Method) for method in found.value.METHODS):
+        raise found.refused("engines", "has METHODS that are not of hybridyn.studies.compare.methods.Method")
+    return found.value
+
+
 def engine_file(engine: str) -> Any:
     """Return the module of an engine: its `ways` for a robot, and its `METHODS`.
 
@@ -149,8 +173,11 @@ def engine_file(engine: str) -> Any:
         ModelError: The engine is unknown.
     """
     if engine not in ENGINES:
+        if (found := added("engines", engine)) is not None:
+            return found
+        known = engine_names()
         raise ModelError(
-            f"there is no engine '{engine}'{did_you_mean(engine, ENGINES)}; known: {listed(ENGINES)}"
+            f"there is no engine '{engine}'{did_you_mean(engine, known)}; known: {listed(known)}"
         )
     return import_module(f"{__package__}.engines.{engine}_engine")
 

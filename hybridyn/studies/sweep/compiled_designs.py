@@ -23,12 +23,13 @@ from ...spatial import Array, Index
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ...tables.trajectory import TableMotion
+from .added_measures import is_function
 from .evaluation import Designer, effects_of
 from .following import follow
 from .many_designs import measures_of
 from .measures import OF_MOTORS
 from .slot_numbers import SlotNumbers, Slotted
-from .study_file import PYTHON, TaskTable
+from .study_file import TaskTable
 
 #: Numbers of the motions that are computed at once; bounds the memory of a process.
 AT_ONCE = 10_000_000
@@ -262,5 +263,5 @@ def check_task(name: str, task: TaskTable) -> None:
     if task.trajectory is None or task.passive != "given":
         raise ModelError(f"task '{name}' is a {task.kind}, or has passive = 'solved'")
     for word in task.wanted.values():
-        if PYTHON in word or (word not in OF_MOTORS and word.count("/") > 1):
+        if is_function(word) or (word not in OF_MOTORS and word.count("/") > 1):
             raise ModelError(f"task '{name}': '{word}' needs the robot of each design")

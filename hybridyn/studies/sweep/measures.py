@@ -17,6 +17,7 @@ from ...description.names import did_you_mean
 from ...description.records import Description
 from ...description.side_cars.toml_file import Keys
 from ...errors import ModelError
+from ...extensions import added_names
 from ...spatial import Array
 from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
@@ -24,6 +25,7 @@ from ...tables.over_time import mean_over, rms_over
 from ...tables.signals import UNITS
 from ..sizing import MotorLoad, Sizing, motor_rows
 from ..workspace.workspace import Workspace
+from .added_measures import measure_of
 from .motion_columns import column_of
 from .python_measures import Followed, call
 from .study_file import PYTHON, StudyFile
@@ -91,6 +93,13 @@ OF_WORKSPACE: dict[str, Callable[[Workspace], float]] = {
     "max_effort_per_torque": lambda found: _largest(found, "effort_per_torque"),
 }
 
+#: Measures of a scene besides those of a trajectory: the time that it reached [s], and the number of events.
+OF_SCENE = ("time", "events")
+#: A measure of a scene: the time of its first event of this name [s]; empty where it does not happen.
+EVENT = "event"
+#: Names of measures.
+OWN = (*OF_MOTORS, *OF_WORKSPACE, *OF_SCENE, EVENT)
+
 #: Statistics of a column over time; means are time integrals where the table has times.
 STATISTICS: dict[str, Callable[[Array, Array | None], float]] = {
     "peak": lambda x, t: float(np.abs(x).max()),
@@ -100,11 +109,6 @@ STATISTICS: dict[str, Callable[[Array, Array | None], float]] = {
     "rms": lambda x, t: float(rms_over(t, x)),
     "final": lambda x, t: float(x[-1]),
 }
-
-#: Measures of a scene besides those of a trajectory: the time that it reached [s], and the number of events.
-OF_SCENE = ("time", "events")
-#: A measure of a scene: the time of its first event of this name [s]; empty where it does not happen.
-EVENT = "event"
 
 
 def _largest(found: Workspace, name: str) -> float:
@@ -136,6 +140,11 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
     statistic, _, column = word.partition(" ")
     if word in known:
         return
+    if (one := measure_of(word)) is not None:
+        if kind not in one.tasks:
+            raise source.error(keys, f"'{word}' of {one.package} measures no {kind}")
+        return
+    known += [name for name in added_names("measures") if (one := measure_of(name)) and kind in one.tasks]
     if PYTHON not in word and not (statistic in statistics and column):
         more = f", '{'|'.join(STATISTICS)} COLUMN'" if statistics else ""
         more += f", '{EVENT} NAME'" if EVENT in statistics else ""
@@ -150,6 +159,8 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
 
 def unit_of(word: str, description: Description) -> str:
     """Return the unit of a measure, "" where it has none or the robot's description does not tell it."""
+    if (one := measure_of(word)) is not None:
+        return one.unit
     kinds = {joint.name: joint.kind for joint in description.joints}
     if word in OF_KIND:
         of_motors = {UNITS[OF_KIND[word]][not kinds[motor].slides] for motor in description.motors}
@@ -207,9 +218,11 @@ def measured(
     for name, word in wanted.items():
         if word in OF_MOTORS:
             out[name] = of_motors(word, loads)
-        elif PYTHON not in word:
+        elif word not in functions:
             statistic, _, column = word.partition(" ")
             out[name] = STATISTICS[statistic](column_of(robot, whole, tau, column), time)
     followed = Followed(time, whole.q, whole.v, whole.a, tau, dict(out))
-    out |= {name: call(functions, word, robot, followed) for name, word in wanted.items() if PYTHON in word}
+    out |= {
+        name: call(functions, word, robot, followed) for name, word in wanted.items() if word in functions
+    }
     return {name: out[name] for name in wanted}

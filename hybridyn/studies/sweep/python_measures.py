@@ -1,4 +1,4 @@
-"""Measures that are functions in Python files beside the study."""
+"""Measures that are functions, in Python files beside the study or of packages."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import HybridynError, ModelError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
+from .added_measures import measure_of
 from .study_file import PYTHON, StudyFile, python_of
 
 if TYPE_CHECKING:
@@ -38,14 +39,16 @@ class Followed:
 
 
 def functions_of(source: StudyFile) -> dict[str, Callable[..., Any]]:
-    """Run the Python files of a study, which have all rights of this process, and return their functions.
+    """Run the Python files of a study, which have all rights of this process; return their functions.
+
+    The functions of packages are among them.
 
     Raises:
         ModelError: A file fails, or has no such function.
     """
-    words = [word for task in source.study.tasks.values() for word in task.wanted.values() if PYTHON in word]
-    out: dict[str, Callable[..., Any]] = {}
-    for word in words:
+    words = [word for task in source.study.tasks.values() for word in task.wanted.values()]
+    out = {word: one.function for word in words if (one := measure_of(word)) is not None}
+    for word in (word for word in words if PYTHON in word):
         file, name = python_of(word)
         path = source.beside(file)
         spec = importlib.util.spec_from_file_location(file.removesuffix(".py").replace("/", "_"), path)

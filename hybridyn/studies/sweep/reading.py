@@ -12,6 +12,7 @@ from ...errors import HybridynError, ModelError
 from ...scenes.toml_source import read_schema
 from ...spatial import Array
 from ..results_folder import by_name
+from .added_measures import measure_of
 from .measures import check_word
 from .playing import Player
 from .study_file import PYTHON, Study, StudyFile, python_of
@@ -34,7 +35,7 @@ def read_study(path: str | Path, *, allow_python: bool = False, strict: bool = F
         ModelError: The file cannot be read, is not TOML, has a wrong key or value, or names a missing file;
             the message names file, line and key.
     """
-    read, study = read_schema(path, Study, {})
+    read, study = read_schema(path, Study, tuple)
     study = study.model_copy(update={"robot": study.robot.stricter(strict)})
     source = StudyFile(read.file, read.text, str(Path(read.file).parent.absolute()), study)
     _check(source, allow_python)
@@ -85,4 +86,10 @@ def identity(source: StudyFile, first: Array) -> dict[str, str]:
             read_bytes(path)
         with contextlib.suppress(HybridynError):  # the files of a robot that does not load
             variants.description(variants.named(first))
-    return {"study": source.study.model_dump_json(exclude={"designs": {"check"}}), **by_name(files)}
+    words = (word for task in source.study.tasks.values() for word in task.wanted.values())
+    packages = {f"measure {word}": one.package for word in words if (one := measure_of(word))}
+    return {
+        "study": source.study.model_dump_json(exclude={"designs": {"check"}}),
+        **packages,
+        **by_name(files),
+    }
