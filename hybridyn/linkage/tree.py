@@ -10,9 +10,10 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from ..joints.kinds import Turn
-from ..spatial import Array, Index, Mask, compose, cross, rotate, samples_inside, select, slices
+from ..spatial import Array, Index, Mask, compose, cos, cross, rotate, samples_inside, select, sin, slices
 from .joints import TreeJoint
 from .motion import Motion
 
@@ -80,6 +81,10 @@ class Tree:
         q, v = (np.array(start, dtype=int) for start in starts)
         return np.array(numbers, dtype=int), q, v
 
+    def _kind(self, x: Array) -> DTypeLike:
+        """Return the type of what is computed at numbers or symbols."""
+        return np.result_type(x, self._placement_R, self._placement_p, float)
+
     def neutral(self) -> Array:
         """Return the zero position, shape (nq,)."""
         return np.concatenate([np.zeros(0), *(joint.neutral for joint in self.joints)])
@@ -130,16 +135,17 @@ class Tree:
     def _local(self, q: Array) -> tuple[Array, Array]:
         """Compute child frames in their parents: rotations (T, joints, 3, 3), origins (T, joints, 3)."""
         T, n = len(q), len(self.joints)
-        R, p = np.empty((n, 3, 3, T)), np.empty((n, 3, T))  # samples innermost in memory
+        kind = self._kind(q)
+        R, p = np.empty((n, 3, 3, T), kind), np.empty((n, 3, T), kind)  # samples innermost in memory
         R[:], p[:] = self._placement_R[..., None], self._placement_p[..., None]
         still, by_cos, by_sin = self._turn_parts
         for turn, (numbers, at, _) in self._turning.items():
             x = q.T[at]
-            cos, sin = (np.cos(x), np.sin(x)) if turn is Turn.ANGLE else (x, q.T[at + 1])
+            c, s = (cos(x), sin(x)) if turn is Turn.ANGLE else (x, q.T[at + 1])
             R[numbers] = (
                 still[numbers, ..., None]
-                + by_cos[numbers, ..., None] * cos[:, None, None]
-                + by_sin[numbers, ..., None] * sin[:, None, None]
+                + by_cos[numbers, ..., None] * c[:, None, None]
+                + by_sin[numbers, ..., None] * s[:, None, None]
             )
         numbers, at, _ = self._sliding
         p[numbers] += self._slides[numbers, :, None] * q.T[at][:, None]
@@ -153,7 +159,8 @@ class Tree:
     def _placements(self, q: Array) -> tuple[Array, Array]:
         """Compute axes and origins of all bodies in the base, shapes (T, bodies, 3, 3), (T, bodies, 3)."""
         T, n = len(q), len(self.joints) + 1
-        R, p = samples_inside((T, n, 3, 3)), samples_inside((T, n, 3))
+        kind = self._kind(q)
+        R, p = samples_inside((T, n, 3, 3), kind), samples_inside((T, n, 3), kind)
         R[:, 0] = np.eye(3)
         R_local, p_local = self._local(q)
         for children, parents in self._levels:
@@ -180,7 +187,7 @@ class Tree:
         if v is None:
             rest = np.broadcast_to(0.0, (T, n, 3))
             return Motion(R, p, rest, rest, rest, rest, q)
-        w, p_dot, w_dot, p_ddot = (samples_inside((T, n, 3)) for _ in range(4))
+        w, p_dot, w_dot, p_ddot = (samples_inside((T, n, 3), self._kind(v)) for _ in range(4))
         self._sweep_rates(R, p, v, a, (w, p_dot, w_dot, p_ddot))
         return Motion(R, p, w, p_dot, w_dot, p_ddot, q)
 
@@ -206,7 +213,7 @@ class Tree:
     def _joint_rates(self, R: Array, rates: Array) -> tuple[Array, Array]:
         """Compute S times the joint rates per body, base axes: linear and angular, shape (T, bodies, 3)."""
         T, n = len(R), len(self.joints) + 1
-        linear, angular = np.zeros((2, n, 3, T))  # samples innermost in memory
+        linear, angular = np.zeros((2, n, 3, T), self._kind(rates))  # samples innermost in memory
         own = rates.T[self._single_dofs][:, None]
         linear[self._single + 1] = self.S_linear[self._single_dofs, :, None] * own
         angular[self._single + 1] = self.S_angular[self._single_dofs, :, None] * own

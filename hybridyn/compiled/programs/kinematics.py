@@ -9,12 +9,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ...linkage.motion import Motion
+from ...linkage.tree import Tree
 from ...spatial import Index, cross, rotation_from_quaternion
 from ...structure.module import Module
 from ...structure.samples import UNIT
 from ...symbols import Expression, dot
 from ..equations.arguments import ModuleArguments
-from ..equations.chains import sweep
 from ..equations.expressions import eye, pack, symbols, unpack, zeros
 from ..equations.request import Request
 from ..equations.rigid import links_of
@@ -107,18 +108,13 @@ def _in_world(R: Expression, p: Expression, V: Expression, A: Expression) -> ca.
 def _module(module: Module, own: ModuleArguments | None) -> ca.Function:
     """Return the kernel of a module's bodies."""
     spec = module.mechanism.spec if own is None else own.spec
-    links = links_of(spec.spanning)
-    tree = module.mechanism.spanning
+    tree = Tree([*links_of(spec.spanning).values()])
     columns: list[Any] = [ca.SX.sym("q", tree.nq), ca.SX.sym("v", tree.nv), ca.SX.sym("a", tree.nv)]
     base_col, base = symbols("base", WIDTH)
-    R, p, v, w, a, alpha = (base[:9].reshape(3, 3), *(base[i : i + 3] for i in range(9, WIDTH, 3)))
-    V = np.concatenate([dot(R.T, v), dot(R.T, w)])
-    A = np.concatenate([dot(R.T, a - cross(w, v)), dot(R.T, alpha)])
-    q_, v_, a_ = (unpack(column) for column in columns)
-    chain = sweep(links, q_, v_, V, a_, A)
-    outputs = [
-        _in_world(dot(R, chain.R0[body]), p + dot(R, chain.p0[body]), chain.V[body], chain.c[body])
-        for body in range(1, len(links) + 1)
-    ]
+    R, (p, v, w, a, alpha) = base[:9].reshape(1, 1, 3, 3), base[9:].reshape(5, 1, 1, 3)
+    at_q, at_v, at_a = (unpack(column)[None] for column in columns)
+    bodies = Motion(R, p, w, v, alpha, a).then(tree.sweep(at_q, at_v, at_a))
+    numbers = bodies.R, bodies.p, bodies.p_dot, bodies.w, bodies.p_ddot, bodies.w_dot
+    outputs = [pack(*(x[0, body] for x in numbers)) for body in range(1, len(tree.joints) + 1)]
     arguments = [] if own is None else [own.column]
     return ca.Function("module", [*columns, base_col, *arguments], outputs)
