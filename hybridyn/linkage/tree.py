@@ -132,7 +132,7 @@ class Tree:
             out[:, self.v_slices[i]] = self.joints[i].difference(q0[:, at], q1[:, at])
         return out
 
-    def _local(self, q: Array) -> tuple[Array, Array]:
+    def local(self, q: Array) -> tuple[Array, Array]:
         """Compute child frames in their parents: rotations (T, joints, 3, 3), origins (T, joints, 3)."""
         T, n = len(q), len(self.joints)
         kind = self._kind(q)
@@ -162,7 +162,7 @@ class Tree:
         kind = self._kind(q)
         R, p = samples_inside((T, n, 3, 3), kind), samples_inside((T, n, 3), kind)
         R[:, 0] = np.eye(3)
-        R_local, p_local = self._local(q)
+        R_local, p_local = self.local(q)
         for children, parents in self._levels:
             R0 = select(R, parents)
             R[:, children] = compose(R0, select(R_local, children - 1))

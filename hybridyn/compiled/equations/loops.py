@@ -11,16 +11,16 @@ import numpy as np
 from ...linkage.closures import TreeClosure
 from ...linkage.couplings import CouplingRows, TreeCoupling
 from ...linkage.joints import TreeJoint
+from ...linkage.tree import Tree
 from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
 from ...symbols import Expression, dot
-from .chains import Chain, sweep
 from .expressions import Folding, numbers, sampled, scalar, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots
 from .legs import fold_links
-from .rigid import links_of
+from .rigid import Links, links_of
 from .rods import Rod, is_ball, rods_of
 from .spanning_rows import Frames, SpanningRows
 from .spins import spins_of
@@ -69,11 +69,17 @@ class LoopRows:
         exact: Whether rows on rods hold for open loops, too.
     """
 
-    def __init__(self, chain: Chain, v: Expression | None) -> None:
-        """Begin without rows; `v` are the given rates, those of the chain."""
-        self.K, self.residual = zeros(0, chain.nv), zeros(0)
+    def __init__(self, links: Links, q: Expression, v: Expression | None) -> None:
+        """Begin without rows.
+
+        Args:
+            links: Those of the tree.
+            q, v: Its positions, and given rates or None.
+        """
+        self.tree = Tree([*links.values()])
+        self.K, self.residual = zeros(0, self.tree.nv), zeros(0)
         self.rates, self.drift = zeros(0), zeros(0)
-        self.chain, self.writer, self._v = chain, SpanningRows(chain), v
+        self.writer, self._v = SpanningRows(self.tree, q, v), v
         self.exact = False
 
     def add(
@@ -101,7 +107,7 @@ class LoopRows:
         elif is_ball(closure):
             self.add(K, residual, zeros(3), self.writer.drift(closure, frames))
         else:
-            self.add(K, residual, self.writer.rates(closure, frames, self._v))
+            self.add(K, residual, self.writer.rates(closure, frames))
 
     def close_all(
         self,
@@ -124,8 +130,8 @@ class LoopRows:
             same[0]._replace(offset=folding.array([scalar(c.offset) for c in same]))
             for same in zip(*couplings, strict=True)
         ]
-        written = CouplingRows(self.chain, coupled)
-        K = numbers(written.matrix(q[None])).reshape(-1, self.chain.nv)
+        written = CouplingRows(self.tree, coupled)
+        K = numbers(written.matrix(q[None])).reshape(-1, self.tree.nv)
         self.add(K, written.residual(q[None])[0])
 
 
@@ -164,7 +170,7 @@ def spanning_closures(
     specs = specs or [module.mechanism.spec for module in modules]
     links = fold_links(folding, [links_of(s.spanning) for s in specs])
     rods = spinning_rods(m, m.spec.spanning, m.spec.closures)
-    out = LoopRows(sweep(links, q, zeros(m.spanning.nv) if v is None else v, zeros(6)), v)
+    out = LoopRows(links, q, v)
     closures, couplings = [along_rods(s.closures, rods) for s in specs], [s.couplings for s in specs]
     out.close_all(closures, couplings, rods, folding, q)
     return out

@@ -25,7 +25,6 @@ import numpy as np
 from ....joints import displacement
 from ....spatial import Array
 from ....symbols import Expression, dot, is_zero, times
-from ...equations.chains import own_columns
 from ...equations.expressions import Folding, pack, symbols, symmetric_product, unpack, upper, zeros
 from ...equations.factors import Definite, Handed, Triangular
 from ...equations.guarded_elimination import TRUSTED_PIVOT, Pivots
@@ -126,16 +125,15 @@ class ChainKernels(ModuleKernels):
 
     def place(self) -> Kernel:
         """From a posture to the placements of the ports in the base: R row by row, and p."""
-        chain = self._numbers.chain
-        return self.kernel(
-            "place", self.here, [pack(*(x for b in self.ports.bodies for x in (chain.R0[b], chain.p0[b])))]
-        )
+        motion = self._numbers.writer.motion
+        placed = [x[0, body] for body in self.ports.bodies for x in (motion.R, motion.p)]
+        return self.kernel("place", self.here, [pack(*placed)])
 
     def _twists(self, rows: TreeRows) -> Expression:
         """Return the map J from all freedoms to the twists of the ports, own axes, shape (6 ports, nv)."""
         out = zeros(6 * len(self.ports.bodies), self.e.tree.nv)
         for i, body in enumerate(self.ports.bodies):
-            for k, column in own_columns(rows.chain, body).items():
+            for k, column in rows.writer.own_columns(body).items():
                 out[6 * i : 6 * i + 6, k] = column
         return out
 
@@ -314,7 +312,7 @@ class ChainKernels(ModuleKernels):
         f = self._force(rows, J, found, v, dot(T.T, multipliers)) - dot(J.T, w_dot)
         weighed = np.array([times(w, y) for w, y in zip(self._weight, x[:, 0], strict=True)], dtype=object)
         x = x - dot(Psi, M.solve(dot(Psi.T, weighed + f)[:, None])) + held
-        bodies = [rows.chain.c[body] for body in self.ports.bodies]
+        bodies = [rows.writer.motion.acceleration()[0, body] for body in self.ports.bodies]
         e = dot(T, dot(J, x[:, 0]) + np.concatenate(bodies))
         motion = Handed(x=x)
         inputs = [*self.here, t_col, v_col, f_col, l_col, w_col, *self.u.symbols("g_ddot")]

@@ -14,11 +14,10 @@ from ....linkage.tree import Tree
 from ....spatial import Array, rotation_from_quaternion
 from ....structure.robot import HybridRobot
 from ....symbols import Expression, dot
-from ...equations.chains import Chain, sweep
 from ...equations.expressions import Folding, pack, plain, symbols, zeros
 from ...equations.legs import fold_links
 from ...equations.loops import LoopRows, folded
-from ...equations.rigid import links_of
+from ...equations.rigid import Links, links_of
 from ...equations.scales import largest
 from ...equations.spanning_rows import Frames
 from ...program import Program
@@ -41,9 +40,9 @@ class TreeRows(LoopRows):
         frames: Axes of each target, shape (3, 3).
     """
 
-    def __init__(self, chain: Chain, v: Expression | None) -> None:
+    def __init__(self, links: Links, q: Expression, v: Expression | None) -> None:
         """Begin without rows."""
-        super().__init__(chain, v)
+        super().__init__(links, q, v)
         self.upright: list[ca.SX] = []
         self.frames: list[Expression] = []
 
@@ -52,7 +51,7 @@ class TreeRows(LoopRows):
         super().close(closure, frames)
         if closure.rotation in ("fixed", "parallel"):
             A, B = (
-                dot(self.chain.R0[body], axes)
+                dot(self.writer.motion.R[0, body], axes)
                 for body, axes in ((closure.body_a, frames[0]), (closure.body_b, frames[2]))
             )
             cosines = [ca.SX(dot(A[:, i], B[:, i][:, None])[0]) for i in range(3)]
@@ -69,7 +68,7 @@ class TreeRows(LoopRows):
         off, over = self.writer.closure(
             _weld(some.body), frames
         )  # the last three rates are angular velocities
-        R = dot(frames[0].T, dot(self.chain.R0[some.body], frames[2]))
+        R = dot(frames[0].T, dot(self.writer.motion.R[0, some.body], frames[2]))
         values, to_rates, cosine = coordinate_rows(R, off[:3])
         rows = [*over[:3], *dot(to_rates, over[3:])]
         for row, kind, value in zip(some.rows, some.kinds, wanted, strict=True):
@@ -128,8 +127,7 @@ def rows_at(
         exact: Whether rows on rods hold for open loops, too.
     """
     links = fold_links(folding, [links_of(t.joints) for t in trees])
-    nv = trees[0].tree.nv
-    out = TreeRows(sweep(links, z, zeros(nv) if v is None else v, zeros(6)), v)
+    out = TreeRows(links, z, v)
     out.exact = exact
     closures, couplings = [t.closures for t in trees], [t.couplings for t in trees]
     out.close_all(closures, couplings, trees[0].rods, folding, z)
@@ -191,12 +189,12 @@ def _kernel(parts: Sequence[Part]) -> tuple[ca.Function, Array]:
     spanning = m.spanning
     column, q = symbols("q", spanning.nq)
     links = fold_links(folding, [links_of(x.module.mechanism.spec.spanning) for x in parts])
-    chain = sweep(links, q, zeros(spanning.nv), zeros(6))
+    motion = Tree([*links.values()]).sweep(q[None])
     z = []
     for joint, source in enumerate(e.source):
         if source is None:
             body = int(m.cut.bodies[joint + 1])
-            z.append(np.concatenate([chain.p0[body], quaternion_of(chain.R0[body])]))
+            z.append(np.concatenate([motion.p[0, body], quaternion_of(motion.R[0, body])]))
         else:
             z.append(q[spanning.q_slices[source]])
     rows = rows_at(trees, given, folding, np.concatenate([zeros(0), *z]), zeros(0), {})
