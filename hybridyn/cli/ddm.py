@@ -32,12 +32,11 @@ def run(**words: Any) -> int:
 def _one(load: RobotChoice, tables: CommandTables, effects: tuple[str, ...], engine: str | None) -> int:
     def plan(given: Pass) -> CommandPlan:
         """Build the plan for a robot and a table."""
-        robot, layout, on = given.robot, given.layout, choose(given.robot, effects, loaded=True)
+        robot, layout, on = given.robot, given.layout, choose(given.robot, effects)
         reactions = tables.reactions is not None
         obstacles = {
             "--reactions": reactions,
             "wrenches in the table": bool(layout.wrenches),
-            "load_friction": on.loaded is not None,
         }
         worth, alone = worth_of(layout, robot), layout.full_state
         chosen = choose_engine(engine, robot, on, given.table.rows, worth, obstacles, alone=alone)

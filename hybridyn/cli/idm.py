@@ -70,7 +70,7 @@ def _plan(
     Args:
         model: Options of the inverse model: passive, on_singular, weights.
     """
-    robot, layout, on = given.robot, given.layout, choose(given.robot, effects, loaded=True)
+    robot, layout, on = given.robot, given.layout, choose(given.robot, effects)
     if loads:  # the report names the limits
         on = on.without("limits")
     _check(robot, layout, on, model["weights"], only_map=bool(outputs) and not on.names)
@@ -81,7 +81,6 @@ def _plan(
         "--on-singular least-norm": model["on_singular"] != "raise",
         "--weights": bool(model["weights"]),
         "wrenches in the table": bool(layout.wrenches),
-        "load_friction": on.loaded is not None,
     }
     worth, alone = worth_of(layout, robot), layout.full_state
     chosen = choose_engine(engine, robot, on, given.table.rows, worth, obstacles, alone=alone)

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..effects.choice import Choice, Effects, choose, times
-from ..effects.load_friction import OnLoads
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
@@ -107,7 +106,7 @@ def direct_model(
     reactions: bool = False,
 ) -> Result:  # fmt: skip
     """Compute the result of `ddm` as a batch, together with the closure residuals of the states."""
-    on = choose(robot, effects, loaded=True)
+    on = choose(robot, effects)
     q = as_positions(robot, q, base_given=on.base is None)[0]
     v, tau = as_rates(robot, v)[0], as_efforts(robot, tau)[0]
     same_samples(q=q, v=v, tau=tau)
@@ -120,10 +119,9 @@ def direct_model(
         q, v, a = on.base.into(robot, time, q, v, a)
     if on.limits is not None:
         tau = on.limits.clip(robot, tau)
-    loads = all_loads(robot, on, q, v, time, wrenches)
-    if on.loaded is not None:
-        friction = _load_friction(robot, q, v, a, tau, loads, on.loaded)
-        loads = replace(loads, joints=loads.joints + friction)
+    if on.gears is not None:
+        tau = on.gears.behind(robot, tau, v)
+    loads = with_load_friction(robot, q, v, a, tau, all_loads(robot, on, q, v, time, wrenches))
     residual = solve(robot, q, v, a, tau, loads)
     result = reactions_of(robot, q, v, a, tau, loads) if reactions else None
     return Result(a, residual, result)
@@ -159,20 +157,28 @@ def solve(
     return residual
 
 
-def _load_friction(
-    robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads, law: OnLoads
-) -> Array:
-    """Compute the efforts of friction that grows with load, shape (T, nv); arguments as in `solve`."""
-    on, moved, D = loads.on, a.copy(), law.directions(v)
+def with_load_friction(
+    robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads, *, passing: bool = False
+) -> Loads:
+    """Return loads with the efforts of friction that grows with load, if that is among their effects.
+
+    Args:
+        a: Accelerations, shape (T, nv), of which those of a moving base are read.
+        tau: Efforts behind the gears, shape (T, motors).
+        passing: As in `articulate`.
+    """
+    on, law = loads.on, loads.on.loaded
+    if law is None:
+        return loads
+    moved, D = a.copy(), law.directions(v)
     states = forward(robot, q, v, None, on.gravity, classical=on.velocity is not None, base=moved)
     check_closed(robot, states, q, v)
-    modules = articulate(robot, states, loads, tau, None)
+    modules = articulate(robot, states, loads, tau, None, passing=passing)
     accelerate(robot, modules, v, moved)
     start = reactions_of(robot, q, v, moved, tau, loads)
     length = max(module.mechanism.length for module in robot.modules)
     friction = settle_moving(law, start, responses(robot, modules, on, law, D), length)
-    out: Array = np.einsum("tij,tj->ti", D, friction)
-    return out
+    return replace(loads, joints=loads.joints + np.einsum("tij,tj->ti", D, friction))
 
 
 def acceleration_of_base(robot: HybridRobot, acceleration: ArrayLike, samples: int) -> Array:

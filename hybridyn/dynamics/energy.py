@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..effects.choice import Choice, Effects, choose, times
-from ..errors import TrajectoryError
+from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions, same_samples
+from .direct import with_load_friction
 from .link_motion import link_motions, observed_motions
 from .loads import all_loads
 from .state_checks import checked_state
@@ -57,7 +58,7 @@ class Power:
     Attributes:
         motors: Power of the motors.
         wrenches: Power of external wrenches.
-        lost: Power that friction, dampers, stops and the ground dissipate.
+        lost: Power that friction, gears, dampers, stops and the ground dissipate.
 
     Example:
         >>> robot = hybridyn.load("five_bar")
@@ -178,10 +179,16 @@ def power(
     on, clock = choose(robot, effects), times(time, len(q))
     if on.limits is not None:
         tau = on.limits.clip(robot, tau)
-    columns = robot.motor_v
+    columns, given_by_motors = robot.motor_v, tau
+    if on.gears is not None:
+        tau = on.gears.behind(robot, tau, v)
     supplied, lost = np.zeros((2, len(q)))
     outer = replace(on, links=tuple(law for law in on.links if not law.of_motion))
-    all_loads(robot, on, q, v, clock, wrenches)  # raises the same errors as idm
+    loads = all_loads(robot, on, q, v, clock, wrenches)  # raises the same errors as idm
+    lost += np.sum((given_by_motors - tau) * v[:, columns], axis=1)
+    if on.loaded is not None:
+        rubbing = with_load_friction(robot, q, v, _of_base(robot, on, clock, len(q)), tau, loads)
+        lost -= np.sum((rubbing.joints - loads.joints) * v, axis=1)
     motions = observed_motions(robot, on, q, v)
     for given in (wrenches or {}, *outer.wrenches(motions, clock, len(q))):
         for link, motion in link_motions(robot, q, v, list(given)).items():
@@ -190,8 +197,25 @@ def power(
         lost += joint_law.power(q, v)
     for link_law in on.links:
         lost += link_law.power(motions)
-    out = (np.sum(tau * v[:, columns], axis=1), supplied, lost)
+    out = (np.sum(given_by_motors * v[:, columns], axis=1), supplied, lost)
     return Power(*(x[0] for x in out)) if single else Power(*out)
+
+
+def _of_base(robot: HybridRobot, on: Effects, clock: Array | None, samples: int) -> Array:
+    """Return accelerations, shape (T, nv), with those of a prescribed base and zeros.
+
+    Raises:
+        ModelError: The base moves, and no effect states how; loads depend on its acceleration.
+    """
+    out = np.zeros((samples, robot.nv))
+    if on.base is not None:
+        out[:, :6] = on.base.at(clock)[2]
+    elif robot.base == "moving":
+        raise ModelError(
+            f"power: the effect '{on.losses[0]}' needs the acceleration of the moving base: name "
+            "'base_motion'", element=on.losses[0],
+        )  # fmt: skip
+    return out
 
 
 def momentum(robot: HybridRobot, q: Array, v: Array) -> Array:

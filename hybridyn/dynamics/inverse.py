@@ -118,7 +118,7 @@ def inverse_model(
     weights: Mapping[str, float] | Array | None = None, on_singular: str = "raise", reactions: bool = False,
 ) -> Result:  # fmt: skip
     """Compute the result of `idm` as a batch, together with the closure residuals of the states."""
-    on = choose(robot, effects, loaded=True)
+    on = choose(robot, effects)
     q = as_positions(robot, q, base_given=on.base is None)[0]
     v, a = as_rates(robot, v)[0], as_rates(robot, a, "a", "acceleration")[0]
     same_samples(q=q, v=v, a=a)
@@ -146,6 +146,8 @@ def inverse_model(
         friction = settle(robot, on.loaded, v, under, apart=not solved)
         loads = replace(loads, joints=loads.joints + friction)
     out = _under_loads(robot, q, v, a, loads, sharing, solved=solved, reactions=reactions)
+    if on.gears is not None:
+        out = out._replace(values=on.gears.before(out.values, v))
     if on.limits is not None:
         on.limits.check(robot, out.values)
     return out

@@ -2,8 +2,9 @@
 
 Read `terms` (gravity, inertia, the legs' inertia, velocity terms), `joints`, `joint_laws`, `springs` and
 `tendons` (efforts of joints), `link_effect`, `links`, `bodies`, `bushings` (wrenches on links), `inputs`
-(limits, a prescribed base), `others` (laws of other packages), `catalogue` (every effect by name), `choice`
-(the selection of effects for one call), `rebuild` (`hybridyn.with_effects`).
+(limits, a prescribed base), `load_friction` and `gears` (losses that grow with load), `others` (laws of other
+packages), `catalogue` (every effect by name), `choice` (the selection of effects for one call), `rebuild`
+(`hybridyn.with_effects`).
 
 May import: `structure`, `tables` and below.
 """
@@ -13,6 +14,7 @@ from .bodies import GravityCompensation, LineSprings
 from .bushings import Bushings
 from .catalogue import DEFAULT, UNITS
 from .choice import Effects, choose
+from .gears import GearEfficiency
 from .inputs import BaseMotion, Limits
 from .joint_laws import CoulombFriction, Damper, RotorInertia, StribeckFriction, ViscousFriction
 from .joints import JointEffect
@@ -33,6 +35,7 @@ __all__ = [
     "CoulombFriction",
     "Damper",
     "Effects",
+    "GearEfficiency",
     "Gravity",
     "GravityCompensation",
     "GroundContact",

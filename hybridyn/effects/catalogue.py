@@ -10,6 +10,7 @@ from ..extensions import Extension, added, added_names, failing
 from ..structure.bodies import Payload
 from .bodies import GravityCompensation, LineSprings
 from .bushings import Bushings
+from .gears import GearEfficiency
 from .inputs import BaseMotion, Limits
 from .joint_laws import CoulombFriction, Damper, RotorInertia, StribeckFriction, ViscousFriction
 from .joints import JointEffect
@@ -30,7 +31,7 @@ UNITS: dict[str, type[Any]] = {
         Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms, RotorInertia, ViscousFriction,
         CoulombFriction, StribeckFriction, Spring, Damper, Stop, PolynomialSpring, PolynomialDamper,
         BallSpring, Tendons, Wrench, GroundContact, GravityCompensation, LineSprings, Bushings, LoadFriction,
-        Payload, BaseMotion, Limits,
+        GearEfficiency, Payload, BaseMotion, Limits,
     )
 }  # fmt: skip
 

@@ -17,6 +17,7 @@ from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_numbers
 from .catalogue import DEFAULT, FROM_FILES, JOINTS, UNITS, class_of, made, names
+from .gears import GearEfficiency, OnGears, on_gears
 from .inputs import BaseMotion, Limits
 from .joint_laws import RotorInertia
 from .joints import OnJoints, placed
@@ -42,6 +43,7 @@ class Effects:
         limits: Effort limits, or None.
         base: The base's prescribed motion, or None.
         loaded: Friction that grows with load, or None.
+        gears: Losses of gears, or None.
         names: Names of the selected effects, including payloads.
     """
 
@@ -55,6 +57,7 @@ class Effects:
     limits: Limits | None = None
     base: BaseMotion | None = None
     loaded: OnLoads | None = None
+    gears: OnGears | None = None
     names: tuple[str, ...] = ()
 
     def only(self, names: Collection[str]) -> Effects:
@@ -70,6 +73,7 @@ class Effects:
             tuple(law for law in self.rotors if law.effect.name in names),
             tuple(law for law in self.links if law.name in names), kept(self.limits), kept(self.base),
             self.loaded if LoadFriction.name in names else None,
+            self.gears if GearEfficiency.name in names else None,
         )  # fmt: skip
         return replace(out, names=out.named({*self.names} & {*names}))
 
@@ -78,6 +82,12 @@ class Effects:
         massless = self.leg_inertia is None and (self.gravity or self.inertia) is not None
         every = {*names} - {MasslessLegs.name} | ({MasslessLegs.name} if massless else set())
         return tuple(name for name in (*UNITS, *sorted(every.difference(UNITS))) if name in every)
+
+    @property
+    def losses(self) -> tuple[str, ...]:
+        """Names of the losses that grow with load, which the general path alone computes."""
+        both = ((self.loaded, LoadFriction.name), (self.gears, GearEfficiency.name))
+        return tuple(name for law, name in both if law is not None)
 
     def without(self, *names: str) -> Effects:
         """Return the effects but for some names."""
@@ -161,7 +171,7 @@ STANDARD = Effects(Gravity(), Inertia(), LegInertia(), VelocityTerms(), names=DE
 Choice = str | Iterable[Any] | Effects | None
 
 
-def choose(robot: HybridRobot, effects: Choice, *, loaded: bool = False) -> Effects:
+def choose(robot: HybridRobot, effects: Choice) -> Effects:
     """Select the effects of a call for a robot.
 
     Args:
@@ -169,21 +179,31 @@ def choose(robot: HybridRobot, effects: Choice, *, loaded: bool = False) -> Effe
             those and all effects stated in the robot's files; "none"; or a list of names (including these
             words) and effect objects. Only named effects are computed: `["default", Spring({"elbow": 40.0})]`
             adds a spring.
-        loaded: Whether the caller computes friction that grows with load.
 
     Raises:
-        ModelError: A name is unknown, an effect lacks parameters, or effects contradict each other; or the
-            caller does not compute friction that grows with load.
+        ModelError: A name is unknown, an effect lacks parameters, or effects contradict each other.
     """
     if effects is None:
         return STANDARD
-    out = effects if isinstance(effects, Effects) else _chosen(robot, effects)
-    if out.loaded is not None and not loaded:
+    return effects if isinstance(effects, Effects) else _chosen(robot, effects)
+
+
+def without_losses(on: Effects, what: str) -> Effects:
+    """Return effects, for those who do not compute losses that grow with load.
+
+    Args:
+        on: The effects.
+        what: Who asks, for the message: "compiled models do not compute".
+
+    Raises:
+        ModelError: There are such losses.
+    """
+    if on.losses:
         raise ModelError(
-            f"the effect '{LoadFriction.name}' is computed by hybridyn.idm and ddm and the commands of these "
-            "names, on the general path alone: leave it out here", element=LoadFriction.name,
+            f"{what} the effect '{on.losses[0]}', whose losses grow with load: hybridyn.idm, ddm, power and "
+            "simulate do, on the general path. Leave it out here", element=on.losses[0],
         )  # fmt: skip
-    return out
+    return on
 
 
 def _chosen(robot: HybridRobot, effects: Choice) -> Effects:
@@ -210,6 +230,7 @@ def _chosen(robot: HybridRobot, effects: Choice) -> Effects:
         tuple(law for law in laws if isinstance(law, OnJoints) and isinstance(law.effect, RotorInertia)),
         links, one(Limits), one(BaseMotion),
         None if (load := one(LoadFriction)) is None else on_loads(load, robot),
+        None if (gears := one(GearEfficiency)) is None else on_gears(gears, robot),
     )  # fmt: skip
     return replace(out, names=out.named(names))
 

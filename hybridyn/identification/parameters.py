@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..effects.catalogue import FROM_FILES
 from ..effects.catalogue import JOINTS as LAWS
-from ..effects.choice import Choice, Effects, choose, listed_units
+from ..effects.choice import Choice, Effects, choose, listed_units, without_losses
 from ..effects.inputs import BaseMotion
 from ..effects.joint_laws import RotorInertia
 from ..effects.joints import JointEffect, OnJoints, placed
@@ -109,11 +109,11 @@ def _selected(robot: HybridRobot, effects: Choice) -> tuple[Effects, bool]:
         ModelError: Effects are unknown, or no number of theirs is linear in the efforts.
     """
     if effects is None or isinstance(effects, Effects):
-        return choose(robot, effects), False
+        return without_losses(choose(robot, effects), "identification does not take"), False
     words = [effects] if isinstance(effects, str) else list(effects)
     offsets = OFFSETS in words
     words = [word for word in words if not (isinstance(word, str) and word == OFFSETS)]
-    on = choose(robot, words)
+    on = without_losses(choose(robot, words), "identification does not take")
     units = listed_units(robot, words)
     acting = [unit for unit in units if isinstance(unit, (*LAWS, LinkEffect, BaseMotion))]
     if lost := [unit.name for unit in acting if not getattr(unit, "symbols", ())]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..assembly.task import closure_residual
 from ..compiled import Law
+from ..dynamics.direct import with_load_friction
 from ..dynamics.direct_recursion import accelerate, articulate
 from ..dynamics.forward import forward
 from ..dynamics.loads import all_loads
@@ -186,10 +187,12 @@ class MotionLaw:
         a = np.zeros_like(v)
         if self.robot.base == "moving":
             a[:, :6] = base
+        joint_side = tau if self.on.gears is None else self.on.gears.behind(self.robot, tau, v)
+        loads = with_load_friction(self.robot, q, v, a, joint_side, loads, passing=True)
         states = forward(
             self.robot, q, v, None, self.on.gravity, classical=self.on.velocity is not None, base=a
         )
-        accelerate(self.robot, articulate(self.robot, states, loads, tau, None, passing=True), v, a)
+        accelerate(self.robot, articulate(self.robot, states, loads, joint_side, None, passing=True), v, a)
         return a, tau
 
     def _efforts(self, t: Array, q: Array, v: Array) -> tuple[Array, bool]:

@@ -177,6 +177,7 @@ FEATURES: dict[str, tuple[str, Description]] = {
         "two", effect("stribeck_friction", **LEVEL, static={"two": 6.0}, speed={"two": 0.1}, width=0.01),
     ),
     "load friction": ("two", effect("load_friction", radial={"two": 0.01}, normal={"rail": 0.1}, width=0.02)),
+    "gear efficiency": ("two", effect("gear_efficiency", efficiency={"one": 0.8}, back={"one": -0.1})),
     "stop": (
         "two", effect("stop", stiffness={"two": 9.0}, damping=2.0, lower={"two": -1.0}, upper={"two": 1.0}),
     ),

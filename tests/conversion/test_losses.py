@@ -136,6 +136,7 @@ coulomb width                   kept        kept              kept          kept
 coulomb over friction           kept        level             kept          kept
 stribeck friction               kept        kept              kept          kept
 load friction                   kept        kept              kept          kept
+gear efficiency                 kept        kept              kept          kept
 stop                            kept        kept              kept          kept
 ground contact                  kept        kept              kept          kept
 damper, spherical               kept        damper            kept          kept

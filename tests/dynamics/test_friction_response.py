@@ -47,7 +47,7 @@ def rubbing(kind: str, base: Base) -> Case:
 def written_out(case: Case) -> tuple[OnLoads, list[Response], Array]:
     """Return the law, how modules answer, and the wrenches that unit frictions cause by as many models."""
     robot, law, (q, v, tau) = case
-    on = choose(robot, ["default", law], loaded=True)
+    on = choose(robot, ["default", law])
     assert on.loaded is not None
     loads, D = all_loads(robot, on, q, v, None, None), on.loaded.directions(v)
     states = forward(robot, q, v, None, on.gravity, classical=True, base=np.zeros_like(v))

@@ -161,7 +161,7 @@ def test_bad_coefficients_are_refused(law: LoadFriction, said: str) -> None:
 def test_the_joint_of_a_base_has_no_friction(base: str) -> None:
     robot = build_robot(shipped("five_bar"), base=base)
     with pytest.raises(ModelError, match="joint 'root_joint' is floating; it has no 'radial'"):
-        hybridyn.effects.choose(robot, ["default", LoadFriction(radial={"root_joint": 1e-3})], loaded=True)
+        hybridyn.effects.choose(robot, ["default", LoadFriction(radial={"root_joint": 1e-3})])
 
 
 def test_the_robot_s_files_may_state_it(tmp_path: Path) -> None:
@@ -176,11 +176,17 @@ def test_the_robot_s_files_may_state_it(tmp_path: Path) -> None:
 def test_who_cannot_compute_it_says_so() -> None:
     robot = build_robot(shipped("five_bar"))
     law = ["default", LoadFriction(radial={robot.motors[0]: 1e-3})]
-    q, v, _ = states_near_home(robot.description, "fixed", 0, 1)
+    q, v, a = states_near_home(robot.description, "fixed", 0, 1)
     for call in (
-        lambda: hybridyn.power(robot, q, v, np.zeros((1, 2)), effects=law),
-        lambda: hybridyn.simulate(robot, q[0], v[0], [0.0, 0.1], effects=law),
         lambda: hybridyn.compile(robot, effects=law),
+        lambda: hybridyn.compiled.Derivatives(robot, "idm", effects=law),
+        lambda: hybridyn.bias(robot, q, v, effects=law),
+        lambda: hybridyn.mass_matrix(robot, q, effects=law),
+        lambda: hybridyn.regressor(robot, q, v, a, effects=law),
     ):
-        with pytest.raises(ModelError, match="load_friction"):
+        with pytest.raises(ModelError, match="the effect 'load_friction', whose losses grow with load"):
             call()
+    moving = build_robot(robot.description, base="moving")
+    q, v, _ = states_near_home(robot.description, "moving", 0, 1)
+    with pytest.raises(ModelError, match="needs the acceleration of the moving base"):
+        hybridyn.power(moving, q, v, np.zeros((1, 2)), effects=law)

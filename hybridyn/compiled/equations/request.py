@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...effects.choice import Choice, Effects, choose
+from ...effects.choice import Choice, Effects, choose, without_losses
 from ...effects.link_effect import LinkEffect
 from ...effects.links import GroundContact
 from ...errors import ModelError
@@ -244,7 +244,7 @@ def request(
     Raises:
         ModelError: An effect is not available in compiled models, or no wrench can act on a link.
     """
-    on = choose(robot, effects)
+    on = without_losses(choose(robot, effects), "compiled models do not take")
     for unit in (*on.links, *((on.base,) if on.base else ())):
         follows = isinstance(unit, LinkEffect) and unit.of_motion
         if contacts and follows:

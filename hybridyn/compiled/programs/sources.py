@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
-from ...effects.choice import Choice, Effects, choose
+from ...effects.choice import Choice, Effects, choose, without_losses
 from ...effects.others import is_other
 from ...errors import ModelError
 from ...structure.parameters.entries import Parameters
@@ -127,7 +127,7 @@ def asked_for(
         raise ModelError(f"dtype must be {' or '.join(map(repr, REAL))}, not {dtype!r}")
     if alone and not robot.nv:
         raise ModelError(f"robot '{robot.name}' has no joint that moves: there is nothing to compute")
-    on = choose(robot, effects)
+    on = without_losses(choose(robot, effects), "compiled models do not take")
     if alone and on.limits is not None:
         why = f"the effect 'limits' is not part of {alone}: clip the efforts before the call"
         raise ModelError(why, element="limits")

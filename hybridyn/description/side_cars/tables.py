@@ -149,6 +149,9 @@ EFFECTS: dict[str, dict[str, Any]] = {
         "radial": ByJoint | None, "axial": ByJoint | None, "tilt": ByJoint | None, "normal": ByJoint | None,
         "width": Positive | None,
     },
+    "gear_efficiency": {
+        "efficiency": dict[str, Positive], "back": dict[str, FiniteFloat] | None, "width": Positive | None,
+    },
     "payload": {
         "link": str, "mass": NotNegative, "com": Point | None,
         "inertia": Annotated[list[Point], Field(min_length=3, max_length=3)] | None,

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...effects.choice import Choice, Effects, choose
+from ...effects.choice import Choice, Effects, choose, without_losses
 from ...errors import ModelError, SingularityError
 from ...spatial import Array, Index, congruence, crm, motion_matrix
 from ...structure.module import ModuleState
@@ -127,7 +127,7 @@ def chosen_effects(robot: HybridRobot, effects: Choice) -> Effects:
     Raises:
         ModelError: They are unknown, without numbers, or prescribe the base's motion.
     """
-    on = choose(robot, effects)
+    on = without_losses(choose(robot, effects), "this quantity does not take")
     if on.base is not None:
         raise ModelError(
             f"the effect '{on.base.name}' prescribes the base; here its motion is that of q, v and "

@@ -6,7 +6,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...effects.choice import Choice, choose, times
+from ...effects.choice import Choice, choose, times, without_losses
 from ...errors import TrajectoryError
 from ...spatial import Array, crm
 from ...structure.robot import HybridRobot
@@ -100,7 +100,8 @@ def mass_matrix(
         array([[0.0778, 0.0191],
                [0.0191, 0.0779]])
     """
-    u, on = independent_coordinates(robot, joints), choose(robot, effects)
+    u = independent_coordinates(robot, joints)
+    on = without_losses(choose(robot, effects), "the mass matrix does not take")
     needs_inertia(on)
     q, single = as_positions(robot, q)
     M = Engine(robot, u, on).mass(q)

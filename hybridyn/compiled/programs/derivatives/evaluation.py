@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ....effects.choice import Choice, Effects, choose
+from ....effects.choice import Choice, choose, without_losses
 from ....errors import AT_SAMPLE, CompileError, ModelError, SingularityError, TrajectoryError
 from ....linkage.retraction import Retraction
 from ....spatial import Array
@@ -105,7 +105,7 @@ class Derivatives:
         """
         if model not in GENERAL:
             raise ModelError(f"there are derivatives of 'idm' and 'ddm', not of '{model}'")
-        self._effects = effects if isinstance(effects, Effects) else choose(robot, effects)
+        self._effects = without_losses(choose(robot, effects), "derivatives do not take")
         if self._effects.limits is not None:
             raise ModelError(
                 "the effect 'limits' has no derivative: clip the efforts before the call", element="limits"
