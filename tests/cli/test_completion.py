@@ -70,14 +70,25 @@ def test_bash_completes_by_the_script(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "gough_stewart" in done.stdout.split()
 
 
-def test_completing_imports_nothing_heavy() -> None:
+@pytest.mark.parametrize(
+    ("words", "line", "says"),
+    [
+        ([], "hybridyn idm ", "plain,five_bar"),
+        (["--help"], "", "  idm "),
+        (["idm", "--help"], "", "  --loads"),
+    ],
+    ids=["completion", "help", "help of a command"],
+)
+def test_help_and_completion_import_nothing_heavy(words: list[str], line: str, says: str) -> None:
+    """They take a tenth of a second, which Pinocchio alone would double."""
     code = (
         "import sys; from hybridyn.cli import main; import atexit;"
         "atexit.register(lambda: print([m for m in ('numpy', 'pinocchio', 'scipy') if m in sys.modules]));"
         "sys.exit(main())"
     )
-    environment = os.environ | asked("hybridyn idm ") | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
-    *offered, heavy = done.stdout.splitlines()
-    assert "plain,five_bar" in offered
+    environment = os.environ | (asked(line) if line else {}) | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", code, *words]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    *said, heavy = done.stdout.splitlines()
+    assert any(one.startswith(says) for one in said)
     assert heavy == "[]"
