@@ -66,8 +66,10 @@ Rows in full: [batches.csv](results/batches.csv).
 
 DERIVATIVES = """\
 Processor time of a sample [us], with ratios to Pinocchio's. `computeConstraintDynamicsDerivatives` needs
-`constraintDynamics`, which is not counted. In Pinocchio 4.1.0 its derivatives over q of robots with loops
-differ from differences of its own `constraintDynamics`, which agree with the oracle: their errors say so.
+`constraintDynamics`, which is not counted. In Pinocchio 4.1.0 one column of its derivatives over q is wrong
+where a loop is closed by points between moving bodies and the robot's first coordinate is a rotation, as in
+all robots with loops here: hence their errors. The passes that spoil it are part of its time. Loops closed by
+welds, and derivatives over v, are right (`tests/benchmarks/test_pinocchio_derivatives.py`).
 "Over motors" are derivatives along which the loops stay closed, 24 by 72 numbers of the LX4 instead of 84 by
 192; Pinocchio has none.
 """
