@@ -10,8 +10,9 @@ from pathlib import Path
 
 from benchmarks.cases import ROOT
 from benchmarks.hard import run_hard, run_slow, write_page
+from benchmarks.history import changes
 from benchmarks.plan import CACHE, Cache, Task, fingerprint, full, measured, short
-from benchmarks.report import write_report
+from benchmarks.report import read_results, write_report
 from benchmarks.results import SECTIONS, Row, read_machines, write_machines, write_rows
 from benchmarks.timing import one_thread
 
@@ -31,6 +32,9 @@ def main() -> int:
     if options.report:
         write_page(COMMITTED)
         print(write_report(COMMITTED))
+        return 0
+    if options.compare:
+        print("\n".join(changes(read_results(SCRATCH / "results"), read_results(COMMITTED / "results"))))
         return 0
     folder, tasks = (SCRATCH, short()) if options.short else (COMMITTED, full())
     if options.short:
@@ -90,6 +94,7 @@ def _options() -> argparse.Namespace:
     group.add_argument("--short", action="store_true", help="under a minute, into build/benchmarks/")
     group.add_argument("--full", action="store_true", help="tens of minutes, into benchmarks/")
     group.add_argument("--report", action="store_true", help="only the pages, from the committed results")
+    group.add_argument("--compare", action="store_true", help="the last short run with the committed rows")
     group.add_argument("--hard", action="store_true", help="the hard cases, into benchmarks/hard.md")
     group.add_argument("--slow", action="store_true", help="the slow tests, into benchmarks/results/slow.csv")
     parser.add_argument("--only", nargs="+", choices=list(SECTIONS), help="these sections")

@@ -21,6 +21,7 @@ from benchmarks.cases import LX4_TRAJECTORY, case_of, stack_motion, write_long_t
 from benchmarks.fronts import cheapest
 from benchmarks.goals import reached
 from benchmarks.hard import page
+from benchmarks.history import changes
 from benchmarks.panels import Curve, Panel, draw
 from benchmarks.peers import rk4
 from benchmarks.plan import Cache, Task
@@ -389,6 +390,24 @@ def test_goals_are_ratios_of_the_best_rows() -> None:
     values = [one.value for one in reached(results) if one.goal.section == "ddm" and one.case == "lx4"]
     assert values[0] == 0.2
     assert math.isnan(values[1])
+
+
+def test_ratios_that_grow_are_warned_of_and_no_others() -> None:
+    """The time of the peer falls out: only the ratio counts, and only where both runs have it."""
+
+    def results(ours: float, peer: float, *cases: str) -> dict[str, list[Row]]:
+        rows = [
+            Row(case, "ddm", method, error=1e-13, us=us)
+            for case in cases
+            for method, us in (("hybridyn, compiled", ours), ("pin.lcaba", peer))
+        ]
+        return {name: rows if name == "ddm" else [] for name in SECTIONS}
+
+    before = results(1.0, 10.0, "lx4", "tanev")
+    assert [*changes(results(10.0, 100.0, "lx4", "delta"), before)] == [
+        "lx4, ddm, hybridyn, compiled: 0.1 times the time of the fastest peer, 0.1 in the committed rows"
+    ]
+    assert [line.split(":")[0] for line in changes(results(2.1, 10.0, "lx4"), before)] == ["warning"]
 
 
 def test_a_panel_of_rounding_says_zero(tmp_path: Path) -> None:
