@@ -54,6 +54,15 @@ class Driver:
             time.perf_counter()
         )
 
+    def meet(self) -> None:
+        """Publish until the node answers: before, each side may not have found the other."""
+        message = JointState(name=list(self.robot.motors))
+        message.position = self.robot.home[self.robot.motor_q].tolist()
+        while not self.heard:
+            self.out.publish(message)
+            rclpy.spin_once(self.node, timeout_sec=1.0)
+        self.heard.clear()
+
     def run(self, pid: int, count: int, rate: float) -> tuple[list[float], list[float]]:
         """Publish at a rate, and return processor time [s] and memory [MB] after each block."""
         home = self.robot.home[self.robot.motor_q]
@@ -82,8 +91,7 @@ def measure(name: str, count: int, rate: float = RATE) -> str:
     process = subprocess.Popen(command, env=os.environ | WHERE, stderr=subprocess.DEVNULL)
     try:
         driver = Driver(name)
-        while not (driver.out.get_subscription_count() and driver.node.count_publishers("joint_states")):
-            rclpy.spin_once(driver.node, timeout_sec=0.1)
+        driver.meet()
         used, size = driver.run(process.pid, count, rate)
         late = [1e3 * (at - driver.sent[i]) for i, at in driver.heard.items() if i >= WARM]
         each = 1e3 * np.diff(used)[WARM // BLOCK :] / BLOCK

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.ros.bringup import write_bringup
 from hybridyn.ros.joint_numbers import RosJoints
 from tests.quantities.ankle import MOTORS, ankle, ankle_text
 from tests.ros.judge import open_by
@@ -37,9 +38,11 @@ def peer() -> Iterator[Peer]:
 
 
 def test_a_node_that_was_killed_and_started_again_goes_on(tmp_path: Path, peer: Peer) -> None:
+    """Started as its launch file does."""
     robot = hybridyn.load("five_bar")
+    write_bringup(robot, "five_bar", tmp_path)
     for t in (1, 2):
-        node = peer.start(tmp_path, "five_bar")
+        node = peer.start(tmp_path, "--ros-args", "--params-file", str(tmp_path / "parameters.yaml"))
         found = peer.ask("motor_states", peer.state(t, robot.motors, [0.1 * t, 0.1]), "joint_states")
         assert open_by(robot, found.name, found.position) < CLOSED
         node.process.kill()

@@ -15,7 +15,7 @@ from tests.support.extras import needs
 
 needs("ros", "rosbags")
 
-from rosbags.rosbag2 import Writer  # noqa: E402
+from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
 from rosbags.typesys import Stores, get_typestore  # noqa: E402
 
 MOTORS = ("m1_left_drive", "m1_right_drive")
@@ -24,10 +24,13 @@ TYPES = get_typestore(Stores.ROS2_JAZZY)
 START = 1_780_000_000_000_000_000
 
 
-def write(bag: Path, messages: list[dict[str, Any]], topics: tuple[str, ...] = ("/motor_states",)) -> Path:
+def write(
+    bag: Path, messages: list[dict[str, Any]], topics: tuple[str, ...] = ("/motor_states",),
+    storage: StoragePlugin = StoragePlugin.SQLITE3,
+) -> Path:  # fmt: skip
     """Write joint states, with their times [ns], on topics."""
     kinds = TYPES.types
-    with Writer(bag, version=9) as writer:
+    with Writer(bag, version=9, storage_plugin=storage) as writer:
         for topic in topics:
             at = writer.add_connection(topic, "sensor_msgs/msg/JointState", typestore=TYPES)
             for message in messages:
@@ -63,7 +66,7 @@ def recorded(folder: Path) -> tuple[Path, Path]:
         row if i % 2 else {key: x if key == "time" else x[::-1] for key, x in row.items()}
         for i, row in enumerate(rows, 1)
     ]
-    return write(folder / "bag", turned), file
+    return write(folder / "bag", turned, storage=StoragePlugin.MCAP), file  # as `ros2 bag record` of Jazzy
 
 
 def test_a_bag_holds_the_numbers_of_a_csv_file(tmp_path: Path) -> None:
