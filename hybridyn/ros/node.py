@@ -27,6 +27,7 @@ import rclpy
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -54,6 +55,8 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 WAITING = 100
 #: Time after which a line like one before is said again [s], and between diagnostics [s].
 AGAIN = 1.0
+#: Processor time [s] of a refusal that is long: ten states wait after it at 500 Hz.
+LONG = 0.02
 NUMBER = re.compile(r"\d[\d.e+-]*")
 #: Different lines that are said in this time.
 LINES = 10
@@ -151,26 +154,44 @@ class RosNode:
                         f"'{name}' and '{other}' are both the topic '{out.topic_name}': the node would hear "
                         f"itself; call one of them otherwise, as in -r {other}:=complete_{other}"
                     )
-        node.create_timer(AGAIN, self._tick)
+        node.create_timer(AGAIN, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         node.add_on_set_parameters_callback(self._changed)
         node.get_logger().info(f"'{robot.name}' is ready: motors {', '.join(self.model.robot.motors)}")
 
     def _guarded(self, topic: str, answer: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback that refuses a wrong message, and says so."""
+        """Return a callback that refuses a wrong message, and says so.
+
+        Where positions are out of reach this takes long, and states wait meanwhile. After two refused ones,
+        those that wait are refused unread, so that the node does not fall behind.
+        """
+        until, again = 0.0, False
 
         def guarded(message: Any) -> None:
             """Answer a message."""
+            nonlocal until, again
+            if time.monotonic() < until:
+                self._health.refused += 1
+                return
+            began = time.thread_time()
             try:
                 answer(message)
+                again = False
             except HybridynError as error:
-                line = self._health.refuse(topic, error)
-                alike = NUMBER.sub("", line)  # of states that are out of reach, each has its own numbers
-                if alike not in self._said and len(self._said) < LINES:
-                    self._said.add(alike)
-                    self.node.get_logger().warning(line)
-                    self._diagnose()
+                spent = time.thread_time() - began
+                if again and spent > LONG and isinstance(message, JointState):
+                    until = time.monotonic() + spent
+                again = True
+                self._say(self._health.refuse(topic, error))
 
         return guarded
+
+    def _say(self, line: str) -> None:
+        """Say why a message is refused, unless a line like it was said a moment ago."""
+        alike = NUMBER.sub("", line)  # of states that are out of reach, each has its own numbers
+        if alike not in self._said and len(self._said) < LINES:
+            self._said.add(alike)
+            self.node.get_logger().warning(line)
+            self._diagnose()
 
     def _measured(self, message: JointState) -> None:
         """Publish the complete state, and the efforts that hold it if anybody asks."""
