@@ -22,17 +22,22 @@ class LoadFriction:
     A hinge or a screw has the effort -(radial |F_radial| + axial |F_axial| + tilt |M_tilt|) tanh(v / width),
     a slide -(normal |F_normal| + tilt |M|) tanh(v / width), and a ball joint radial |F| tanh(|w| / width)
     against its angular velocity w. F and M are those of `Reactions.joints`: radial, normal and tilt are at
-    right angles to the joint's axis.
+    right angles to the joint's axis. Near rest it is larger where `static` and `speed` say so: by the factor
+    1 + (static - 1) exp(-(v / speed)^2), as in the models of servos by Duclusaud & Passault (2024).
 
     `radial`, `axial`: friction coefficient times radius of the bearing, by joint [m]; `tilt`: by joint,
     without unit for hinges and balls, [1/m] for slides; `normal`: friction coefficient of a slide, by joint;
-    `width` [m/s or rad/s]. Source: the laws of plain bearings, e.g. Harris & Kotzalas (2006), chapter 10.
+    `static`: friction near rest over that at speed, 1 or more, by joint; `speed`: its Stribeck velocity, by
+    joint, and `width` [m/s or rad/s]. Source: the laws of plain bearings, e.g. Harris & Kotzalas (2006),
+    chapter 10.
     """
 
     radial: Numbers = field(default_factory=dict)
     axial: Numbers = field(default_factory=dict)
     tilt: Numbers = field(default_factory=dict)
     normal: Numbers = field(default_factory=dict)
+    static: Numbers = field(default_factory=dict)
+    speed: Numbers = field(default_factory=dict)
     width: float = WIDTH
     name: ClassVar[str] = "load_friction"
 
@@ -53,6 +58,7 @@ class OnLoads(NamedTuple):
         factor: Coefficient of each term.
         part: What a term takes from the wrench of its joint, shape (terms, 3, 6).
         words: Name of each term's coefficient.
+        rise, speed: By how much friction is larger at rest, and the Stribeck velocity, shape (joints,).
     """
 
     effect: LoadFriction
@@ -62,6 +68,8 @@ class OnLoads(NamedTuple):
     factor: Array
     part: Array
     words: tuple[str, ...]
+    rise: Array
+    speed: Array
 
     def directions(self, v: Array) -> Array:
         """Compute each joint's effort per unit of friction, shape (T, nv, joints), from rates (T, nv)."""
@@ -69,6 +77,7 @@ class OnLoads(NamedTuple):
         for i, at in enumerate(self.freedoms):
             speed = np.linalg.norm(v[:, at], axis=1, keepdims=True)
             slope = np.tanh(speed / self.effect.width) / np.where(speed > 0, speed, 1.0)
+            slope *= 1 + self.rise[i] * np.exp(-np.square(speed / self.speed[i]))
             out[:, at, i] = -slope * v[:, at]
         return out
 
@@ -160,6 +169,7 @@ def on_loads(effect: LoadFriction, robot: HybridRobot) -> OnLoads | None:
                 )
             if factor:
                 terms.append((name, word, factor, part))
+    near_rest = _near_rest(effect)
     if not terms:
         return None
     joints = tuple(dict.fromkeys(name for name, *_ in terms))
@@ -167,7 +177,27 @@ def on_loads(effect: LoadFriction, robot: HybridRobot) -> OnLoads | None:
     names, words, factors, parts = zip(*terms, strict=True)
     freedoms = tuple(robot.v_slices[robot.joint_index[name]] for name in joints)
     of_joint = np.array([joints.index(name) for name in names])
-    return OnLoads(effect, joints, freedoms, of_joint, np.array(factors), np.array(parts), words)
+    rise, speed = np.array([near_rest.get(name, (0.0, 1.0)) for name in joints]).T
+    return OnLoads(effect, joints, freedoms, of_joint, np.array(factors), np.array(parts), words, rise, speed)
+
+
+def _near_rest(effect: LoadFriction) -> dict[str, tuple[float, float]]:
+    """Return by how much friction is larger at rest, and the Stribeck velocity, by joint.
+
+    Raises:
+        ModelError: A joint has one of the numbers alone or no friction, or a number is out of its range.
+    """
+    stated = given(f"{effect.name}: static, speed", effect.static, effect.speed)
+    for name, (static, speed) in stated.items():
+        if name not in effect.joints:
+            raise ModelError(f"{effect.name}: '{name}' has a static part and no friction", element=name)
+        positive(effect.name, f"speed of '{name}'", speed)
+        if static < 1:
+            raise ModelError(
+                f"{effect.name}: joint '{name}': static {static:g} is below 1, the friction at speed",
+                element=name,
+            )
+    return {name: (static - 1, speed) for name, (static, speed) in stated.items()}
 
 
 def _parts_of(robot: HybridRobot, name: str) -> Mapping[str, Array]:

@@ -15,6 +15,7 @@ from tests.robots.shipped import shipped, states_near_home
 from tests.support.comparing import close_to
 from tests.support.files import save
 
+DRIVE = {"m1_right_drive": 0.1}
 FAST = 40.0  # widths of the smoothed sign: tanh(40) is 1
 ROUNDED = 1e-12  # of the largest: differences of loads, and a factor 1 / (1 - ratio) near a limit
 G = 9.81
@@ -148,6 +149,9 @@ def test_bearings_that_share_their_load_are_refused() -> None:
         (LoadFriction(normal={"m1_right_drive": 0.1}), "it has no 'normal'"),
         (LoadFriction(radial={"m1_right_drive": -0.1}), "finite and not negative"),
         (LoadFriction(radial={"m1_right_drive": 0.1}, width=0.0), "width must be positive"),
+        (LoadFriction(radial=DRIVE, static={"m1_right_drive": 2.0}), "lack one of the law's numbers"),
+        (LoadFriction(radial=DRIVE, static={"m1_right_drive": 0.5}, speed=DRIVE), "0.5 is below 1"),
+        (LoadFriction(static={"m1_right_drive": 2.0}, speed=DRIVE), "has a static part and no friction"),
     ],
 )
 def test_bad_coefficients_are_refused(law: LoadFriction, said: str) -> None:

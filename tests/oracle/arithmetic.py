@@ -37,7 +37,8 @@ class Float64:
 
     epsilon = float(np.finfo(float).eps)
     sin, cos = staticmethod(math.sin), staticmethod(math.cos)
-    sqrt, atan2, tanh = staticmethod(math.sqrt), staticmethod(math.atan2), staticmethod(math.tanh)
+    sqrt, atan2 = staticmethod(math.sqrt), staticmethod(math.atan2)
+    tanh, exp = staticmethod(math.tanh), staticmethod(math.exp)
 
     def array(self, values: Any) -> Numbers:
         """Copy `values` into an array of this arithmetic."""
@@ -64,7 +65,8 @@ class Extended:
     def __init__(self, mp: Any) -> None:
         self.mp = mp
         self.epsilon = float(mp.eps)
-        self.sin, self.cos, self.sqrt, self.atan2, self.tanh = mp.sin, mp.cos, mp.sqrt, mp.atan2, mp.tanh
+        self.sin, self.cos, self.sqrt, self.atan2 = mp.sin, mp.cos, mp.sqrt, mp.atan2
+        self.tanh, self.exp = mp.tanh, mp.exp
 
     def array(self, values: Any) -> Numbers:
         """Copy `values` into an array of this arithmetic, each number exactly."""
@@ -120,7 +122,8 @@ class Long(Extended):
 
     def __init__(self) -> None:
         self.epsilon = float(np.finfo(np.longdouble).eps)
-        self.sin, self.cos, self.sqrt, self.atan2, self.tanh = np.sin, np.cos, np.sqrt, np.arctan2, np.tanh
+        self.sin, self.cos, self.sqrt, self.atan2 = np.sin, np.cos, np.sqrt, np.arctan2
+        self.tanh, self.exp = np.tanh, np.exp
 
     def array(self, values: Any) -> Numbers:
         """Copy `values` into an array of this arithmetic, each number exactly."""

@@ -18,6 +18,8 @@ Coefficients = Mapping[str, Mapping[str, float]]
 #: Axes, in the joint's triad, of the force (0 to 2) and the moment (3 to 5) that a coefficient multiplies.
 OF_HINGE = {"radial": (0, 1), "axial": (2,), "tilt": (3, 4)}
 OF_BALL, OF_SLIDE = {"radial": (0, 1, 2)}, {"normal": (0, 1), "tilt": (3, 4, 5)}
+#: Coefficients of the factor by which friction is larger near rest.
+NEAR_REST = ("static", "speed")
 NEWTON = 40
 #: Part of the largest wrench by which rows may fail to balance bodies: the given motion is rounded.
 BALANCED = 1e-9
@@ -35,7 +37,7 @@ class Judge:
 
     Args:
         oracle: The models without friction.
-        law: Coefficients by joint.
+        law: Coefficients by joint; "static" and "speed" besides those of loads.
         width: Speed scale of the smoothed sign [m/s or rad/s].
     """
 
@@ -116,7 +118,7 @@ class Judge:
         oracle, array = self.oracle, self.oracle.arithmetic.array
         held, efforts, own = self._rows(posture)
         factor = oracle.arithmetic.factor(held[6:], oracle.rank_tolerance)  # the world is held by nothing
-        D = self._directions(array(v))
+        D = self.directions(array(v))
 
         def wrenches(n: Numbers) -> list[Numbers]:
             """Compute the wrench of each joint with friction, in its triad, under frictions n."""
@@ -157,6 +159,8 @@ class Judge:
         takes = {"spherical": OF_BALL, "prismatic": OF_SLIDE}.get(kind, OF_HINGE)
         size, slope = 0 * wrench[0], 0 * wrench
         for word, factor in self.law[name].items():
+            if word in NEAR_REST:
+                continue
             at = list(takes[word])
             length = self.oracle.arithmetic.sqrt(wrench[at] @ wrench[at])
             size = size + factor * length
@@ -164,7 +168,7 @@ class Judge:
                 slope[at] = slope[at] + factor * wrench[at] / length
         return size, slope
 
-    def _directions(self, v: Numbers) -> Numbers:
+    def directions(self, v: Numbers) -> Numbers:
         """Compute the efforts of all coordinates per unit of each joint's friction, shape (nv, joints)."""
         D = self.oracle.arithmetic.array(np.zeros((len(v), len(self.names))))
         for j, name in enumerate(self.names):
@@ -172,4 +176,8 @@ class Judge:
             speed = self.oracle.arithmetic.sqrt(v[at] @ v[at])
             if speed > 0:
                 D[at, j] = -self.oracle.arithmetic.tanh(speed / self.width) * v[at] / speed
+            if "static" in (own := self.law[name]):
+                D[at, j] *= 1 + (own["static"] - 1) * self.oracle.arithmetic.exp(
+                    -((speed / own["speed"]) ** 2)
+                )
         return D

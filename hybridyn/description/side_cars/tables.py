@@ -147,7 +147,7 @@ EFFECTS: dict[str, dict[str, Any]] = {
     },
     "load_friction": {
         "radial": ByJoint | None, "axial": ByJoint | None, "tilt": ByJoint | None, "normal": ByJoint | None,
-        "width": Positive | None,
+        "static": ByJoint | None, "speed": ByJoint | None, "width": Positive | None,
     },
     "gear_efficiency": {
         "efficiency": dict[str, Positive], "back": dict[str, FiniteFloat] | None, "width": Positive | None,
