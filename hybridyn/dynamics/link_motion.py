@@ -150,6 +150,20 @@ def body_motions(
     return bodies
 
 
+def all_bodies(robot: HybridRobot, q: Array, v: Array, a: Array | None = None) -> Motion:
+    """Compute the motion of all bodies in the world, shapes (T, bodies, ...).
+
+    Args:
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+        a: Accelerations, shape (T, nv); zero by default.
+    """
+    found = body_motions(robot, q, v, np.zeros_like(v) if a is None else a)
+    each = zip(*(found[number].arrays for number in range(len(found))), strict=True)
+    stacked = (np.stack(np.broadcast_arrays(*arrays), axis=1) for arrays in each)
+    return Motion(*map(np.ascontiguousarray, stacked))  # so that sums over bodies round alike in any batch
+
+
 def _root(robot: HybridRobot, q: Array, v: Array, a: Array) -> Motion:
     """Compute the motion of the root body in the world from its velocity in its own frame."""
     if robot.base == "fixed":

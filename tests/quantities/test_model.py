@@ -52,6 +52,12 @@ def test_a_serial_robot_against_pinocchio(base: Base) -> None:
     M, force, weight = hybridyn.mass_matrix(robot, q), hybridyn.bias(robot, q, v), hybridyn.gravity(robot, q)
     columns = [c for m in robot.motors for c in [robot.v_slices[robot.joint_index[m]].start]]
     columns = list(range(6)) * (base == "floating") + columns
+    link, along = robot.description.links[-1].name, {"world": pin.LOCAL_WORLD_ALIGNED, "link": pin.LOCAL}
+    frame = robot.model.getFrameId(link, pin.BODY)
+    for axes, J in ((axes, hybridyn.link_jacobian(robot, q, link, axes=axes)) for axes in along):
+        for t in range(3):
+            of_tree = pin.computeFrameJacobian(robot.model, data, q[t], frame, along[axes])
+            close_to(J[t], of_tree[:, columns], SOLVED)
     for t in range(3):
         upper = np.triu(pin.crba(robot.model, data, q[t]))
         close_to(M[t], (upper + np.triu(upper, 1).T)[np.ix_(columns, columns)], SOLVED)

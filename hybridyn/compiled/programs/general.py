@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ...assembly.task import closure_residual
 from ...dynamics.direct import ddm
 from ...dynamics.inverse import idm
-from ...dynamics.link_motion import body_motions
+from ...dynamics.link_motion import all_bodies
 from ...effects.choice import Effects
 from ...errors import HybridynError
 from ...linkage.motion import Motion
@@ -27,20 +27,16 @@ WIDTH = 24
 
 def body_rows(robot: HybridRobot, q: Array, v: Array, a: Array) -> Array:
     """Compute the motion of every body in the world frame by the general path, shape (T, WIDTH bodies)."""
-    out = np.zeros((len(q), len(robot.bodies.bodies), WIDTH))
-    for body, m in body_motions(robot, q, v, a).items():
-        R = np.broadcast_to(m.R, (len(q), 3, 3)).reshape(-1, 9)
-        out[:, body] = np.concatenate([R, m.p, m.p_dot, m.w, m.p_ddot, m.w_dot], axis=1)
-    return out.reshape(len(q), -1)
+    m = all_bodies(robot, q, v, a)
+    parts = [m.R.reshape(*m.p.shape[:2], 9), m.p, m.p_dot, m.w, m.p_ddot, m.w_dot]
+    return np.concatenate(parts, axis=2).reshape(len(q), -1)
 
 
-def body_motion(rows: Array, body: int) -> Motion:
-    """Return the motion of one body from rows of all, shape (T, WIDTH bodies)."""
-    x = rows[:, WIDTH * body : WIDTH * (body + 1)]
-    R, p, p_dot, w, p_ddot, w_dot = (
-        x[:, i:j] for i, j in ((0, 9), (9, 12), (12, 15), (15, 18), (18, 21), (21, 24))
-    )
-    return Motion(R.reshape(-1, 3, 3), p, w, p_dot, w_dot, p_ddot)
+def motion_of(rows: Array) -> Motion:
+    """Return the motion of bodies from rows of them, shape (T, ..., WIDTH)."""
+    p, p_dot, w, p_ddot, w_dot = (rows[..., at : at + 3] for at in range(9, WIDTH, 3))
+    R = rows[..., :9]
+    return Motion(R.reshape(*R.shape[:-1], 3, 3), p, w, p_dot, w_dot, p_ddot)
 
 
 #: Quantity of the columns of a table that stands for an argument.

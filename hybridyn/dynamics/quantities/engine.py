@@ -16,17 +16,20 @@ What is quadratic in the rates has the polar form f(v, w) = (f(v + w) - f(v - w)
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from ...effects.choice import Choice, Effects, choose, without_losses
 from ...errors import ModelError, SingularityError
+from ...linkage.motion import Motion
 from ...spatial import Array, Index, congruence, crm, motion_matrix
 from ...structure.module import ModuleState
 from ...structure.robot import HybridRobot
 from ..forward import forward
 from ..inverse_recursion import needed_forces, output_jacobians
+from ..link_motion import all_bodies
 from ..loads import Loads, all_loads
 from ..state_checks import check_closed
 from .independent import IndependentCoordinates, Motions, independent_coordinates, independent_motions
@@ -35,9 +38,47 @@ from .independent import IndependentCoordinates, Motions, independent_coordinate
 AT_ONCE = 512
 
 
+#: Effects that c is made of: what is quadratic in the rates.
+QUADRATIC = ("inertia", "leg_inertia", "velocity", "rotor_inertia")
+
+
+class Engine(Protocol):
+    """Motions and forces of a robot over independent coordinates: the general path, or compiled models."""
+
+    @property
+    def robot(self) -> HybridRobot:
+        """The robot."""
+        ...
+
+    @property
+    def u(self) -> IndependentCoordinates:
+        """Its independent coordinates."""
+        ...
+
+    def basis(self, q: Array, v: Array | None = None) -> Array:
+        """Compute E = dq/du, shape (T, nv, N); rates v, if given, must keep the loops closed."""
+        ...
+
+    def drift(self, q: Array, v: Array) -> Array:
+        """Compute the accelerations of the spanning tree at u_dot = 0, shape (T, nv)."""
+        ...
+
+    def coriolis(self, q: Array, v: Array) -> Array:
+        """Compute c, shape (T, N), [N or N m]."""
+        ...
+
+    def mass(self, q: Array) -> Array:
+        """Compute the mass matrix, shape (T, N, N)."""
+        ...
+
+    def bodies(self, q: Array, v: Array) -> Motion:
+        """Compute the motion of all bodies in the world, shapes (T, bodies, ...), at zero accelerations."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
-class Engine:
-    """Motions and forces of a robot over independent coordinates.
+class GeneralEngine:
+    """The engine of the general path.
 
     Attributes:
         robot: The robot.
@@ -50,7 +91,7 @@ class Engine:
     on: Effects
 
     @classmethod
-    def of(cls, robot: HybridRobot, joints: Sequence[str] | None, effects: Choice = None) -> Engine:
+    def of(cls, robot: HybridRobot, joints: Sequence[str] | None, effects: Choice = None) -> GeneralEngine:
         """Build the engine for the joints and the effects of a call.
 
         Raises:
@@ -73,15 +114,17 @@ class Engine:
         states = closed_states(self.robot, q, v)
         return states, independent_motions(self.robot, states, q, v, self.u)
 
+    def basis(self, q: Array, v: Array | None = None) -> Array:
+        """Compute E = dq/du, shape (T, nv, N); errors are those of `motions`."""
+        return self.motions(q, v)[1].E
+
     def drift(self, q: Array, v: Array) -> Array:
         """Compute the accelerations of the spanning tree at u_dot = 0, shape (T, nv)."""
         states = forward(self.robot, q, v, None, None)
         return independent_motions(self.robot, states, q, v, self.u).drift
 
-    def forces_at_rest(
-        self, q: Array, v: Array, time: Array | None = None, base: Array | None = None
-    ) -> Array:
-        """Compute the generalised force along u at u_dot = 0, shape (T, N), [N or N m].
+    def bias(self, q: Array, v: Array, time: Array | None = None, base: Array | None = None) -> Array:
+        """Compute c + g: the generalised force along u at u_dot = 0, shape (T, N), [N or N m].
 
         Args:
             q: Positions, shape (T, nq).
@@ -100,6 +143,14 @@ class Engine:
         for k, needed in needed_forces(states, loads, lambda k: bases[k]):
             out[:, self.u.own[k]] = needed.Q
         return out
+
+    def coriolis(self, q: Array, v: Array) -> Array:
+        """Compute c, shape (T, N): what is quadratic in the rates."""
+        return replace(self, on=self.on.only(QUADRATIC)).bias(q, v)
+
+    def bodies(self, q: Array, v: Array) -> Motion:
+        """Compute the motion of all bodies in the world, shapes (T, bodies, ...), at zero accelerations."""
+        return all_bodies(self.robot, q, v)
 
     def mass(self, q: Array) -> Array:
         """Compute the mass matrix, shape (T, N, N): the inertias of all outputs and legs, over u."""
@@ -208,14 +259,7 @@ def polar_form(robot: HybridRobot, f: Callable[[Array, Array], Array], q: Array,
     return out
 
 
-def rate_of_map(
-    robot: HybridRobot,
-    q: Array,
-    v: Array,
-    E: Array,
-    u: IndependentCoordinates,
-    drift: Callable[[Array, Array], Array],
-) -> Array:
+def rate_of_map(engine: Engine, q: Array, v: Array, E: Array) -> Array:
     """Compute E_dot by polarisation of the drift E_dot(v) u, which is quadratic in v, shape (T, nv, N).
 
     The columns of u are derivatives of one posture by coordinates, so that d(E_j)/du_i and d(E_i)/du_j agree
@@ -226,8 +270,11 @@ def rate_of_map(
         q: Positions, shape (T, nq).
         v: Rates, shape (T, nv).
         E: dq/du, shape (T, nv, N).
-        drift: The drift at positions (S, nq) and rates (S, nv), shape (S, nv).
+
+    Raises:
+        SingularityError: The coordinates leave idle motions open.
     """
+    robot, u = engine.robot, engine.u
     u.fit(robot, "the rate of dq/du")
     if not u.size:
         return np.zeros_like(E)
@@ -235,7 +282,7 @@ def rate_of_map(
     together = np.zeros((len(q), robot.nv, max(len(own) for _, own, _ in places)))
     for index, own, at in places:
         together[:, index, at] = E[:, index, own]
-    form = polar_form(robot, drift, q, v, together)
+    form = polar_form(robot, engine.drift, q, v, together)
     out = -_brackets(robot, v, E) / 2
     for index, own, at in places:
         out[:, index, own] += form[:, index, at]

@@ -1,6 +1,6 @@
 """What links are and feel like through the loops: Jacobians J, J M^-1 J^T (Delassus), and its inverse.
 
-J is Pinocchio's Jacobian of the spanning tree times dq/du. The direct model at rest, under unit wrenches and
+J is the Jacobian of the spanning tree times dq/du. The direct model at rest, under unit wrenches and
 nothing else, gives the columns of the Delassus matrix, each linear in the modules; M is never formed. All
 motions of the robot count, also those that no motor drives.
 """
@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...effects.choice import Choice, Effects
-from ...spatial import Array, to_body_axes
+from ...linkage.motion import Motion
+from ...spatial import Array, Index, to_body_axes
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions, one_of
 from ..direct import direct_model
 from ..guards import FIXED_LINKS, check
 from ..link_motion import link_motions, named_links
-from .engine import Engine, by_columns, chosen_effects
+from .engine import Engine, GeneralEngine, by_columns, chosen_effects
 
 #: Effects that inertia is made of.
 INERTIAL = ("inertia", "leg_inertia", "rotor_inertia")
@@ -53,17 +54,62 @@ def link_jacobian(
         array([[-0.191, -0.191],
                [ 0.13 , -0.13 ]])
     """
-    engine = Engine.of(robot, joints)
+    engine = GeneralEngine.of(robot, joints)
     named_links(robot, [link])
     one_of("axes", axes, "world", "link")
     q, single = as_positions(robot, q)
-    import pinocchio as pin
-
-    model, frame = robot.unchanged_model, robot.unchanged_model.getFrameId(link, pin.BODY)
-    data, along = model.createData(), pin.LOCAL if axes == "link" else pin.LOCAL_WORLD_ALIGNED
-    of_tree = [pin.computeFrameJacobian(model, data, x, frame, along) for x in q]
-    J: Array = np.matmul(np.reshape(of_tree, (len(q), 6, robot.nv)), engine.motions(q)[1].E)
+    J = link_jacobians(engine, q, [link], axes)
     return J[0] if single else J
+
+
+def link_jacobians(engine: Engine, q: Array, links: Sequence[str], axes: str) -> Array:
+    """Compute the Jacobians of k links by any engine, shape (T, 6 k, N).
+
+    The Jacobian of the spanning tree, whose columns come from the poses on the way to the root, times dq/du.
+
+    Args:
+        q: Positions, shape (T, nq).
+        links: Their names.
+        axes: As in `link_jacobian`.
+    """
+    bodies, E = engine.bodies(q, np.zeros((len(q), engine.robot.nv))), engine.basis(q)
+    return np.concatenate([_link_jacobian(engine.robot, bodies, E, link, axes) for link in links], axis=1)
+
+
+def _link_jacobian(robot: HybridRobot, motion: Motion, E: Array, link: str, axes: str) -> Array:
+    """Compute the Jacobian of a link, shape (T, 6, N), from the motion of all bodies."""
+    columns, bodies, S = _way_to_root(robot, link)
+    body, R, p = robot.bodies.place[link]
+    turned = motion.R[:, [*bodies, body]]
+    arm = motion.p[:, None, body] + (turned[:, -1] @ p)[:, None] - motion.p[:, bodies]
+    w = np.matmul(turned[:, :-1], S[:, 3:, None])[..., 0]
+    twists = [np.matmul(turned[:, :-1], S[:, :3, None])[..., 0] + np.cross(w, arm), w]
+    if axes == "link":
+        twists = [np.matmul(part, turned[:, -1] @ R) for part in twists]
+    out: Array = np.matmul(np.swapaxes(np.concatenate(twists, axis=2), 1, 2), E[:, columns])
+    return out
+
+
+def _way_to_root(robot: HybridRobot, link: str) -> tuple[Index, list[int], Array]:
+    """Return the freedoms that move a link in the spanning tree.
+
+    Returns:
+        Their entries of v, the bodies that they move, and the motion subspace in these bodies' frames, shape
+        (k, 6).
+    """
+    columns, bodies, S = [np.zeros(0, dtype=int)], list[int](), [np.zeros((0, 6))]
+    k, number = robot.body_owner[robot.bodies.place[link][0]]
+    while k > 0 or (k == 0 and robot.base != "floating"):
+        module = robot.modules[k]
+        tree = module.mechanism.spanning
+        moved = np.flatnonzero(tree.support[number])
+        columns.append(module.v_index[moved])
+        bodies += [robot.body_of_joint[module.joints[i]] for i in tree.dof_body[moved] - 1]
+        S.append(np.concatenate([tree.S_linear, tree.S_angular], axis=1)[moved])
+        k, number = robot.body_owner[robot.bodies.place[module.base][0]]
+    if robot.base == "floating":
+        columns, bodies, S = [*columns, np.arange(6)], [*bodies, *[0] * 6], [*S, np.eye(6)]
+    return np.concatenate(columns), bodies, np.concatenate(S)
 
 
 def delassus(

@@ -13,11 +13,9 @@ from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions
 from ..direct import acceleration_of_base, needs_inertia
 from ..state_checks import checked_state
-from .engine import Engine, chosen_effects, polar_form, rate_of_map
+from .engine import QUADRATIC, Engine, GeneralEngine, chosen_effects, polar_form, rate_of_map
 from .independent import independent_coordinates
 
-#: Effects that c is made of: what is quadratic in the rates.
-QUADRATIC = ("inertia", "leg_inertia", "velocity", "rotor_inertia")
 #: Effects that g is made of.
 WEIGHTS = ("gravity", "inertia", "leg_inertia")
 
@@ -61,12 +59,12 @@ def motion_map(
         >>> bool(abs(E @ v[robot.motor_v] - v).max() < 1e-12)
         True
     """
-    engine = Engine.of(robot, joints)
+    engine = GeneralEngine.of(robot, joints)
     q, rates, single = checked_state(robot, q, v)
-    E = engine.motions(q, None if v is None else rates)[1].E
+    E = engine.basis(q, None if v is None else rates)
     if v is None:
         return E[0] if single else E
-    E_dot = rate_of_map(robot, q, rates, E, engine.u, engine.drift)
+    E_dot = rate_of_map(engine, q, rates, E)
     return (E[0], E_dot[0]) if single else (E, E_dot)
 
 
@@ -104,7 +102,7 @@ def mass_matrix(
     on = without_losses(choose(robot, effects), "the mass matrix does not take")
     needs_inertia(on)
     q, single = as_positions(robot, q)
-    M = Engine(robot, u, on).mass(q)
+    M = GeneralEngine(robot, u, on).mass(q)
     return M[0] if single else M
 
 
@@ -146,10 +144,10 @@ def bias(
         >>> hybridyn.bias(robot, q, v).round(3)
         array([ 2.128, -1.31 ])
     """
-    engine = Engine.of(robot, joints, effects)
+    engine = GeneralEngine.of(robot, joints, effects)
     q, v, single = checked_state(robot, q, v)
     base = None if base_acceleration is None else acceleration_of_base(robot, base_acceleration, len(q))
-    out = engine.forces_at_rest(q, v, times(time, len(q)), base)
+    out = engine.bias(q, v, times(time, len(q)), base)
     return out[0] if single else out
 
 
@@ -248,18 +246,34 @@ def coriolis_matrix(
         >>> (hybridyn.coriolis_matrix(robot, q, v) @ u).round(3)
         array([ 0.015, -0.02 ])
     """
-    engine = Engine.of(robot, joints, chosen_effects(robot, effects).only(QUADRATIC))
-    engine.u.fit(robot, "the Coriolis matrix")
+    engine = GeneralEngine.of(robot, joints, effects)
     q, v, single = checked_state(robot, q, v)
+    C = christoffel(engine, q, v)
+    return C[0] if single else C
+
+
+def christoffel(engine: Engine, q: Array, v: Array) -> Array:
+    """Compute C(q, v) as `coriolis_matrix` does, by any engine, shape (T, N, N).
+
+    Args:
+        q: Positions, shape (T, nq).
+        v: Rates, shape (T, nv).
+
+    Raises:
+        SingularityError: The coordinates leave idle motions open.
+        TrajectoryError: A prescribed base moves.
+    """
+    robot = engine.robot
+    engine.u.fit(robot, "the Coriolis matrix")
     if robot.base == "moving" and v[:, :6].any():
         raise TrajectoryError(
             "coriolis_matrix: the moving base has a twist, and c is not C u then: take coriolis(), or a base "
             "at rest"
         )
-    C = polar_form(robot, engine.forces_at_rest, q, v, engine.motions(q)[1].E)
+    C = polar_form(robot, engine.coriolis, q, v, engine.basis(q))
     if robot.base == "floating":
         C[:, :, :6] += of_brackets(engine.mass(q), v)
-    return C[0] if single else C
+    return C
 
 
 def of_brackets(M: Array, v: Array) -> Array:

@@ -12,17 +12,26 @@ from numpy.typing import ArrayLike
 from ....dynamics.direct import acceleration_of_base
 from ....dynamics.energy import Energy, energy
 from ....dynamics.link_motion import LinkMotion, motions_of, named_links
+from ....dynamics.quantities.engine import rate_of_map
 from ....dynamics.quantities.independent import IndependentCoordinates, independent_coordinates
 from ....dynamics.quantities.joint_map import JointMap, related, side_motions
-from ....dynamics.quantities.links import delassus, link_jacobian, operational_inertia
-from ....dynamics.quantities.model import bias, coriolis, coriolis_matrix, gravity, mass_matrix, motion_map
+from ....dynamics.quantities.links import delassus, link_jacobian, link_jacobians, operational_inertia
+from ....dynamics.quantities.model import (
+    bias,
+    christoffel,
+    coriolis,
+    coriolis_matrix,
+    gravity,
+    mass_matrix,
+    motion_map,
+)
 from ....dynamics.state_checks import checked_state
 from ....effects.springs import Spring, Stop
 from ....errors import HybridynError
 from ....spatial import Array, Mask
 from ....structure.samples import one_of
 from ...library.calls import Library, Numbers
-from ..general import body_motion, named, samples_of
+from ..general import WIDTH, motion_of, named, samples_of
 from ..model_calls import ModelCalls
 from ..postures import Postures
 from ..sources import kept
@@ -56,7 +65,7 @@ class Quantities:
 
     def mass_matrix(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute M(q), shape (N, N) or (T, N, N), like `hybridyn.mass_matrix`."""
-        return self._of_forces(mass_matrix, joints, q)
+        return self._of_forces(mass_matrix, CompiledEngine.mass, joints, q)
 
     def bias(
         self,
@@ -67,23 +76,26 @@ class Quantities:
         base_acceleration: ArrayLike | None = None,
     ) -> Numbers:
         """Compute c(q, v) + g(q), shape (N,) or (T, N), like `hybridyn.bias`."""
-        return self._of_forces(bias, joints, q, v, base=base_acceleration)
+        return self._of_forces(bias, CompiledEngine.bias, joints, q, v, base=base_acceleration)
 
     def coriolis(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute c(q, v), shape (N,) or (T, N), like `hybridyn.coriolis`."""
-        return self._of_forces(coriolis, joints, q, v, (Stop,))  # whose damping is not odd in the rates
+        laws = (Stop,)  # whose damping is not odd in the rates
+        return self._of_forces(coriolis, CompiledEngine.coriolis, joints, q, v, laws)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute C(q, v) with c = C u, shape (N, N) or (T, N, N), like `hybridyn.coriolis_matrix`."""
-        return self._of_forces(coriolis_matrix, joints, q, v, (Stop,))
+        return self._of_forces(coriolis_matrix, christoffel, joints, q, v, (Stop,))
 
     def gravity(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute g(q), shape (N,) or (T, N), like `hybridyn.gravity`."""
-        return self._of_forces(gravity, joints, q, laws=(Spring, Stop))  # they act at rest, too
+        laws = (Spring, Stop)  # they act at rest, too
+        return self._of_forces(gravity, CompiledEngine.gravity, joints, q, laws=laws)
 
     def _of_forces(
         self,
         function: Callable[..., Array],
+        formula: Formula,
         joints: Joints,
         q: ArrayLike,
         v: ArrayLike | None = None,
@@ -93,7 +105,8 @@ class Quantities:
         """Compute a quantity of the forces along some joints.
 
         Args:
-            function: The general path's, with the name of the engine's.
+            function: The general path's.
+            formula: Computes the quantity by an engine.
             laws: As in `_driven_by`.
             base: Acceleration of a prescribed base.
         """
@@ -104,7 +117,7 @@ class Quantities:
             given["base_acceleration"] = acceleration_of_base(self.robot, base, len(positions))
         general = partial(function, self.robot, joints=joints, effects=self.effects)
         lanes = ROWS[name] * (moves.u.size if moves and "matrix" in name else 1)
-        return self._finished(name, moves, getattr(CompiledEngine, name), general, lanes, single, **given)
+        return self._finished(name, moves, formula, general, lanes, single, **given)
 
     def motion_map(
         self, q: ArrayLike, v: ArrayLike | None = None, *, joints: Joints = None
@@ -113,14 +126,18 @@ class Quantities:
         moves, general = self._following(joints), partial(motion_map, self.robot, joints=joints)
         q, rates, single = checked_state(self.robot, q, v)
         if v is None:
-            return self._finished("motion_map", moves, CompiledEngine.map, general, 6, single, q=q)
+            return self._finished("motion_map", moves, CompiledEngine.basis, general, 6, single, q=q)
 
         def both(q: Array, v: Array) -> Array:
             """Compute dq/du and its rate by the general path, side by side."""
             return np.concatenate(general(q, v), axis=2)
 
-        formula, lanes = CompiledEngine.map_and_rate, 2 * self.robot.nv
-        out = self._finished("motion_map", moves, formula, both, lanes, single, q=q, v=rates)
+        def in_c(engine: CompiledEngine, q: Array, v: Array) -> Array:
+            """Compute them by an engine, side by side."""
+            E = engine.basis(q, v)
+            return np.concatenate([E, rate_of_map(engine, q, v, E)], axis=2)
+
+        out = self._finished("motion_map", moves, in_c, both, 2 * self.robot.nv, single, q=q, v=rates)
         E, E_dot = np.split(out, 2, axis=-1)
         return E, E_dot
 
@@ -263,7 +280,11 @@ class Quantities:
         rows = self._models.run("kinematics", given)
         places = self.robot.bodies.place
         wanted = list(named_links(self.robot, links))
-        bodies = {body: body_motion(np.atleast_2d(rows), body) for body in {places[x][0] for x in wanted}}
+        of_all = np.atleast_2d(rows)
+        bodies = {
+            body: motion_of(of_all[:, WIDTH * body : WIDTH * (body + 1)])
+            for body in {places[x][0] for x in wanted}
+        }
         return motions_of(self.robot, bodies, wanted, rows.ndim == 1)
 
     def link_jacobian(
@@ -271,7 +292,7 @@ class Quantities:
     ) -> Numbers:
         """Compute the Jacobian of a link, shape (6, N) or (T, 6, N), like `hybridyn.link_jacobian`."""
         moves, general = self._following(joints), partial(link_jacobian, self.robot, link=link, joints=joints)
-        return self._of_links(general, CompiledEngine.link_jacobians, moves, q, [link], axes)
+        return self._of_links(general, link_jacobians, moves, q, [link], axes)
 
     def delassus(self, q: ArrayLike, links: str | Sequence[str], *, axes: str = "world") -> Numbers:
         """Compute J M^-1 J^T of links, shape (6 k, 6 k) or (T, 6 k, 6 k), like `hybridyn.delassus`."""
@@ -320,7 +341,7 @@ class Quantities:
             return E if v is None else drift
 
         if v is None:
-            E = self._finished("joint_map", moves, CompiledEngine.map, general, 6, False, q=q)
+            E = self._finished("joint_map", moves, CompiledEngine.basis, general, 6, False, q=q)
             return E, np.zeros((len(q), self.robot.nv))
         drift = self._finished("joint_map", moves, CompiledEngine.drift, general, 1, False, q=q, v=v)
         return np.zeros((len(q), self.robot.nv, side.size)), drift

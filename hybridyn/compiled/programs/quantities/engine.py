@@ -1,4 +1,4 @@
-"""Closed-loop quantities from rows of compiled models, as `dynamics.quantities` computes them.
+"""The engine of `dynamics.quantities` by rows of compiled models.
 
     M e_j = (idm(q, 0, s E e_j) - idm(q, 0, 0)) / s                        a row for each coordinate
     c + g = idm(q, v, E_dot u)                                              one row
@@ -23,14 +23,14 @@ import numpy as np
 
 from ....dynamics.energy import add_energy_of_laws, leg_bodies
 from ....dynamics.guards import IMMOVABLE
-from ....dynamics.quantities.engine import polar_form, rate_of_map
-from ....dynamics.quantities.links import inverse_of
-from ....dynamics.quantities.model import of_brackets
+from ....dynamics.quantities.independent import IndependentCoordinates
+from ....dynamics.quantities.links import inverse_of, link_jacobians
 from ....effects.choice import Effects
+from ....linkage.motion import Motion
 from ....spatial import Array, Index, Mask
 from ....structure.robot import HybridRobot
 from ...library.calls import Numbers
-from ..general import WIDTH
+from ..general import WIDTH, motion_of
 from .following import Following
 
 #: Exponent of the factor on accelerations, and of rates after their factor.
@@ -83,6 +83,11 @@ class CompiledEngine:
         return self._moves
 
     @property
+    def u(self) -> IndependentCoordinates:
+        """The independent coordinates."""
+        return self.moves.u
+
+    @property
     def driven(self) -> Index:
         """Entries of v on which forces act: the twist of a floating base, then the motors."""
         base = np.arange(6 if self.robot.base == "floating" else 0)
@@ -93,9 +98,16 @@ class CompiledEngine:
         """What is appended to the names of models whose base is pushed."""
         return "_pushed" if self.robot.base == "floating" else ""
 
-    def map(self, q: Array) -> Numbers:
-        """Compute dq/du, shape (T, nv, N)."""
-        return self._trusted(*self.moves.map(q))
+    def basis(self, q: Array, v: Array | None = None) -> Numbers:
+        """Compute dq/du, shape (T, nv, N); rates that do not follow from those of u cannot be trusted."""
+        E = self._trusted(*self.moves.map(q))
+        if v is not None:
+            robot = self.robot
+            base = v * (np.arange(robot.nv) < 6) if robot.base == "moving" else 0.0
+            off, size = np.einsum("tij,tj->ti", E, v[:, self.u.columns]) + base - v, v / robot.unit
+            limit = FOLLOWS[str(self.moves.dtype)] * np.abs(size).max(axis=1, initial=0.0)
+            self.good &= np.abs(off / robot.unit).max(axis=1, initial=0.0) <= limit
+        return E
 
     def drift(self, q: Array, v: Array) -> Numbers:
         """Compute the accelerations at u_dot = 0, shape (T, nv), of rates that keep the loops closed."""
@@ -105,9 +117,9 @@ class CompiledEngine:
         """Compute the forces on the driven entries, shape (T, k)."""
         return self.run("idm" + self._pushed, q, v, a)
 
-    def mass_matrix(self, q: Array) -> Numbers:
+    def mass(self, q: Array) -> Numbers:
         """Compute the mass matrix, shape (T, N, N)."""
-        E, T = self.map(q), len(q)
+        E, T = self.basis(q), len(q)
         lanes = E.shape[2]
         a = np.swapaxes(E, 1, 2).reshape(T * lanes, -1) * 2.0**FASTER
         tau = self.forces(np.repeat(q, lanes, axis=0), np.zeros_like(a), a).reshape(T, lanes, -1)
@@ -129,18 +141,6 @@ class CompiledEngine:
         both = self.forces(q, fast, a) + self.forces(q, -fast, a)
         return self._over_u(q, np.ldexp(both / 2 - self._at_rest(q), -2 * s))
 
-    def coriolis_matrix(self, q: Array, v: Array) -> Numbers:
-        """Compute C with c = C u, shape (T, N, N): the polar form of c between v and the columns of dq/du.
-
-        The general path refuses a prescribed base that moves.
-        """
-        if self.robot.base == "moving":
-            self.good &= ~v[:, :6].any(axis=1)
-        C = polar_form(self.robot, self.coriolis, q, v, self.map(q))
-        if self.robot.base == "floating":
-            C[:, :, :6] += of_brackets(self.mass_matrix(q), v)
-        return C
-
     def gravity(self, q: Array) -> Numbers:
         """Compute g, shape (T, N)."""
         return self._over_u(q, self._at_rest(q))
@@ -152,37 +152,19 @@ class CompiledEngine:
 
     def _over_u(self, q: Array, tau: Numbers) -> Numbers:
         """Return efforts along u, shape (T, N), from those on the driven entries."""
-        same = np.array_equal(self.driven, self.moves.u.columns)
-        return tau if same else self._along(self.map(q), tau[:, :, None])[:, :, 0]
+        same = np.array_equal(self.driven, self.u.columns)
+        return tau if same else self._along(self.basis(q), tau[:, :, None])[:, :, 0]
 
     def _along(self, E: Numbers, tau: Numbers) -> Numbers:
         """Return efforts along u, shape (T, N, c), from columns of those on driven entries, (T, k, c)."""
-        if np.array_equal(self.driven, self.moves.u.columns):
+        if np.array_equal(self.driven, self.u.columns):
             return tau
         out: Array = np.matmul(np.swapaxes(E[:, self.driven], 1, 2), tau)
         return out
 
-    def map_and_rate(self, q: Array, v: Array) -> Numbers:
-        """Compute dq/du and its rate side by side, shape (T, nv, 2 N)."""
-        robot, u = self.robot, self.moves.u
-        u.fit(robot, "the rate of dq/du")
-        E = self.map(q)
-        base = v * (np.arange(robot.nv) < 6) if robot.base == "moving" else 0.0
-        off, size = np.einsum("tij,tj->ti", E, v[:, u.columns]) + base - v, v / robot.unit
-        limit = FOLLOWS[str(self.moves.dtype)] * np.abs(size).max(axis=1, initial=0.0)
-        self.good &= np.abs(off / robot.unit).max(axis=1, initial=0.0) <= limit
-        return np.concatenate([E, rate_of_map(robot, q, v, E, u, self.drift)], axis=2)
-
-    def link_jacobians(self, q: Array, links: Sequence[str], axes: str) -> Numbers:
-        """Compute the Jacobians of k links, shape (T, 6 k, N).
-
-        The Jacobian of the spanning tree, whose columns come from the poses on the way to the root, times
-        dq/du.
-        """
-        still = np.zeros((len(q), self.robot.nv))
-        x = self.run("kinematics", q, still, still).reshape(len(q), -1, WIDTH)
-        E = self.map(q)
-        return np.concatenate([_link_jacobian(self.robot, x, E, link, axes) for link in links], axis=1)
+    def bodies(self, q: Array, v: Array) -> Motion:
+        """Compute the motion of all bodies in the world, shapes (T, bodies, ...), at zero accelerations."""
+        return motion_of(self.run("kinematics", q, v, np.zeros_like(v)).reshape(len(q), -1, WIDTH))
 
     def delassus(self, q: Array, links: Sequence[str], axes: str) -> Numbers:
         """Compute J M^-1 J^T of k links, shape (T, 6 k, 6 k), of a robot with a motor for each freedom.
@@ -190,12 +172,12 @@ class CompiledEngine:
         The direct model at rest, under forces on its coordinates that do the work of unit wrenches on the
         links.
         """
-        J, name = self.link_jacobians(q, links, axes), "ddm" + self._pushed
+        J, name = link_jacobians(self, q, links, axes), "ddm" + self._pushed
         T, rows, N = J.shape
         still = np.zeros((T * rows, self.robot.nv))
         pushed = self.run(name, np.repeat(q, rows, axis=0), still, J.reshape(T * rows, N) * 2.0**FASTER)
         free = pushed.reshape(T, rows, -1) - self.run(name, q, still[:T], np.zeros((T, N)))[:, None]
-        D = np.matmul(free[:, :, self.moves.u.columns] * 2.0**-FASTER, np.swapaxes(J, 1, 2))
+        D = np.matmul(free[:, :, self.u.columns] * 2.0**-FASTER, np.swapaxes(J, 1, 2))
         out: Array = (D + np.swapaxes(D, 1, 2)) / 2
         return out
 
@@ -209,55 +191,18 @@ class CompiledEngine:
 
     def energy(self, q: Array, v: Array, on: Effects) -> Numbers:
         """Compute kinetic and potential energy, shape (T, 2)."""
-        robot = self.robot
+        robot, bodies = self.robot, self.bodies(q, v)
         counted, mass, com, inertia = _inertial_bodies(robot, on)
-        x = self.run("kinematics", q, v, np.zeros_like(v)).reshape(len(q), -1, WIDTH)[:, counted]
-        R, w = x[:, :, :9].reshape(*x.shape[:2], 3, 3), x[:, :, 15:18]
+        R, p, w, p_dot = (np.take(x, counted, axis=1) for x in bodies.arrays[:4])
         arm = np.matmul(R, com[:, :, None])[..., 0]
         own = np.matmul(np.swapaxes(R, 2, 3), w[..., None])
         spin = np.matmul(inertia, own)
-        speed = x[:, :, 12:15] + np.cross(w, arm)
+        speed = p_dot + np.cross(w, arm)
         kinetic = ((mass * (speed**2).sum(axis=2)).sum(axis=1) + (own * spin).sum(axis=(1, 2, 3))) / 2
         weight = robot.gravity if on.gravity is not None else np.zeros(3)
-        potential = -(mass * ((x[:, :, 9:12] + arm) @ weight)).sum(axis=1)  # `@ mass` rounds by the batch
+        potential = -(mass * ((p + arm) @ weight)).sum(axis=1)  # `@ mass` rounds by the batch
         add_energy_of_laws(robot, q, v, on, kinetic, potential)
         return np.stack([kinetic, potential], axis=1)
-
-
-def _link_jacobian(robot: HybridRobot, x: Numbers, E: Numbers, link: str, axes: str) -> Numbers:
-    """Compute the Jacobian of a link, shape (T, 6, N), from the motions of bodies, (T, bodies, WIDTH)."""
-    columns, bodies, S = _way_to_root(robot, link)
-    body, R, p = robot.bodies.place[link]
-    turned = x[:, [*bodies, body], :9].reshape(len(x), -1, 3, 3)
-    arm = x[:, None, body, 9:12] + (turned[:, -1] @ p)[:, None] - x[:, bodies, 9:12]
-    w = np.matmul(turned[:, :-1], S[:, 3:, None])[..., 0]
-    twists = [np.matmul(turned[:, :-1], S[:, :3, None])[..., 0] + np.cross(w, arm), w]
-    if axes == "link":
-        twists = [np.matmul(part, turned[:, -1] @ R) for part in twists]
-    out: Array = np.matmul(np.swapaxes(np.concatenate(twists, axis=2), 1, 2), E[:, columns])
-    return out
-
-
-def _way_to_root(robot: HybridRobot, link: str) -> tuple[Index, list[int], Array]:
-    """Return the freedoms that move a link in the spanning tree (Pinocchio's takes 16 ms for the lx4).
-
-    Returns:
-        Their entries of v, the bodies that they move, and the motion subspace in these bodies' frames, shape
-        (k, 6).
-    """
-    columns, bodies, S = [np.zeros(0, dtype=int)], list[int](), [np.zeros((0, 6))]
-    k, number = robot.body_owner[robot.bodies.place[link][0]]
-    while k > 0 or (k == 0 and robot.base != "floating"):
-        module = robot.modules[k]
-        tree = module.mechanism.spanning
-        moved = np.flatnonzero(tree.support[number])
-        columns.append(module.v_index[moved])
-        bodies += [robot.body_of_joint[module.joints[i]] for i in tree.dof_body[moved] - 1]
-        S.append(np.concatenate([tree.S_linear, tree.S_angular], axis=1)[moved])
-        k, number = robot.body_owner[robot.bodies.place[module.base][0]]
-    if robot.base == "floating":
-        columns, bodies, S = [*columns, np.arange(6)], [*bodies, *[0] * 6], [*S, np.eye(6)]
-    return np.concatenate(columns), bodies, np.concatenate(S)
 
 
 def _inertial_bodies(robot: HybridRobot, on: Effects) -> tuple[list[int], Array, Array, Array]:
