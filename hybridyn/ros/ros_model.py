@@ -27,6 +27,8 @@ from .joint_numbers import RosJoints, check_names
 
 log = logging.getLogger("hybridyn.ros")
 
+#: Sets of joints other than the motors whose models are kept: drivers have one or two.
+SETS = 8
 #: Positions, rates and accelerations of some joints, shape (3, n), and the last posture, (nq,), to q, v, a.
 Closing = Callable[[Array, Array], tuple[Array, Array, Array]]
 
@@ -97,6 +99,8 @@ class RosModel:
         if key not in self._closings:
             own, robot, models = key == self.robot.motors, self.robot, self.compiled
             if not own:
+                if len(others := [one for one in self._closings if one != self.robot.motors]) == SETS:
+                    del self._closings[others[0]]
                 robot = rebuilt(robot, replace(robot.description, motors=key), held={*robot.held, *key})
                 models = models and _compiled(robot, None, [])
             self._closings[key] = partial(_close, robot, models)

@@ -71,6 +71,17 @@ def test_other_joints_determine_the_posture_too(states: CompleteStates, measured
     np.testing.assert_allclose(found.velocity, whole.velocity, rtol=0, atol=1e-11)
 
 
+def test_models_of_few_sets_of_joints_are_kept(
+    states: CompleteStates, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros_model, "SETS", 1)
+    sets = [(LEFT, "m1_left_elbow"), (RIGHT, "m1_right_elbow"), (LEFT, "m1_left_elbow")]
+    made = [states.model.closing(one) for one in sets]
+    assert made[0] is not made[2]
+    assert set(states.model._closings) == {states.model.robot.motors, sets[2]}
+    assert states.model.closing(sets[2]) is made[2]
+
+
 def test_a_driver_may_call_joints_otherwise(slowly: None) -> None:
     states = CompleteStates(RosModel(hybridyn.load("five_bar")), {"axis_1": LEFT, "axis_2": RIGHT})
     found = states.complete(JointNumbers(["axis_2", "axis_1"], [0.2, 0.1]), 1)
