@@ -313,7 +313,7 @@ class Closures:
 
     def residual(self, q: Array, motion: Motion) -> Array:
         """Compute the closure residuals, shape (T, rows), [m, rad]."""
-        out = np.zeros((len(q), self.rows))
+        out = np.zeros((len(q), self.rows), motion.p.dtype)
         for group in self._groups:
             out[:, group.rows] = group.residual(motion)
         out[:, self.rows - len(self.couplings) :] = self._coupled.residual(q)
@@ -326,7 +326,7 @@ class Closures:
             motion: Motion of the tree (positions suffice).
             scales: Factor of each row and of each column, shapes (rows,) and (nv,); one by default.
         """
-        K = samples_inside((len(motion.p), self.rows, self.tree.nv))
+        K = samples_inside((len(motion.p), self.rows, self.tree.nv), motion.p.dtype)
         row_scale, col_scale = scales or (np.ones(self.rows), np.ones(self.tree.nv))
         columns = self.tree.columns(motion)
         by_row = K.transpose(1, 2, 0)
@@ -356,7 +356,7 @@ class Closures:
         Returns:
             Each of shape (T, rows).
         """
-        first, second = np.zeros((2, len(v), self.rows))
+        first, second = np.zeros((2, len(v), self.rows), motion.p.dtype)
         for group in self._groups:
             first[:, group.rows], second[:, group.rows] = group.rates(motion)
         couplings = self.rows - len(self.couplings)

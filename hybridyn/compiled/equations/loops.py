@@ -22,7 +22,7 @@ from .guarded_elimination import Pivots, choose_pivots
 from .legs import fold_links
 from .rigid import Links, links_of
 from .rods import Rod, is_ball, rods_of
-from .spanning_rows import Frames, SpanningRows
+from .spanning_rows import SpanningRows
 from .spins import spins_of
 from .states import generic_positions
 
@@ -96,18 +96,18 @@ class LoopRows:
             self.drift = np.concatenate([self.drift, zeros(len(K)) if drift is None else drift])
         self.K, self.residual = np.concatenate([self.K, K]), np.concatenate([self.residual, residual])
 
-    def close(self, closure: TreeClosure, frames: Frames) -> None:
+    def close(self, closure: TreeClosure) -> None:
         """Add the rows of a closure."""
-        self._add(closure, frames, *self.writer.closure(closure, frames))
+        self._add(closure, *self.writer.closure(closure))
 
-    def _add(self, closure: TreeClosure, frames: Frames, residual: Expression, K: Expression) -> None:
+    def _add(self, closure: TreeClosure, residual: Expression, K: Expression) -> None:
         """Add rows; the change of a ball's is that of its points, once their velocities are one."""
         if self._v is None:
             self.add(K, residual)
         elif is_ball(closure):
-            self.add(K, residual, zeros(3), self.writer.drift(closure, frames))
+            self.add(K, residual, zeros(3), self.writer.drift(closure))
         else:
-            self.add(K, residual, self.writer.rates(closure, frames))
+            self.add(K, residual, self.writer.rates(closure))
 
     def close_all(
         self,
@@ -121,11 +121,10 @@ class LoopRows:
         for k, same in enumerate(zip(*closures, strict=True)):
             own, rod = folded(folding, same), rods.get(k)
             if rod is None:
-                self.close(same[0], own)
+                self.close(own)
             else:
                 on_line = not any(c.p_a.dtype == object for c in same)
-                rows = self.writer.on_rod(same[0], own, rod.turns, on_line, exact=self.exact)
-                self._add(same[0], own, *rows)
+                self._add(own, *self.writer.on_rod(own, rod.turns, on_line, exact=self.exact))
         coupled = [
             same[0]._replace(offset=folding.array([scalar(c.offset) for c in same]))
             for same in zip(*couplings, strict=True)
@@ -135,12 +134,12 @@ class LoopRows:
         self.add(K, written.residual(q[None])[0])
 
 
-def folded(folding: Folding, same: Sequence[TreeClosure]) -> Frames:
-    """Return the frames of equal closures of several modules."""
+def folded(folding: Folding, same: Sequence[TreeClosure]) -> TreeClosure:
+    """Return a closure that represents those of several modules."""
     R_a, p_a, R_b, p_b = (
         folding.array([getattr(c, name) for c in same]) for name in ("R_a", "p_a", "R_b", "p_b")
     )
-    return R_a, p_a, R_b, p_b
+    return replace(same[0], R_a=R_a, p_a=p_a, R_b=R_b, p_b=p_b)
 
 
 def spinning_rods(

@@ -6,15 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...linkage.closures import TreeClosure, directions_of, residual_of, rows_of
+from ...linkage.closures import Closures, TreeClosure, directions_of, rows_of
 from ...linkage.tree import Tree
 from ...spatial import cross, motion_to_body
 from ...symbols import Expression, dot, minus
 from .chains import point_velocity
 from .expressions import numbers
-
-#: Frames of a closure on its bodies: axes and origin of A, axes and origin of B.
-Frames = tuple[Expression, Expression, Expression, Expression]
 
 
 class SpanningRows:
@@ -30,30 +27,28 @@ class SpanningRows:
         """Sweep the tree."""
         self.tree, self.local = tree, tree.local(q[None])
         self.motion = tree.sweep(q[None], None if v is None else v[None])
-        self._columns = [x[0] for x in tree.columns(self.motion)]
 
-    def closure(self, c: TreeClosure, frames: Frames) -> tuple[Expression, Expression]:
+    def closure(self, c: TreeClosure) -> tuple[Expression, Expression]:
         """Compute a closure's residual, shape (rows,), and Jacobian, shape (rows, nv)."""
-        (A, pa), (B, pb) = self._placed(c, frames)
-        sign = self.tree.support[c.body_b].astype(float) - self.tree.support[c.body_a]
-        linear, angular = (x * sign[:, None] for x in self._columns)
-        at_b = linear + cross(angular, pb - self.motion.p[0, self.tree.dof_body])
-        residual = residual_of(c.translations, c.rotation, (A, pa), (B, pb))
-        return residual, rows_of(directions_of(c.translations, c.rotation, A, B[:, 2]), (at_b, angular))
+        own = Closures(self.tree, [c], [])
+        assert self.motion.q is not None
+        return own.residual(self.motion.q, self.motion)[0], own.matrix(self.motion)[0]
 
-    def rates(self, c: TreeClosure, frames: Frames) -> Expression:
-        """Compute the rates of a closure's residual, its Jacobian times v, from the twists of its bodies.
+    def rates(self, c: TreeClosure) -> Expression:
+        """Compute the rates of a closure's residual, its Jacobian times v, from the motion of its bodies.
 
-        The product with the matrix has more operations, and so has its derivative.
+        The product with the matrix has more operations, and so has its derivative. `Closures.rates`, which
+        compares the bodies where each of them is, lets programs have up to 1.07 times as many.
         """
-        (A, _), (B, pb) = self._placed(c, frames)
-        p, w, p_dot = (x[0] for x in (self.motion.p, self.motion.w, self.motion.p_dot))
+        R, p, w, p_dot = (x[0] for x in self.motion.arrays[:4])
+        pb = p[c.body_b] + dot(R[c.body_b], c.p_b)
         a, b = (p_dot[body] + cross(w[body], pb - p[body]) for body in (c.body_a, c.body_b))
-        directions = directions_of(c.translations, c.rotation, A, B[:, 2])
+        A, z = dot(R[c.body_a], c.R_a), dot(R[c.body_b], c.R_b)[:, 2]
+        directions = directions_of(c.translations, c.rotation, A, z)
         return rows_of(directions, ((b - a)[None], (w[c.body_b] - w[c.body_a])[None]))[:, 0]
 
     def on_rod(
-        self, c: TreeClosure, frames: Frames, turns: Sequence[int], on_line: bool, *, exact: bool = False
+        self, c: TreeClosure, turns: Sequence[int], on_line: bool, *, exact: bool = False
     ) -> tuple[Expression, Expression]:
         """Compute `closure` for a rod's end, A, in the rod's axes, with few operations.
 
@@ -66,29 +61,31 @@ class SpanningRows:
             exact: Whether the rows are derivatives of the residual also where the closure is open, but for
                 turns about the line.
         """
-        residual, rows = self.closure(c, frames)
+        residual, rows = self.closure(c)
         support, first = self.tree.support, min(turns, default=self.tree.nv)
         alone = np.flatnonzero(support[c.body_a] & ~support[c.body_b])
         own = self._own_columns(c.body_a, {self.tree.dof_body[k] for k in alone if k >= first})
         for k, column in own.items():
-            rows[:, k] = -dot(frames[0].T, point_velocity(column, frames[1]))
+            rows[:, k] = -dot(c.R_a.T, point_velocity(column, c.p_a))
         if on_line:
             rows[2, list(turns)] = 0.0  # rounding
         for k, column in own.items() if exact else ():
-            x, y, _ = dot(frames[0].T, column[3:])
+            x, y, _ = dot(c.R_a.T, column[3:])
             off = cross(np.array([x, y, 0.0], dtype=object), residual)
             rows[:, k] = minus(rows[:, k], off)
         return residual, rows
 
-    def drift(self, c: TreeClosure, frames: Frames) -> Expression:
-        """Compute the derivative of a closure's three rows times the tree's rates, which close it."""
-        p, w, w_dot, p_ddot = (
-            x[0] for x in (self.motion.p, self.motion.w, self.motion.w_dot, self.motion.p_ddot)
-        )
-        (A, pa), (_, pb) = self._placed(c, frames)
-        ends = ((c.body_a, pa - p[c.body_a]), (c.body_b, pb - p[c.body_b]))
-        a, b = (p_ddot[i] + cross(w_dot[i], r) + cross(w[i], cross(w[i], r)) for i, r in ends)
-        return dot(A.T, b - a)
+    def drift(self, c: TreeClosure) -> Expression:
+        """Compute the derivative of a ball's three rows times the tree's rates, which close it."""
+        a, b = (self._acceleration(*at) for at in ((c.body_a, c.p_a), (c.body_b, c.p_b)))
+        return dot(dot(self.motion.R[0, c.body_a], c.R_a).T, b - a)
+
+    def _acceleration(self, body: int, point: Expression) -> Expression:
+        """Compute the acceleration of a body's point, shape (3,), base axes."""
+        R, _, w, _, w_dot, p_ddot = (x[0, body] for x in self.motion.arrays)
+        r = dot(R, point)
+        out: Expression = p_ddot + cross(w_dot, r) + cross(w, cross(w, r))
+        return out
 
     def own_columns(self, body: int) -> dict[int, Expression]:
         """Return the twist of a body, in its own frame, at a unit rate of each freedom that carries it."""
@@ -104,9 +101,3 @@ class SpanningRows:
             S = numbers(self.tree.joints[child - 1].S)
             columns |= {at.start + k: x for k, x in enumerate(S.T)}
         return columns
-
-    def _placed(self, c: TreeClosure, frames: Frames) -> Sequence[tuple[Expression, Expression]]:
-        """Compute axes and origins of frames A and B of a closure, in the base frame."""
-        bodies = ((c.body_a, frames[:2]), (c.body_b, frames[2:]))
-        R0, p0 = self.motion.R[0], self.motion.p[0]
-        return [(dot(R0[body], R), p0[body] + dot(R0[body], p)) for body, (R, p) in bodies]

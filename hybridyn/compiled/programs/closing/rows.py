@@ -19,7 +19,6 @@ from ...equations.legs import fold_links
 from ...equations.loops import LoopRows, folded
 from ...equations.rigid import Links, links_of
 from ...equations.scales import largest
-from ...equations.spanning_rows import Frames
 from ...program import Program
 from ..writer import ModuleWriter, alike
 from .extended import Extended, extended
@@ -46,29 +45,27 @@ class TreeRows(LoopRows):
         self.upright: list[ca.SX] = []
         self.frames: list[Expression] = []
 
-    def close(self, closure: TreeClosure, frames: Frames) -> None:
+    def close(self, closure: TreeClosure) -> None:
         """Add the rows of a closure."""
-        super().close(closure, frames)
+        super().close(closure)
         if closure.rotation in ("fixed", "parallel"):
             A, B = (
                 dot(self.writer.motion.R[0, body], axes)
-                for body, axes in ((closure.body_a, frames[0]), (closure.body_b, frames[2]))
+                for body, axes in ((closure.body_a, closure.R_a), (closure.body_b, closure.R_b))
             )
             cosines = [ca.SX(dot(A[:, i], B[:, i][:, None])[0]) for i in range(3)]
             whole = cosines[0] + cosines[1] + cosines[2] - 1.0
             self.upright.append(cosines[2] if closure.rotation == "parallel" else whole)
 
-    def prescribe(self, some: GivenCoordinates, wanted: Expression, frames: Frames) -> None:
+    def prescribe(self, some: GivenCoordinates, wanted: Expression, weld: TreeClosure) -> None:
         """Add the rows of coordinates of a link: x, y, z, roll, pitch and yaw as in `linkage.targets`.
 
         Args:
             wanted: Their prescribed values, shape (coordinates,).
-            frames: Axes and origin of the frame in which they are measured, and of the link in its body.
+            weld: Of the frame in which they are measured, A, and that of the link.
         """
-        off, over = self.writer.closure(
-            _weld(some.body), frames
-        )  # the last three rates are angular velocities
-        R = dot(frames[0].T, dot(self.writer.motion.R[0, some.body], frames[2]))
+        off, over = self.writer.closure(weld)  # the last three rates are angular velocities
+        R = dot(weld.R_a.T, dot(self.writer.motion.R[0, weld.body_b], weld.R_b))
         values, to_rates, cosine = coordinate_rows(R, off[:3])
         rows = [*over[:3], *dot(to_rates, over[3:])]
         for row, kind, value in zip(some.rows, some.kinds, wanted, strict=True):
@@ -99,9 +96,9 @@ def coordinate_rows(R: Expression, p: Expression, side: Any = 1.0) -> tuple[list
     return [*p, *angles], to_rates, cosine
 
 
-def _weld(body: int) -> TreeClosure:
-    """Return the closure of a body's whole pose."""
-    return TreeClosure("", "", 0, np.eye(3), np.zeros(3), body, np.eye(3), np.zeros(3), (0, 1, 2), "fixed")
+def _weld(body: int, R_a: Expression, p_a: Expression, R_b: Expression, p_b: Expression) -> TreeClosure:
+    """Return the closure of a whole pose of a frame in a body, in a frame of the base."""
+    return TreeClosure("", "", 0, R_a, p_a, body, R_b, p_b, (0, 1, 2), "fixed")
 
 
 def rows_at(
@@ -133,7 +130,7 @@ def rows_at(
     out.close_all(closures, couplings, trees[0].rods, folding, z)
     _prescribe(out, given, targets, places, lambda x: folding.array([x] * len(trees)))
     for same in zip(*(t.welds for t in trees), strict=True):
-        out.close(same[0], folded(folding, same))
+        out.close(folded(folding, same))
     return out
 
 
@@ -144,12 +141,12 @@ def _prescribe(
     for i, body in enumerate(given.bodies):
         pose = targets[7 * i : 7 * i + 7]
         rows.frames.append(rotation_from_quaternion(pose[3:]))
-        rows.close(_weld(body), (rows.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)))
+        rows.close(_weld(body, rows.frames[-1], pose[:3], plain(np.eye(3)), zeros(3)))
     at = 7 * len(given.bodies)
     for some in given.coordinates:
         frames = [x for link in reversed(some.links) for x in places[link][1:]]
         other_R, other_p, R, p = map(fold, frames)
-        rows.prescribe(some, targets[at : at + len(some.names)], (other_R, other_p, R, p))
+        rows.prescribe(some, targets[at : at + len(some.names)], _weld(some.body, other_R, other_p, R, p))
         at += len(some.names)
 
 
