@@ -61,4 +61,5 @@ def _openings(d: Description) -> Iterator[tuple[float, str]]:
         yield float(off.max(initial=0.0)), closure.name
     at = {joint.name: home_of(d, joint)[0] for joint in d.joints if joint.kind != "fixed"}
     for coupling in d.couplings:
-        yield abs(coupling.open_by(at)) / max(abs(factor) for _, factor in coupling.terms), coupling.name
+        factors = [factor for _, factor in coupling.terms if factor] or coupling.rates(at).values()
+        yield abs(coupling.open_by(at)) / (max(map(abs, factors)) or 1.0), coupling.name

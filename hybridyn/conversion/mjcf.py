@@ -21,6 +21,7 @@ from numpy.polynomial import Polynomial
 from ..description.names import noted, unique
 from ..description.placement import placement_from, turned
 from ..description.records import Coupling, Curve, Description
+from ..description.residuals import Residual
 from ..description.shape_files import Shape
 from ..description.side_cars.model_toml import model_file
 from .as_text import add, numeral, put
@@ -224,7 +225,9 @@ def _add_couplings(root: ET.Element, equality: ET.Element, d: Description, taken
         name, coupling = unique(stated.name, taken), stated.moved(at)
         (first, factor), *others = coupling.terms
         if coupling.curve:
-            if not _add_curve(root, equality, name, coupling, coupling.curve):
+            if isinstance(coupling.curve, Residual) or not _add_curve(
+                root, equality, name, coupling, coupling.curve
+            ):
                 left.append(stated)
         elif len(others) > 1:
             own = add_tendon(root, name, coupling.terms)

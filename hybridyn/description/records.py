@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..joints.kinds import JointKind, RotationKind
+from .residuals import Residual
 
 Array = NDArray[np.float64]
 
@@ -219,6 +220,27 @@ class Curve:
         """Compute s from positions by joint: numbers, arrays or expressions."""
         return sum(factor * positions[joint] for joint, factor in self.terms) - self.reference
 
+    def moved(self, shift: Mapping[Any, float]) -> Curve:
+        """Return the curve of positions that count from other zeros, as `Coupling.moved`."""
+        back = sum(factor * shift.get(joint, 0.0) for joint, factor in self.terms)
+        return replace(self, reference=self.reference - back)
+
+    @property
+    def sizes(self) -> list[tuple[Any, float]]:
+        """How strongly each joint counts."""
+        return [(joint, abs(factor) * max(map(abs, self.coefficients))) for joint, factor in self.terms]
+
+    def value(self, positions: Mapping[Any, Any]) -> Any:
+        """Compute the curve from positions by joint: numbers, arrays or expressions."""
+        return self.at(self.argument(positions))[0]
+
+    def slopes(self, positions: Mapping[Any, Any]) -> dict[Any, Any]:
+        """Compute the derivative by each joint's position."""
+        slope, out = self.at(self.argument(positions))[1], dict[Any, Any]()
+        for joint, factor in self.terms:
+            out[joint] = out.get(joint, 0.0) + slope * factor
+        return out
+
     def at(self, s: Any) -> tuple[Any, Any, Any]:
         """Compute the curve and its first two derivatives at s: a number, an array or an expression."""
         value, slope, bend = 0.0 * s, 0.0 * s, 0.0 * s
@@ -246,7 +268,7 @@ class Coupling:
     terms: tuple[tuple[str, float], ...]
     offset: float = 0.0
     line: int | None = None
-    curve: Curve | None = None
+    curve: Curve | Residual | None = None
 
     def __post_init__(self) -> None:
         known = {joint for joint, _ in self.terms}
@@ -267,16 +289,12 @@ class Coupling:
             shift: Old position of the new zero, by joint; 0 for those left out.
         """
         by = sum(factor * shift.get(joint, 0.0) for joint, factor in self.terms)
-        curve = self.curve
-        if curve:
-            back = sum(factor * shift.get(joint, 0.0) for joint, factor in curve.terms)
-            curve = replace(curve, reference=curve.reference - back)
-        return replace(self, offset=self.offset - by, curve=curve)
+        return replace(self, offset=self.offset - by, curve=self.curve and self.curve.moved(shift))
 
     def open_by(self, positions: Mapping[str, float]) -> float:
         """Return by how much positions miss the relation."""
         total = sum(factor * positions[joint] for joint, factor in self.terms) - self.offset
-        return total + (self.curve.at(self.curve.argument(positions))[0] if self.curve else 0.0)
+        return total + (float(self.curve.value(positions)) if self.curve else 0.0)
 
     def rates(self, positions: Mapping[str, float]) -> dict[str, float]:
         """Return the derivative of the relation by each joint's position."""
@@ -284,9 +302,8 @@ class Coupling:
         for joint, factor in self.terms:
             out[joint] = out.get(joint, 0.0) + factor
         if self.curve:
-            slope = self.curve.at(self.curve.argument(positions))[1]
-            for joint, factor in self.curve.terms:
-                out[joint] += slope * factor
+            for joint, slope in self.curve.slopes(positions).items():
+                out[joint] += float(slope)
         return out
 
 

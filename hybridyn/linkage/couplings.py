@@ -2,7 +2,7 @@
 
 A coupling is one row, sum of coefficient x position + curve(s) - offset = 0, with s a sum of positions. A
 linear one has a constant row and no drift. A curve adds its slope times the factors of s, and its drift is
-its second derivative times s_dot^2.
+its second derivative times s_dot^2. A residual of another package adds its derivatives in place of a curve.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ..description.records import Curve
+from ..description.residuals import Residual
 from ..spatial import Array, Mask, rotate
 
 
@@ -29,7 +30,7 @@ class TreeCoupling(NamedTuple):
     name: str
     terms: tuple[tuple[int, float], ...]
     offset: float | Array
-    curve: Curve | None = None
+    curve: Curve | Residual | None = None
 
     @property
     def form(self) -> tuple[object, ...]:
@@ -39,11 +40,8 @@ class TreeCoupling(NamedTuple):
     @property
     def sizes(self) -> list[tuple[int, float]]:
         """How strongly each joint counts: coefficients, and those of the curve, without sign."""
-        bent = self.curve and [
-            (joint, abs(factor) * max(map(abs, self.curve.coefficients)))
-            for joint, factor in self.curve.terms
-        ]
-        return [(joint, abs(factor)) for joint, factor in self.terms] + (bent or [])
+        bent = self.curve.sizes if self.curve else []
+        return [(joint, abs(factor)) for joint, factor in self.terms] + bent
 
     def of(self, number: Mapping[int, int]) -> TreeCoupling:
         """Return the coupling of joints of other numbers, without its name."""
@@ -85,10 +83,13 @@ class CouplingRows:
         self._tree, self._couplings = tree, tuple(couplings)
         self.constant = np.zeros((len(couplings), tree.nv))
         self._curves: list[tuple[int, Curve, Array]] = []
+        self._residuals: list[tuple[int, Residual, Mask]] = []
         for i, coupling in enumerate(couplings):
             for joint, coefficient in coupling.terms:
                 self.constant[i, tree.v_slices[joint]] += coefficient
-            if coupling.curve:
+            if isinstance(coupling.curve, Residual):
+                self._residuals.append((i, coupling.curve, np.ones(tree.nv, dtype=bool)))
+            elif coupling.curve:
                 factors = np.zeros(tree.nv)
                 for joint, factor in coupling.curve.terms:
                     factors[tree.v_slices[joint]] += factor
@@ -99,6 +100,7 @@ class CouplingRows:
         out = copy(self)
         out.constant = self.constant * free
         out._curves = [(i, curve, factors * free) for i, curve, factors in self._curves]
+        out._residuals = [(i, residual, kept & free) for i, residual, kept in self._residuals]
         return out
 
     def residual(self, q: Array) -> Array:
@@ -109,18 +111,23 @@ class CouplingRows:
             for joint, coefficient in coupling.terms:
                 total += coefficient * q[:, self._tree.q_slices[joint].start]
             if coupling.curve:
-                total += coupling.curve.at(self._argument(coupling.curve, q))[0]
+                total += coupling.curve.value(self._positions(coupling.curve, q))
             out[:, i] = total
         return out
 
     def matrix(self, q: Array | None) -> Array:
         """Compute the rows at positions (T, nq): shape (couplings, nv) if none is bent, else (T, ...)."""
-        if not self._curves:
+        if not self._curves and not self._residuals:
             return self.constant
         assert q is not None
         out: Array = np.repeat(self.constant[None], len(q), axis=0).astype(q.dtype, copy=False)
         for i, curve, factors in self._curves:
             out[:, i] += curve.at(self._argument(curve, q))[1][:, None] * factors
+        for i, residual, kept in self._residuals:
+            for joint, slope in residual.slopes(self._positions(residual, q)).items():
+                column = self._tree.v_slices[joint].start
+                if kept[column]:
+                    out[:, i, column] += slope
         return out
 
     def rates(self, q: Array | None, v: Array, a: Array | None) -> tuple[Array, Array]:
@@ -139,9 +146,16 @@ class CouplingRows:
         second = np.zeros_like(first) if a is None else rotate(rows, a)
         for i, curve, factors in self._curves:
             second[:, i] += curve.at(self._argument(curve, q))[2] * (v @ factors) ** 2
+        for i, residual, _ in self._residuals:
+            rates = {joint: v[:, self._tree.v_slices[joint].start] for joint, _ in residual.terms}
+            second[:, i] += residual.bend(self._positions(residual, q), rates)
         return first, second
 
     def _argument(self, curve: Curve, q: Array) -> Array:
         """Compute what a curve depends on, shape (T,)."""
-        out: Array = curve.argument({j: q[:, self._tree.q_slices[j].start] for j, _ in curve.terms})
+        out: Array = curve.argument(self._positions(curve, q))
         return out
+
+    def _positions(self, curve: Curve | Residual, q: Array) -> dict[int, Array]:
+        """Return the positions of the joints of a curve or residual, shape (T,) each."""
+        return {j: q[:, self._tree.q_slices[j].start] for j, _ in curve.terms}

@@ -40,6 +40,7 @@ from ..records import (
     MotorStatement,
     RobotFile,
 )
+from ..residuals import Residual, residual
 from ..writing import write_text
 from .toml_file import line_of, parse_toml
 
@@ -62,7 +63,9 @@ def read_model_file(text: bytes, file: str) -> dict[str, Any]:
         from .tables import checked  # imports pydantic: 0.1 s
 
         content = checked(text, file)
-        if not any(map(is_added, content["effects"])):  # else it depends on other packages
+        if not content["residuals"] and not any(
+            map(is_added, content["effects"])
+        ):  # else it depends on other packages
             keep(name, content)
     return content
 
@@ -89,6 +92,9 @@ def apply_model_file(
         )
         terms = tuple(coupling["terms"].items())
         robot.couplings.append(Coupling(name, terms, coupling["offset"], line, curve))
+    for name, stated in model["residuals"].items():
+        made = residual(stated["closure"], stated["joints"], stated["numbers"], stated["zeros"])
+        robot.couplings.append(Coupling(name, (), 0.0, line_of(text, ("residuals", name)), made))
     for number, closure in enumerate(robot.closures):
         if kind := model["closures"].get(closure.name):
             form = FORMS[kind]
@@ -133,6 +139,10 @@ def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tupl
     for name, numbers in model["joints"].items():
         if numbers.get("gear_ratio") == 0:
             yield ("joints", name), "a gear ratio of 0 moves nothing"
+    for name, stated in model["residuals"].items():
+        for joint in (*stated["joints"], *stated["zeros"]):
+            if kinds.get(joint, "fixed") == "fixed":
+                yield ("residuals", name), f"'{joint}' is no movable joint{did_you_mean(joint, kinds)}"
     for name, coupling in model["couplings"].items():
         bent = (coupling.get("curve") or {}).get("terms", {})
         for joint, factor in (*coupling["terms"].items(), *bent.items()):
@@ -186,21 +196,27 @@ def model_file(
     parts = [f"motors = {_value(description.motors)}\n"] if motors else []
     parts += [home_table(description.home)] if home and description.home else []
     parts += [_table(f"joints.{key_of(name)}", numbers) for name, numbers in (joints or {}).items()]
-    parts += [_table(f"couplings.{key_of(one.name)}", _coupling(one)) for one in couplings]
+    parts += [_table(*_coupling(one)) for one in couplings]
     wanted = set(effects)
     parts += [_table(f"effects.{name}", numbers) for name, numbers in description.effects if name in wanted]
     return "\n".join(parts)
 
 
-def _coupling(coupling: Coupling) -> dict[str, Any]:
-    """Return the table of a coupling; joints of its curve alone stand there."""
+def _coupling(coupling: Coupling) -> tuple[str, dict[str, Any]]:
+    """Return name and content of the table of a coupling; joints of its curve alone stand there."""
+    made = coupling.curve
+    if isinstance(made, Residual):
+        joints = [joint for joint, _ in made.terms]
+        about = {"closure": made.closure, "joints": joints, "numbers": dict(made.numbers)}
+        zeros = dict(zip(joints, made.zeros, strict=True))
+        return f"residuals.{key_of(coupling.name)}", about | ({"zeros": zeros} if any(made.zeros) else {})
     terms = {joint: factor for joint, factor in coupling.terms if factor}
     out: dict[str, Any] = {"terms": terms, "offset": coupling.offset}
-    if curve := coupling.curve:
+    if curve := made:
         out["curve"] = {
             "terms": dict(curve.terms), "coefficients": [*curve.coefficients], "reference": curve.reference
         }  # fmt: skip
-    return out
+    return f"couplings.{key_of(coupling.name)}", out
 
 
 def home_table(home: Mapping[str, tuple[float, ...]]) -> str:

@@ -239,6 +239,12 @@ CouplingTable: Any = table(
     curve=CurveTable | None,
 )  # fmt: skip
 
+#: A closure of another package, see `residuals`.
+ResidualTable: Any = table(
+    "ResidualTable", closure=str, joints=Annotated[list[str], Field(min_length=1)],
+    numbers=(dict[str, Any], {}), zeros=(dict[str, FiniteFloat], {}),
+)  # fmt: skip
+
 #: The tables of model.toml.
 ModelFile: Any = table(
     "ModelFile",
@@ -246,6 +252,7 @@ ModelFile: Any = table(
     home=(dict[str, FiniteFloat | list[FiniteFloat]], {}),
     joints=(dict[str, JointNumbers], {}),
     couplings=(dict[str, CouplingTable], {}),
+    residuals=(dict[str, ResidualTable], {}),
     closures=(dict[str, Literal["fixed", "revolute", "spherical"]], {}),
     effects=(EffectTables, EffectTables()),
 )
@@ -258,13 +265,34 @@ def checked(text: bytes, file: str) -> dict[str, Any]:
         ModelError: The text is not TOML, or a key or value is wrong; the message names the line.
     """
     plain, content = parse_toml(text, file)
+    inside: Keys = ()
     try:
-        return dict(with_added_effects(ModelFile, content).model_validate(content).stated())
+        out = dict(with_added_effects(ModelFile, content).model_validate(content).stated())
+        for name, stated in out["residuals"].items():
+            inside, content = ("residuals", name, "numbers"), stated["numbers"]
+            line = line_of(plain, ("residuals", name))
+            allowed = _keys_of_closure(stated["closure"], name, file, line)
+            stated["numbers"] = table("Numbers", **allowed).model_validate(content).stated()
+        return out
     except ValidationError as error:
         place, message = first_problem(error, content)
-        keys = tuple(str(part) for part in place)
+        keys = tuple(str(part) for part in (*inside, *place))
         key = ".".join(keys)
         raise ModelError(f"'{key}': {message}", file=file, line=line_of(plain, keys), element=key) from None
+
+
+def _keys_of_closure(closure: str, name: str, file: str, line: int | None) -> dict[str, Any]:
+    """Return the keys of the numbers of a closure of another package.
+
+    Raises:
+        ModelError: No package adds it, or it cannot be used.
+    """
+    if (maker := added("closures", closure)) is None:
+        known = added_names("closures")
+        hint = f"{did_you_mean(closure, known)}; packages add: {listed(known) or 'none'}"
+        text = f"'residuals.{name}': there is no closure '{closure}'{hint}"
+        raise ModelError(text, file=file, line=line, element=name)
+    return keys_of("closures", closure, maker.package, maker.make, given=1)
 
 
 def first_problem(error: ValidationError, content: Any, kinds: Iterable[str] = ()) -> tuple[Keys, str]:
