@@ -7,7 +7,8 @@ from ..extensions import added
 
 #: Effects of hybridyn that files state with numbers by joint, and by link.
 ON_JOINTS = (
-    "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction", "spring", "damper", "stop",
+    "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
+    "directed_friction", "spring", "damper", "stop",
     "polynomial_spring", "polynomial_damper", "ball_spring", "tendons", "load_friction", "gear_efficiency",
     "limits",
 )  # fmt: skip

@@ -16,7 +16,14 @@ from .catalogue import DEFAULT, UNITS
 from .choice import Effects, choose
 from .gears import GearEfficiency
 from .inputs import BaseMotion, Limits
-from .joint_laws import CoulombFriction, Damper, RotorInertia, StribeckFriction, ViscousFriction
+from .joint_laws import (
+    CoulombFriction,
+    Damper,
+    DirectedFriction,
+    RotorInertia,
+    StribeckFriction,
+    ViscousFriction,
+)
 from .joints import JointEffect
 from .link_effect import LinkEffect, Moving
 from .links import GroundContact, Wrench
@@ -34,6 +41,7 @@ __all__ = [
     "Bushings",
     "CoulombFriction",
     "Damper",
+    "DirectedFriction",
     "Effects",
     "GearEfficiency",
     "Gravity",

@@ -12,7 +12,14 @@ from .bodies import GravityCompensation, LineSprings
 from .bushings import Bushings
 from .gears import GearEfficiency
 from .inputs import BaseMotion, Limits
-from .joint_laws import CoulombFriction, Damper, RotorInertia, StribeckFriction, ViscousFriction
+from .joint_laws import (
+    CoulombFriction,
+    Damper,
+    DirectedFriction,
+    RotorInertia,
+    StribeckFriction,
+    ViscousFriction,
+)
 from .joints import JointEffect
 from .link_effect import LinkEffect
 from .links import GroundContact, Wrench
@@ -29,7 +36,8 @@ UNITS: dict[str, type[Any]] = {
     unit.name: unit
     for unit in (
         Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms, RotorInertia, ViscousFriction,
-        CoulombFriction, StribeckFriction, Spring, Damper, Stop, PolynomialSpring, PolynomialDamper,
+        CoulombFriction, StribeckFriction, DirectedFriction,
+        Spring, Damper, Stop, PolynomialSpring, PolynomialDamper,
         BallSpring, Tendons, Wrench, GroundContact, GravityCompensation, LineSprings, Bushings, LoadFriction,
         GearEfficiency, Payload, BaseMotion, Limits,
     )

@@ -128,3 +128,30 @@ class StribeckFriction(JointEffect):
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the friction effort."""
         return -(p[0] + (p[1] - p[0]) * np.exp(-((v / p[2]) ** 2))) * np.tanh(v / self.width)
+
+
+@dataclass(frozen=True)
+class DirectedFriction(JointEffect):
+    """tau = -f tanh(v / width), with another level f for each direction: dry friction of seals and pawls.
+
+    The level is (forward + backward) / 2 + (forward - backward) / 2 tanh(v / width).
+
+    `forward`, `backward`: f at positive and at negative rates by joint [N or N m]; `width` [m/s or rad/s]. It
+    replaces Coulomb friction: do not name both for one joint. Source: `CoulombFriction`, by direction.
+    """
+
+    forward: Numbers = field(default_factory=dict)
+    backward: Numbers = field(default_factory=dict)
+    width: float = WIDTH
+    name: ClassVar[str] = "directed_friction"
+    by_joint = ("forward", "backward")
+
+    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
+        """Return both levels by joint."""
+        positive(self.name, "width", self.width)
+        return super().numbers(robot)
+
+    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Compute the friction effort."""
+        sign = np.tanh(v / self.width)
+        return -sign * (p[0] + p[1] + (p[0] - p[1]) * sign) / 2

@@ -5,7 +5,8 @@ Means are those of `tables.over_time`:
     RMS effort = sqrt(1/T integral tau^2 dt),  mean power = 1/T integral tau q_dot dt.
 
 All quantities refer to the joint side of the gear. With a gear ratio n the rotor turns at n q_dot with torque
-tau / n. Losses inside the gear are not modelled.
+tau / n. Losses of the gear are those of the effect
+`gear_efficiency`.
 """
 
 from __future__ import annotations

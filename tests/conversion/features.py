@@ -176,6 +176,7 @@ FEATURES: dict[str, tuple[str, Description]] = {
     "stribeck friction": (
         "two", effect("stribeck_friction", **LEVEL, static={"two": 6.0}, speed={"two": 0.1}, width=0.01),
     ),
+    "directed friction": ("two", effect("directed_friction", forward={"two": 3.0}, backward={"two": 1.0})),
     "load friction": ("two", effect("load_friction", radial={"two": 0.01}, normal={"rail": 0.1}, width=0.02)),
     "gear efficiency": ("two", effect("gear_efficiency", efficiency={"one": 0.8}, back={"one": -0.1})),
     "stop": (

@@ -15,7 +15,14 @@ from tests.robots.mechanisms import KINDS, random_mechanism
 from tests.support.samples import some
 
 #: Effects that store no energy.
-WITHOUT_ENERGY = {"damper", "coulomb_friction", "stribeck_friction", "load_friction", "gear_efficiency"}
+WITHOUT_ENERGY = {
+    "damper",
+    "coulomb_friction",
+    "stribeck_friction",
+    "directed_friction",
+    "load_friction",
+    "gear_efficiency",
+}
 #: Robots with an effect that stores energy or adds mass, or that names what is written under another name.
 NAMES = [
     name for name, (_, robot) in FEATURES.items() if {effect for effect, _ in robot.effects} - WITHOUT_ENERGY

@@ -135,6 +135,7 @@ coulomb level                   kept        level             kept          kept
 coulomb width                   kept        kept              kept          kept
 coulomb over friction           kept        level             kept          kept
 stribeck friction               kept        kept              kept          kept
+directed friction               kept        kept              kept          kept
 load friction                   kept        kept              kept          kept
 gear efficiency                 kept        kept              kept          kept
 stop                            kept        kept              kept          kept

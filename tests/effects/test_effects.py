@@ -194,6 +194,10 @@ BY_HAND: dict[str, tuple[Callable[[dict[str, float]], Any], Callable[..., np.nda
         lambda c: fx.StribeckFriction(c, {m: 2 * x for m, x in c.items()}, dict.fromkeys(c, 0.5), 0.4),
         lambda c, q, v, a: (c + c * np.exp(-4 * v**2)) * np.tanh(v / 0.4),
     ),
+    "directed_friction": (
+        lambda c: fx.DirectedFriction(c, {m: 3 * x for m, x in c.items()}, 0.4),
+        lambda c, q, v, a: c * (2 - np.tanh(v / 0.4)) * np.tanh(v / 0.4),
+    ),
     "spring": (lambda c: fx.Spring(c, dict.fromkeys(c, 0.3)), lambda c, q, v, a: c * (q - 0.3)),
     "damper": (fx.Damper, lambda c, q, v, a: c * v),
     "stop": (

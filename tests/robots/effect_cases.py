@@ -98,6 +98,9 @@ CASES: dict[str, Callable[[HybridRobot], Units]] = {
             per_motor(robot, 1, 2, 3), per_motor(robot, 3, 4, 3), per_motor(robot, 0.4, 0.5, 3), 0.2
         )
     ],
+    "directed_friction": lambda robot: [
+        fx.DirectedFriction(per_motor(robot, 1, 5, 2), per_motor(robot, 1, 5, 3), 0.3)
+    ],
     "spring": lambda robot: [fx.Spring(per_motor(robot, 20, 90, 5), per_motor(robot, -0.2, 0.2, 6))],
     "damper": lambda robot: [fx.Damper(per_motor(robot, 1, 5, 7))],
     "stop": stop,

@@ -45,6 +45,10 @@ level = { m1_right_drive = 0.1 }
 static = { m1_right_drive = 0.2 }
 speed = { m1_right_drive = 1.0 }
 width = 0.5
+[effects.directed_friction]
+forward = { m1_right_elbow = 0.02 }
+backward = { m1_right_elbow = 0.01 }
+width = 0.5
 [effects.spring]
 stiffness = { m1_left_elbow = 2.0 }
 rest = { m1_left_elbow = 0.3 }
@@ -156,7 +160,7 @@ def test_power_balance_under_every_effect(tmp_path: Path) -> None:
 
     ready = everything(tmp_path)
     losses = {"load_friction", "gear_efficiency"}  # compiled models have neither
-    assert set(ready.effects.names) == set(UNITS) - {"massless_legs", "ball_spring"} - losses
+    assert set(ready.effects.names) == set(UNITS) - {"massless_legs", "ball_spring", "bushings"} - losses
     result = play(ready)
     assert result.status == "finished"
     robot, on = ready.robot, ready.effects

@@ -114,6 +114,7 @@ def table(name: str, base: type[Schema] = Schema, /, **keys: Any) -> Any:
 EFFECTS: dict[str, dict[str, Any]] = {
     "coulomb_friction": {"level": ByJoint | None, "width": Positive | None},
     "stribeck_friction": {"level": ByJoint, "static": ByJoint, "speed": ByJoint, "width": Positive | None},
+    "directed_friction": {"forward": ByJoint, "backward": ByJoint, "width": Positive | None},
     "spring": {"stiffness": ByJoint, "rest": dict[str, FiniteFloat] | None},
     "damper": {"coefficient": ByJoint},
     "stop": {

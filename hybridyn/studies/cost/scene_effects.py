@@ -23,6 +23,7 @@ TABLES = ("payload", "wrench", "base_motion")
 #: Effects that can be left out without changing the task of a scene.
 DROPPABLE = (
     "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
+    "directed_friction",
 )  # fmt: skip
 
 
