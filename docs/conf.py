@@ -15,10 +15,15 @@ copyright = "the hybridyn maintainers"
 version = release = hybridyn.__version__
 
 extensions = [
-    "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "command_reference", "finding_codes",
+    "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "command_reference", "finding_codes",
     "public_names",
 ]  # fmt: skip
 myst_heading_anchors = 3
+
+nb_execution_mode = "force"  # notebooks are committed without results
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
 
 html_theme = "furo"
 html_title = f"hybridyn {version}"

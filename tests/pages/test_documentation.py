@@ -77,7 +77,8 @@ def test_every_public_name_has_its_place(built: Path) -> None:
 
 def test_every_page_is_in_the_table_of_contents() -> None:
     named = set(re.findall(r"^[\w/-]+$", (DOCS / "index.md").read_text(), re.MULTILINE))
-    pages = {page.stem for page in [*DOCS.glob("*.md"), *DOCS.glob("*.rst")]} - {"index"}
+    found = [*DOCS.glob("*.md"), *DOCS.glob("*.rst"), *DOCS.glob("notebooks/*.ipynb")]
+    pages = {page.relative_to(DOCS).with_suffix("").as_posix() for page in found} - {"index"}
     assert pages <= named
     assert named - pages == {"examples/index"}
 

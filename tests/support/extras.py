@@ -11,7 +11,7 @@ import pytest
 #: A module of each extra by which it is known to be installed.
 MODULES = {
     "io": "polars", "mjcf": "mujoco", "sdf": "rod", "usd": "pxr", "view": "viser", "bench": "mujoco",
-    "docs": "sphinx", "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
+    "docs": "myst_nb", "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
     "gpu": "warp", "identify": "clarabel",
     "search": "optuna", "ros": "rclpy",
 }  # fmt: skip
