@@ -204,7 +204,8 @@ class Tree:
             w[:, children] = w1
             p_dot[:, children] = select(p_dot, parents) + sweep + slide
             wd1 = wd0 + cross(w0, turn)
-            pdd1 = select(p_ddot, parents) + cross(wd0, r) + cross(w0, sweep + slide) + cross(w1, slide)
+            swept = cross(w0, sweep + 2.0 * slide) + cross(turn, slide)
+            pdd1 = select(p_ddot, parents) + cross(wd0, r) + swept
             if a is not None:
                 wd1 += select(acc_w, children)
                 pdd1 += select(acc_p, children)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...linkage.closures import Closures, TreeClosure, directions_of, rows_of
 from ...linkage.tree import Tree
-from ...spatial import cross, motion_to_body
+from ...spatial import cross, hat, motion_to_body
 from ...symbols import Expression, dot, minus
 from .chains import point_velocity
 from .expressions import numbers
@@ -83,8 +83,7 @@ class SpanningRows:
     def _acceleration(self, body: int, point: Expression) -> Expression:
         """Compute the acceleration of a body's point, shape (3,), base axes."""
         R, _, w, _, w_dot, p_ddot = (x[0, body] for x in self.motion.arrays)
-        r = dot(R, point)
-        out: Expression = p_ddot + cross(w_dot, r) + cross(w, cross(w, r))
+        out: Expression = p_ddot + dot(hat(w_dot) + dot(hat(w), hat(w)), dot(R, point))
         return out
 
     def own_columns(self, body: int) -> dict[int, Expression]:
