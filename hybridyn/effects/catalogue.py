@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..errors import HybridynError, ModelError
@@ -52,13 +52,14 @@ FROM_FILES = ("rotor_inertia", "viscous_friction", "coulomb_friction")
 WORDS = ("default", "model", "none")
 
 
-def names() -> tuple[str, ...]:
-    """Return every name and word for effects.
+def names(asked: Iterable[str] | None = None) -> tuple[str, ...]:
+    """Return every name and word for effects; if those that are asked for are hybridyn's own, only these.
 
     Raises:
         ModelError: Two packages add effects of one name.
     """
-    return (*WORDS, *UNITS, *added_names("effects"))
+    own = (*WORDS, *UNITS)
+    return own if asked is not None and {*asked} <= {*own} else (*own, *added_names("effects"))
 
 
 def class_of(name: str) -> type[Any] | None:

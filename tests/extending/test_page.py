@@ -3,12 +3,15 @@
 import os
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
 
+from hybridyn import extensions
 from tests import ROOT
-from tests.extending.packages import PAGE, files
+from tests.extending.packages import PAGE, install_workshop
+from tests.support.command_line import call
 from tests.support.extras import needs
 from tests.support.files import save
 from tests.support.snippets import Block, blocks, stand_where_a_user_does
@@ -29,13 +32,30 @@ def test_python_of_the_page_runs(
 
 @pytest.mark.slow
 def test_package_of_the_page_installs(tmp_path: Path) -> None:
-    """A fresh environment finds what pip installs, and hybridyn lists it."""
-    for file, block in files().items():
-        if file == "pyproject.toml" or file.startswith("workshop/"):
-            save(tmp_path / "source", block.text, file)
-    pip = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--no-build-isolation"]
-    subprocess.run([*pip, "--target", tmp_path / "site", tmp_path / "source"], check=True)
-    asked = [sys.executable, "-m", "hybridyn", "idm", "five_bar", "--effects", "magnet,drg"]
+    """Pip installs it as a wheel, and a fresh process finds what it adds."""
+    site, wheel = tmp_path / "made", tmp_path / "workshop-1.0-py3-none-any.whl"
+    install_workshop(site)
+    about = site / "workshop-1.0.dist-info"
+    save(about, "Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: py3-none-any\n", "WHEEL")
+    every = [path for path in site.rglob("*") if path.is_file()]
+    save(about, "".join(f"{path.relative_to(site)},,\n" for path in every), "RECORD")
+    with zipfile.ZipFile(wheel, "w") as archive:
+        for path in [*every, about / "RECORD"]:
+            archive.write(path, path.relative_to(site))
+    pip = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index"]
+    subprocess.run([*pip, "--target", tmp_path / "site", wheel], check=True)
+    asked = [sys.executable, "-m", "hybridyn", "idm", "five_bar", "five_bar/traj.csv", "--effects", "drg"]
     path = os.pathsep.join([str(tmp_path / "site"), str(ROOT)])
     done = subprocess.run(asked, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True)
     assert "there is no effect 'drg' (did you mean 'drag'?)" in done.stderr
+
+
+def test_own_names_ask_for_no_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(extensions, "_points", None)  # a call would fail
+    rows = (ROOT / "models" / "five_bar" / "traj.csv").read_text().splitlines()[:4]
+    table = save(tmp_path, "\n".join([*rows, ""]), "t.csv")
+    call(capsys, "idm", "five_bar", table, "--effects", "default,spring", status=1, says="no numbers for")
+    call(capsys, "idm", "five_bar", table, "--effects", "model", "-o", tmp_path / "out.csv")
+    call(capsys, "info", "five_bar")

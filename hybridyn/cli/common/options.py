@@ -97,7 +97,7 @@ def known_names(what: str, module: str, known: str) -> Callable[..., tuple[str, 
     Args:
         what: What they are the names of.
         module: The module of hybridyn that knows them, imported only when the option is given.
-        known: What holds them there, a collection or a function that returns one.
+        known: What holds them there, a collection, or a function of the given names that returns one.
     """
 
     def check(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ def known_names(what: str, module: str, known: str) -> Callable[..., tuple[str, 
             return ()
         names = split_names(ctx, param, value) or ()
         found = getattr(import_module(f"hybridyn.{module}"), known)
-        every = found() if callable(found) else found
+        every = found(names) if callable(found) else found
         for name in names:
             if name not in every:
                 hint = f"{did_you_mean(name, every)}; known: {', '.join(every)}"

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -143,13 +143,14 @@ def each(solve: Solver, samples: Sequence[State]) -> list[Array]:
     return [solve(*sample) for sample in samples]
 
 
-def engine_names() -> tuple[str, ...]:
-    """Return the names of all engines.
+def engine_names(asked: Iterable[str] | None = None) -> tuple[str, ...]:
+    """Return the names of all engines; if those that are asked for are hybridyn's own, only these.
 
     Raises:
         ModelError: Two packages add engines of one name.
     """
-    return (*ENGINES, *added_names("engines"))
+    own = tuple(ENGINES)
+    return own if asked is not None and {*asked} <= {*own} else (*own, *added_names("engines"))
 
 
 def checked_engine(found: Extension) -> Any:
