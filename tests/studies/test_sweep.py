@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.effects.joints import WIDTH
 from hybridyn.errors import AssemblyError, SingularityError, install_advice
 from hybridyn.structure.parameters.slots import differences, values_of
 from hybridyn.studies.pools import Pool, ThisProcess
@@ -183,6 +184,24 @@ def test_rows_are_those_of_load_and_idm(folder: Path) -> None:
         robot = hybridyn.load("pendulum.urdf.xacro", xacro_args={"mass": repr(row.values[0])})
         tau = hybridyn.idm(robot, ANGLE[:, None], RATE[:, None], -ANGLE[:, None])
         assert row.measures == (np.abs(tau).max(),)  # the same bits
+
+
+def test_losses_that_grow_with_load_count_in_sweeps(folder: Path) -> None:
+    """The hinge bears the rod's weight less the force of its motion; friction is in proportion to both."""
+    radius = 0.01
+    (folder / "pendulum.urdf.model.toml").write_text(
+        f"[effects.load_friction]\nradial = {{ turn = {radius} }}"
+    )
+    rows = evaluated(written("method = 'grid'"))
+    for row, (_, factor) in zip(rows, itertools.product(LENGTHS, FACTORS), strict=True):
+        mass, weight = (
+            2.0 * factor,
+            2.0 * factor * 9.81,
+        )  # at 1 m from the hinge; a positive angle is downwards
+        along = mass * RATE**2 + weight * np.sin(ANGLE)
+        across = -mass * ANGLE - weight * np.cos(ANGLE)
+        friction = radius * np.hypot(along, across) * np.tanh(RATE / WIDTH)
+        assert np.allclose(row.measures, np.abs(effort(1.0, factor) + friction).max(), rtol=ROUNDING, atol=0)
 
 
 @pytest.mark.parametrize("method", ["sobol", "latin_hypercube", "random"])
