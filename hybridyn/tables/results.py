@@ -61,8 +61,8 @@ def open_results(target: str | Path | None, columns: Sequence[str]) -> Iterator[
             polars = required("polars", "io", "Parquet")
             try:
                 kinds = dict.fromkeys(columns, polars.Float64)
-                rows = polars.scan_csv(text.name, has_header=False, skip_rows=1, schema=kinds, glob=False)
-                rows.sink_parquet(draft)
+                how = {"has_header": False, "skip_rows": 1, "glob": False, "raise_if_empty": False}
+                polars.scan_csv(text.name, schema=kinds, **how).sink_parquet(draft)
             except polars.exceptions.PolarsError as error:
                 raise TrajectoryError(f"cannot be written: {error}", file=str(target)) from None
 
