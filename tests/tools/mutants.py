@@ -21,7 +21,7 @@ from tests import ROOT
 ROOMS = {
     "dynamics/quantities": ["quantities"],
     "dynamics": ["dynamics", "effects", "hard/test_singular_answers.py"],
-    "linkage": ["linkage", "dynamics", "manifold", "assembly"],
+    "linkage": ["linkage", "dynamics", "manifold", "assembly", "extending/test_closures.py"],
     "manifold": ["manifold", "simulation"],
     "effects": ["effects"], "structure": ["dynamics", "structure", "assembly"], "assembly": ["assembly"],
     "compiled": ["compiled", "dynamics/test_engines.py"],
