@@ -1,16 +1,18 @@
 """`hybridyn idm`: compute the motor efforts for a motion, and what they say of motors and effects."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from ..description.loop_signs import has_mass
 from ..description.names import did_you_mean
 from ..dynamics.inverse import inverse_model
+from ..dynamics.reactions import Reactions
 from ..effects import Effects, choose
 from ..effects.catalogue import DEFAULT, FROM_FILES
 from ..effects.choice import stated_names
 from ..errors import ModelError
+from ..spatial import Array
 from ..streams.departures import departures
 from ..streams.one_pass import BlockResults, Pass
 from ..streams.postures import TreeSamples
@@ -27,26 +29,34 @@ from .common.table_pass import run as run_pass
 
 #: Exit status where the motion exceeds a limit.
 EXCEEDED = 1
+#: Options whose result is a report.
+REPORTS = ("loads", "bearings", "by_effect")
+
+InnerRows = Callable[[HybridRobot, Reactions], Array]
 
 
 def run(**words: Any) -> int:
     """Compute efforts, or a report on them, for each table."""
-    return for_each_table(_one, words, report=words["loads"] or words["by_effect"])
+    return for_each_table(_one, words, report=any(words[name] for name in REPORTS))
 
 
 def _one(
-    load: RobotChoice, tables: CommandTables, loads: bool, by_effect: bool, outputs: Sequence[str] | None,
-    effects: tuple[str, ...], fail_on: str | None, engine: str | None, **model: Any,
+    load: RobotChoice, tables: CommandTables, loads: bool, bearings: bool, by_effect: bool,
+    outputs: Sequence[str] | None, effects: tuple[str, ...], fail_on: str | None, engine: str | None,
+    **model: Any,
 ) -> int:  # fmt: skip
     refuse(
-        (loads + by_effect + bool(outputs) > 1, "--loads, --by-effect and --map exclude each other"),
-        ((loads or by_effect) and tables.reactions, "--reactions belongs to a table of efforts"),
+        (
+            loads + bearings + by_effect + bool(outputs) > 1,
+            "--loads, --bearings, --by-effect and --map exclude each other",
+        ),
+        ((loads or bearings or by_effect) and tables.reactions, "--reactions belongs to a table of efforts"),
         (
             by_effect and model != {"weights": {}, "passive": "given", "on_singular": "raise"},
             "--passive, --on-singular and --weights do not apply to --by-effect",
         ),
     )
-    wanted = effects or (("model",) if loads or by_effect else ("default",))
+    wanted = effects or (("model",) if loads or bearings or by_effect else ("default",))
     if by_effect:
         from .common.reports import tell_effects
 
@@ -54,15 +64,16 @@ def _one(
         return 0
 
     plan = partial(
-        _plan, tables=tables, loads=loads, outputs=outputs, effects=wanted, engine=engine, model=model
-    )
+        _plan, tables=tables, loads=loads, bearings=bearings, outputs=outputs, effects=wanted, engine=engine,
+        model=model,
+    )  # fmt: skip
     left = run_pass(tables, load, plan, outputs=outputs or ())
     fails = (fail_on or ("limit" if loads else "never")) == "limit"
     return EXCEEDED if fails and any(left) else 0
 
 
 def _plan(
-    given: Pass, *, tables: CommandTables, loads: bool, outputs: Sequence[str] | None,
+    given: Pass, *, tables: CommandTables, loads: bool, bearings: bool, outputs: Sequence[str] | None,
     effects: Sequence[str], engine: str | None, model: dict[str, Any],
 ) -> CommandPlan:  # fmt: skip
     """Build the plan for a robot and a table.
@@ -74,9 +85,9 @@ def _plan(
     if loads:  # the report names the limits
         on = on.without("limits")
     _check(robot, layout, on, model["weights"], only_map=bool(outputs) and not on.names)
-    reactions = tables.reactions is not None
     obstacles = {
-        "--reactions": reactions,
+        "--bearings": bearings,
+        "--reactions": bool(tables.reactions),
         "--passive solved": model["passive"] != "given",
         "--on-singular least-norm": model["on_singular"] != "raise",
         "--weights": bool(model["weights"]),
@@ -84,12 +95,20 @@ def _plan(
     }
     worth, alone = worth_of(layout, robot), layout.full_state
     chosen = choose_engine(engine, robot, on, given.table.rows, worth, obstacles, alone=alone)
-    inverse = partial(efforts, effects=on, reactions=reactions, engine=chosen, **model)
+    inverse = partial(
+        efforts, effects=on, inner=reaction_rows if tables.reactions else None, engine=chosen, **model
+    )
     if loads:
         from .common.reports import LoadReport, motor_states
 
         states = partial(motor_states, efforts=inverse)
         return CommandPlan(states, None, [LoadReport(robot, tables)], chosen, about(robot, layout, on))
+    if bearings:
+        from ..studies.bearings import bearing_rows
+        from .common.bearing_report import BearingReport
+
+        inverse = partial(inverse, inner=bearing_rows)
+        return CommandPlan(inverse, None, [BearingReport(robot, tables)], chosen, about(robot, layout, on))
     columns = [f"{name}/effort" for name in robot.motors]
     observers: list[Observer] = []
     if outputs:
@@ -120,14 +139,14 @@ def _check(
 
 
 def efforts(
-    robot: HybridRobot, block: TreeSamples, *, effects: Effects, reactions: bool, engine: EngineChoice,
-    weights: Mapping[str, float], **model: Any,
+    robot: HybridRobot, block: TreeSamples, *, effects: Effects, inner: InnerRows | None,
+    engine: EngineChoice, weights: Mapping[str, float], **model: Any,
 ) -> BlockResults:  # fmt: skip
-    """Compute the efforts of a block, shape (T, motors), and the reactions if they are wanted.
+    """Compute the efforts of a block, shape (T, motors), and what is wanted of its reactions.
 
     Args:
         block: The motion.
-        reactions: Whether reactions are computed.
+        inner: Writes rows of reactions; None where none are wanted.
         engine: What computes.
         model: Options of `hybridyn.idm`, as `effects` and `weights` are.
     """
@@ -146,9 +165,9 @@ def efforts(
         weights=weights or None,
         effects=effects,
         time=block.motion.time,
-        reactions=reactions,
+        reactions=inner is not None,
         **model,
     )
     left = departures(robot, block.q, block.v, found.values)
-    inner = None if found.reactions is None else reaction_rows(robot, found.reactions)
-    return BlockResults(found.values, inner, left=left, residual=found.residual)
+    rows = None if inner is None or found.reactions is None else inner(robot, found.reactions)
+    return BlockResults(found.values, rows, left=left, residual=found.residual)

@@ -161,7 +161,7 @@ def on_loads(effect: LoadFriction, robot: HybridRobot) -> OnLoads | None:
     for word, table in tables.items():
         for name, (factor,) in given(f"{effect.name}: {word}", table).items():
             number = joint_number(effect.name, robot, name)
-            part = _parts_of(robot, name).get(word)
+            part = load_parts(robot, name).get(word)
             if part is None:
                 raise ModelError(
                     f"{effect.name}: joint '{name}' is {robot.kinds[number]}; it has no '{word}'",
@@ -200,8 +200,8 @@ def _near_rest(effect: LoadFriction) -> dict[str, tuple[float, float]]:
     return {name: (static - 1, speed) for name, (static, speed) in stated.items()}
 
 
-def _parts_of(robot: HybridRobot, name: str) -> Mapping[str, Array]:
-    """Return what each coefficient of a joint takes from its wrench, shape (3, 6)."""
+def load_parts(robot: HybridRobot, name: str) -> Mapping[str, Array]:
+    """Return the parts of a joint's wrench that load its bearing, (3, 6), by the coefficient's name."""
     kind, (force, moment) = robot.kinds[robot.joint_index[name]], np.split(np.eye(6), 2)
     if kind is JointKind.SPHERICAL:
         return {"radial": force}

@@ -14,6 +14,7 @@ import numpy as np
 from ..colours import ALARM, GOOD, MODULES, MOTOR
 from ..errors import TrajectoryError
 from ..spatial import Array
+from ..studies.bearings import BEARING_UNITS
 from ..studies.sizing import MotorLoad, Sizing
 from .panels import Mark, Panel, PanelFigure
 
@@ -27,6 +28,10 @@ LOADS = {
     "speed": ("speed_unit", {"peak": "peak_speed", "RMS": "rms_speed"}),
     "power": ("W", {"peak": "peak_power", "peak of braking": "peak_braking_power"}),
 }
+#: Quantities of the loads of joints, likewise.
+BEARINGS = {
+    word: (unit, {"peak": f"peak_{word}", "RMS": f"rms_{word}"}) for word, unit in BEARING_UNITS.items()
+}
 
 #: Signs of the two ends of an axis.
 ENDS = np.array([-1.0, 1.0])
@@ -38,7 +43,7 @@ def chart_of_report(rows: Sequence[Row], *, title: str = "") -> PanelFigure:
     """Build a chart of a report, a panel per quantity and unit, bars per motor.
 
     Args:
-        rows: Names and values: with "effect", what effects add to efforts, else the loads of motors.
+        rows: Names and values: with "effect", what effects add to efforts, else loads of motors or joints.
         title: Title of the chart.
 
     Raises:
@@ -56,8 +61,16 @@ def chart_of_report(rows: Sequence[Row], *, title: str = "") -> PanelFigure:
             for row in rows
             for name, column in columns.items()
         ]
+    elif {"joint", "peak_radial"} <= known:
+        bars = [
+            (f"{quantity} [{unit}]", name, row["joint"], row[column])
+            for quantity, (unit, columns) in BEARINGS.items()
+            for row in rows
+            for name, column in columns.items()
+            if row[column] is not None
+        ]
     else:
-        raise TrajectoryError("there is nothing to draw: neither loads of motors nor effects")
+        raise TrajectoryError("there is nothing to draw: neither loads of motors or joints nor effects")
     panels: dict[str, dict[str, dict[str, float]]] = {}  # sizes by label, name and motor; unknown ones are 0
     for label, name, motor, number in bars:
         panels.setdefault(label, {}).setdefault(str(name), {})[str(motor)] = abs(float(number or 0.0))

@@ -92,7 +92,7 @@ USAGE = [
     (ANKLE, "--map and --grid belong together; along a trajectory: 'hybridyn idm --map'"),
     ("workspace five_bar --grid 3", "--map and --grid belong together"),
     (f"{ANKLE} --grid 3 --step x=1", "with --map, only --grid and -o apply"),
-    ("idm five_bar --loads --by-effect", "--loads, --by-effect and --map exclude each other"),
+    ("idm five_bar --loads --by-effect", "--loads, --bearings, --by-effect and --map exclude each other"),
     ("idm five_bar --loads --reactions r.csv", "--reactions belongs to a table of efforts"),
     ("idm five_bar --by-effect --passive solved", "do not apply to --by-effect"),
     (f"{ANKLE} --grid 0", "at least one point"),

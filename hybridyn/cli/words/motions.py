@@ -61,14 +61,15 @@ idm = RobotCommand(
 
     The table has named columns, in SI units, such as 'time', '<joint>/position', '<link>/pose/x' or
     '<link>/wrench/fx' (docs/tables.md): the motion of motors, of any links, of both, or of every joint.
-    Missing rates are fitted by a spline. The result has a row per sample, and '<motor>/effort'. With --loads
-    it is peak and RMS effort, speed, power and energy of each motor; with --by-effect, what each effect adds.
+    Missing rates are fitted by a spline. The result has a row per sample, and '<motor>/effort'. With
+    --loads, --bearings and --by-effect it is a report on the motors, the joints or the effects.
     """,
     params=[
         click.Argument(
             ["source"], metavar="[TRAJECTORY]", required=False, callback=_own_table, type=click.Path()
         ),
         option("--loads", is_flag=True, help="Tell what the motion requires of each motor."),
+        option("--bearings", is_flag=True, help="Tell the radial, axial and tilting loads of each joint."),
         option("--by-effect", is_flag=True, help="Tell what each effect adds to the efforts."),
         option(
             "--map", "outputs", metavar="A,B,...", callback=split_names,
