@@ -21,7 +21,7 @@ def run_module(name: str, /, **words: Any) -> Any:
 
 def effects_option(default: str | None) -> click.Option:
     """Return `--effects`. `default`: what applies where the user gives none, None where there are several."""
-    more = "" if default else ".  [default: default; with --loads and --by-effect model]"
+    more = "" if default else ".  [default: default; model for a report]"
     return option(
         "--effects", metavar="A,B,...", default=default, show_default=bool(default),
         callback=known_names("effect", "effects.catalogue", "names"),
