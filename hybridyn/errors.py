@@ -15,9 +15,6 @@ the sentence is composed of them when it is read.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from typing import Any
 
 #: Maximum length of a message: a longer one consists mostly of names from a file.
@@ -61,38 +58,6 @@ def required(module: str, extra: str, who: str) -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         raise HybridynError(f"{who} needs {module.partition('.')[0]}: {install_advice(extra)}") from error
-
-
-#: What holds the warnings of this thread, if anything does.
-_held: ContextVar[list[str] | None] = ContextVar("held", default=None)
-
-
-@contextmanager
-def held_warnings() -> Iterator[list[str]]:
-    """Hold what `warn` is told inside a `with` block, for a caller that computes anew where there is any."""
-    held: list[str] = []
-    before = _held.set(held)
-    try:
-        yield held
-    finally:
-        _held.reset(before)
-
-
-def warn(text: str, *words: object, log: str = "hybridyn") -> None:
-    """Write a warning to a log, whose module is imported then: most calls warn of nothing."""
-    if (held := _held.get()) is not None:
-        held.append(text % words)
-        return
-    import logging
-
-    logging.getLogger(log).warning(text, *words)
-
-
-def inform(text: str, *, log: str) -> None:
-    """Write what is good to know to a log."""
-    import logging
-
-    logging.getLogger(log).info(text)
 
 
 class PerformanceWarning(UserWarning):

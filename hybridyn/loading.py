@@ -7,7 +7,7 @@ from contextvars import ContextVar
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from .errors import warn
+from .logs import warn
 from .spatial import Array
 from .structure.building import build_robot
 from .structure.robot import Base, HybridRobot

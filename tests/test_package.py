@@ -19,7 +19,7 @@ from tests import ROOT
 PACKAGE = ROOT / "hybridyn"
 #: The floors from the ground. A room imports from its own folder and from the floors below.
 FLOORS = (
-    {"errors", "symbols", "colours", "threads"},
+    {"errors", "logs", "symbols", "colours", "threads"},
     {"spatial", "extensions"},
     {"joints"},
     {"description"},

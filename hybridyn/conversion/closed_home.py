@@ -11,7 +11,7 @@ from ..assembly.assemble import assemble_home
 from ..description.placement import poses_at
 from ..description.records import Description
 from ..errors import HybridynError, ModelError
-from ..linkage.closures import residual_of
+from ..linkage.closure_rows import residual_of
 from ..structure.building import build_robot
 from ..structure.robot import HybridRobot, positions
 from .request import home_of

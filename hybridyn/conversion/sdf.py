@@ -26,7 +26,7 @@ from ..description.sdf.stated import SDF
 from ..description.shape_files import SIZES, Shape
 from ..description.side_cars.model_toml import model_file
 from ..joints.kinds import JointKind, RotationKind
-from ..linkage.closures import residual_of
+from ..linkage.closure_rows import residual_of
 from .as_text import Content, angles_of, document
 from .from_home import counted_from_home
 from .parts import in_parts

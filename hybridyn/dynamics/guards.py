@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import AT_SAMPLE, ActuationError, AssemblyError, HybridynError, SingularityError, warn
+from ..errors import AT_SAMPLE, ActuationError, AssemblyError, HybridynError, SingularityError
 from ..linkage.reduction import RANK_TOLERANCE, Basis
+from ..logs import warn
 from ..spatial import Array, Index
 from ..structure.module import Module
 

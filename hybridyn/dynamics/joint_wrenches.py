@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..effects.choice import Effects
-from ..linkage.closures import TreeClosure, normals
+from ..linkage.closure_rows import normals
+from ..linkage.closures import TreeClosure
 from ..linkage.motion import Motion
 from ..spatial import (
     Array,

@@ -16,7 +16,7 @@ import pickle
 import numpy as np
 
 from ..description.cache_folder import hashed, keep, kept, state_of
-from ..errors import warn
+from ..logs import warn
 from ..spatial import Array
 from .closures import Closures
 from .newton import STALLED, Closed, LoopProblem, close

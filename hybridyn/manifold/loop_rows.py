@@ -6,7 +6,7 @@ Residuals and rows are those of `linkage.closures`.
 
 import numpy as np
 
-from ..linkage.closures import directions_of, residual_of, rows_of
+from ..linkage.closure_rows import directions_of, residual_of, rows_of
 from ..linkage.couplings import CouplingRows
 from ..linkage.retraction import Retraction
 from ..spatial import Array, cross

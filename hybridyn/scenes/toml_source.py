@@ -12,7 +12,8 @@ from pydantic import ValidationError
 
 from ..description.names import did_you_mean
 from ..description.reading import read_bytes
-from ..description.side_cars.tables import Schema, first_problem, with_added_effects
+from ..description.side_cars.problems import first_problem
+from ..description.side_cars.tables import Schema, with_added_effects
 from ..description.side_cars.toml_file import Keys, line_of, parse_toml
 from ..errors import HybridynError, ModelError
 from .added_controllers import with_added_controller

@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..errors import warn
 from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
 from ..linkage.joints import TreeJoint
 from ..linkage.motion import Motion
+from ..logs import warn
 from ..spatial import Array, Index, Mask, indices, rotate, select, to_body_axes
 from .cut import Cut
 

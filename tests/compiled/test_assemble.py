@@ -18,9 +18,9 @@ from hybridyn.compiled.programs.closing.extended import extended
 from hybridyn.compiled.programs.closing.given import Given, GivenCoordinates
 from hybridyn.compiled.programs.closing.rows import rows_at
 from hybridyn.compiled.programs.closing.unknowns import Unknowns
-from hybridyn.errors import warn
 from hybridyn.linkage import targets
 from hybridyn.linkage.targets import CoordinateTarget
+from hybridyn.logs import warn
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.assembly.test_assembly import base_pose, stretched, waves

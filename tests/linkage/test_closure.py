@@ -5,7 +5,8 @@ import pytest
 
 from hybridyn.description.records import Curve
 from hybridyn.joints.kinds import JointKind
-from hybridyn.linkage.closures import Closures, TreeClosure, directions_of, residual_of, rows_of
+from hybridyn.linkage.closure_rows import directions_of, residual_of, rows_of
+from hybridyn.linkage.closures import Closures, TreeClosure
 from hybridyn.linkage.couplings import TreeCoupling
 from hybridyn.linkage.tree import Tree, TreeJoint
 from hybridyn.spatial import Array, rotation_from_axis_angle, rotation_from_vector

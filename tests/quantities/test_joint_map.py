@@ -9,7 +9,7 @@ import pytest
 import hybridyn
 from hybridyn import HybridRobot
 from hybridyn.assembly.posture import holding
-from hybridyn.dynamics.quantities import joint_map
+from hybridyn.dynamics.quantities import regular_map
 from hybridyn.dynamics.quantities.joint_map import JointMap
 from hybridyn.errors import SingularityError, TrajectoryError
 from tests.dynamics.test_idm import flat_five_bar
@@ -154,10 +154,10 @@ def test_singular_samples_are_left_out_without_quadratic_work(monkeypatch: pytes
         rows.append(len(some))
         return hybridyn.joint_map(of, some, names)
 
-    monkeypatch.setattr(joint_map, "joint_map", counted)
-    found, kept = joint_map.regular_map(robot, q, robot.motors)
+    monkeypatch.setattr(regular_map, "joint_map", counted)
+    found, kept = regular_map.regular_map(robot, q, robot.motors)
     assert found is not None
     assert kept == list(range(1, 64, 2))
     close_to(found.motors_per_joints, np.tile(np.eye(2), (32, 1, 1)), ROUNDING)
     assert sum(rows) <= 64 * 7  # 64 log2(64), and once more for the result
-    assert joint_map.regular_map(robot, q[::2], robot.motors) == (None, [])
+    assert regular_map.regular_map(robot, q[::2], robot.motors) == (None, [])

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...errors import AssemblyError, inform
+from ...errors import AssemblyError
 from ...linkage.motion import Motion
 from ...linkage.reduction import decide_rank
 from ...linkage.targets import named_rows
+from ...logs import inform
 from ...spatial import Array, rotation_from_quaternion
 from ...structure.module import Module
 from ...structure.robot import HybridRobot

@@ -8,7 +8,8 @@ import numpy as np
 
 from ...assembly.posture import check_joints
 from ...description.names import listed
-from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside, regular_map
+from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside
+from ...dynamics.quantities.regular_map import regular_map
 from ...errors import SingularityError
 from ...spatial import Array
 from ...streams.departures import Departures

@@ -11,15 +11,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.closures import (
-    TreeClosure,
-    closed_directions,
-    directions_of,
-    drift_of,
-    rows_of,
-    slides_of,
-    turns_dot,
-)
+from ...linkage.closure_rows import closed_directions, directions_of, drift_of, rows_of, slides_of, turns_dot
+from ...linkage.closures import TreeClosure
 from ...linkage.couplings import CouplingRows
 from ...spatial import Array, cross, hat, rotate
 from ...symbols import Expression, dot, minus

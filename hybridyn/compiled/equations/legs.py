@@ -22,7 +22,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.closures import Directions, closed_directions, drift_of, rows_of, turns_dot
+from ...linkage.closure_rows import Directions, closed_directions, drift_of, rows_of, turns_dot
 from ...spatial import Array, rotate, wrench_to_base
 from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, own_columns, point_acceleration, point_velocity, sweep

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...linkage.closures import Closures, TreeClosure, directions_of, rows_of
+from ...linkage.closure_rows import directions_of, rows_of
+from ...linkage.closures import Closures, TreeClosure
 from ...linkage.tree import Tree
 from ...spatial import cross, hat, motion_to_body
 from ...symbols import Expression, dot, minus

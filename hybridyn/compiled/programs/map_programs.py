@@ -17,7 +17,8 @@ import casadi as ca
 import numpy as np
 
 from ...assembly.posture import check_joints, modules_of
-from ...dynamics.quantities.joint_map import joint_map, motors_beside, regular_map
+from ...dynamics.quantities.joint_map import joint_map, motors_beside
+from ...dynamics.quantities.regular_map import regular_map
 from ...joints import displacement
 from ...linkage.tree import Tree
 from ...spatial import Array, Index

@@ -2,7 +2,8 @@
 
 Read `model_toml` (finds the files of a robot, reads and writes model.toml), `gepetto`, `hyrodyn`,
 `hyrodyn_types`.
-`toml_file` and `yaml_file` know the line of each key; `tables` are the keys that are known.
+`toml_file` and `yaml_file` know the line of each key; `tables` are the keys that are known, and
+`problems` tells what is wrong with a file's values.
 
 May import: `description`'s own files.
 """

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from ...errors import ModelError
 from ..bounds import refuse_above
 from ..names import did_you_mean
-from .tables import first_problem
+from .problems import first_problem
 
 #: Ends of the tags of scalars that are read.
 SCALARS = ("null", "bool", "int", "float", "str")

@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...assembly.posture import check_joints, holding, modules_of, positions_of, posture_at
-from ...errors import SingularityError, TrajectoryError
+from ...errors import TrajectoryError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_batch, as_positions, same_samples
-from .engine import closed_states, polar_form
+from .engine import closed_states
 from .independent import IndependentCoordinates, independent_motions, located
+from .polar_forms import polar_form
 
 #: Computes dv/d(side), shape (T, nv, N), and the accelerations at rest of that side, shape (T, nv), at
 #: positions (T, nq) and rates (T, nv); without rates the accelerations are zero.
@@ -239,44 +240,6 @@ def related(
     arrays = q, positions_of(robot, q, names), positions_of(robot, q, motors), H, G
     q, y, m, H, G = (x[0] if single else x for x in arrays)
     return JointMap(robot, names, motors, q, y, m, H, G, motions)
-
-
-def regular_map(robot: HybridRobot, q: Array, joints: Sequence[str]) -> tuple[JointMap | None, list[int]]:
-    """Compute the map at the postures that are not singular.
-
-    Args:
-        q: Positions, shape (T, nq).
-
-    Returns:
-        The map, or None if no posture is left, and the samples that are.
-
-    Raises:
-        SingularityError: The joints do not fit the modules, whatever the posture.
-    """
-    found, kept = _regular(robot, q, joints, list(range(len(q))))
-    if found is None and kept:
-        found = joint_map(robot, q[kept], joints)
-    return found, kept
-
-
-def _regular(
-    robot: HybridRobot, q: Array, joints: Sequence[str], samples: list[int]
-) -> tuple[JointMap | None, list[int]]:
-    """Return those of some samples that are not singular, and their map if it is all of them.
-
-    An error names one singular sample: it is dropped, and the halves of the others are computed apart. The
-    work grows with T log T at most, whatever the number of singular samples.
-    """
-    if not samples:
-        return None, []
-    try:
-        return joint_map(robot, q[samples], joints), samples
-    except SingularityError as error:
-        if error.sample is None or error.what == "independent coordinates":
-            raise
-        rest = samples[: error.sample] + samples[error.sample + 1 :]
-    half = len(rest) // 2
-    return None, [i for part in (rest[:half], rest[half:]) for i in _regular(robot, q, joints, part)[1]]
 
 
 def motors_beside(robot: HybridRobot, joints: Sequence[str]) -> tuple[str, ...]:

@@ -19,7 +19,8 @@ from ...structure.samples import as_positions, one_of
 from ..direct import direct_model
 from ..guards import FIXED_LINKS, check
 from ..link_motion import link_motions, named_links
-from .engine import Engine, GeneralEngine, by_columns, chosen_effects
+from .engine import Engine, GeneralEngine, chosen_effects
+from .polar_forms import by_columns
 
 #: Effects that inertia is made of.
 INERTIAL = ("inertia", "leg_inertia", "rotor_inertia")

@@ -13,8 +13,9 @@ from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions
 from ..direct import acceleration_of_base, needs_inertia
 from ..state_checks import checked_state
-from .engine import QUADRATIC, Engine, GeneralEngine, chosen_effects, polar_form, rate_of_map
+from .engine import QUADRATIC, Engine, GeneralEngine, chosen_effects
 from .independent import independent_coordinates
+from .polar_forms import polar_form, rate_of_map
 
 #: Effects that g is made of.
 WEIGHTS = ("gravity", "inertia", "leg_inertia")

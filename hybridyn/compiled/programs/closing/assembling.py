@@ -8,7 +8,8 @@ import numpy as np
 
 from ....assembly.assemble import assemble_requests, place_base
 from ....assembly.requests import Requests, in_root
-from ....errors import HybridynError, held_warnings, inform
+from ....errors import HybridynError
+from ....logs import held_warnings, inform
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import ClosedRows, Rows

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from ....dynamics.direct import acceleration_of_base
 from ....dynamics.energy import Energy, energy
 from ....dynamics.link_motion import LinkMotion, motions_of, named_links
-from ....dynamics.quantities.engine import rate_of_map
 from ....dynamics.quantities.independent import IndependentCoordinates, independent_coordinates
 from ....dynamics.quantities.joint_map import JointMap, related, side_motions
 from ....dynamics.quantities.links import delassus, link_jacobian, link_jacobians, operational_inertia
@@ -25,6 +24,7 @@ from ....dynamics.quantities.model import (
     mass_matrix,
     motion_map,
 )
+from ....dynamics.quantities.polar_forms import rate_of_map
 from ....dynamics.state_checks import checked_state
 from ....effects.springs import Spring, Stop
 from ....errors import HybridynError

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....dynamics.energy import effective_model
-from ....dynamics.quantities.engine import blocks
 from ....dynamics.quantities.independent import IndependentCoordinates
 from ....dynamics.quantities.joint_map import side_motions
+from ....dynamics.quantities.polar_forms import blocks
 from ....effects.choice import Effects
 from ....spatial import Array, Mask
 from ....structure.robot import HybridRobot
