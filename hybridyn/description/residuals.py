@@ -148,14 +148,7 @@ def residual(
     maker: ResidualMaker = added("closures", closure)
     ca = required("casadi", "compiled", f"the closure '{closure}' of the package '{maker.package}'")
     x = [ca.SX.sym(joint) for joint in joints]
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
-            found = maker.make(x, **numbers)
-    except HybridynError:
-        raise
-    except Exception as error:  # whatever the package raises
-        raise failing("closures", closure, maker.package, error) from error
+    found = _made(closure, maker, x, numbers)
     count = found.numel() if isinstance(found, ca.SX) else np.size(found)
     if count != 1:
         raise refused("closures", closure, maker.package, f"returns {count} numbers: a residual is one")
@@ -172,6 +165,22 @@ def residual(
         tuple((joint, 1.0) for joint in joints), closure, tuple(numbers.items()),
         tuple(zeros.get(joint, 0.0) for joint in joints), written,
     )  # fmt: skip
+
+
+def _made(closure: str, maker: ResidualMaker, x: Sequence[Any], numbers: Mapping[str, Any]) -> Any:
+    """Return what a closure of a package makes of the symbols x of its joints.
+
+    Raises:
+        ModelError: Its code fails on symbols.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+            return maker.make(x, **numbers)
+    except HybridynError:
+        raise
+    except Exception as error:  # whatever the package raises
+        raise failing("closures", closure, maker.package, error) from error
 
 
 def _check_smooth(closure: str, package: str, function: Any) -> None:

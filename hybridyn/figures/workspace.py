@@ -64,15 +64,7 @@ def figure_of_workspace(
             row[0].tick_params(labelsize="x-small")
         else:
             _draw_slices(figure, row, lattice, slices, values, label, 100 if name == "conditioning" else 98)
-    for ax, level in zip(panels[0], levels, strict=True) if len(axes) == 3 else ():
-        at = (lattice.start[2] + level * lattice.steps[2]).round(DIGITS) + 0.0
-        ax.set_title(f"{axes[2]} = {at:.4g} {_unit(axes[2])}", fontsize="small")
-    middle = np.median(index[:, 3:], axis=0).round()
-    for ax, level in zip(panels[0], levels, strict=True):
-        _mark(ax, lattice, [*([] if level is None else [level]), *middle], ends or {})
-    if ends:
-        marks = panels[0, 0].get_legend_handles_labels()
-        figure.legend(*marks, loc="outside lower center", ncols=len(levels) + 1, fontsize="x-small")
+    _label_slices(figure, panels[0], lattice, levels, ends or {})
     for ax in panels[-1]:
         ax.set_xlabel(f"{axes[0]} [{_unit(axes[0])}]")
     figure.suptitle(title)
@@ -103,6 +95,27 @@ class _Lattice:
         """Return how many steps coordinates are from the start, shape (n, axes); halves lie between poses."""
         values = np.column_stack([coordinates[name] for name in self.axes])
         return np.asarray((values - self.start) / self.steps)
+
+
+def _label_slices(
+    figure: Figure,
+    row: Sequence[Axes],
+    lattice: _Lattice,
+    levels: Sequence[Any],
+    ends: Mapping[str, Mapping[str, Array]],
+) -> None:
+    """Write over each slice its third coordinate, and mark what ends the workspace in it."""
+    middle = np.median(lattice.index[:, 3:], axis=0).round()
+    for ax, level in zip(row, levels, strict=True):
+        if level is None:
+            _mark(ax, lattice, middle, ends)
+            continue
+        at = (lattice.start[2] + level * lattice.steps[2]).round(DIGITS) + 0.0
+        ax.set_title(f"{lattice.axes[2]} = {at:.4g} {_unit(lattice.axes[2])}", fontsize="small")
+        _mark(ax, lattice, [level, *middle], ends)
+    if ends:
+        marks = row[0].get_legend_handles_labels()
+        figure.legend(*marks, loc="outside lower center", ncols=len(levels) + 1, fontsize="x-small")
 
 
 def _mark(

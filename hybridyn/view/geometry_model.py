@@ -46,20 +46,29 @@ def geometry_model(
         >>> hybridyn.geometry_model(robot, "visual").ngeoms
         6
     """
-    import pinocchio as pin
-    from lxml import etree
-
     one_of("kind", kind, "visual", "collision")
     file = robot.description.source
     root = urdf_root(file, xacro_args or {}, package_dirs) if file else None
     if root is None:
         raise ModelError("shapes are read from URDF and xacro files only", file=file)
     _name_files(root, str(file), kind, MeshFiles(Path(str(file)).parent, package_dirs))
+    return _shapes_of(robot, root, kind)
+
+
+def _shapes_of(robot: HybridRobot, root: Any, kind: str) -> pin.GeometryModel:
+    """Build the shapes of one kind of a robot from its URDF, by Pinocchio.
+
+    Raises:
+        ModelError: A mesh cannot be read.
+    """
+    import pinocchio as pin
+    from lxml import etree
+
     wanted = pin.GeometryType.VISUAL if kind == "visual" else pin.GeometryType.COLLISION
     try:
         return pin.buildGeomFromUrdfString(robot.unchanged_model, etree.tostring(root).decode(), wanted)
     except ValueError as error:
-        raise ModelError(f"its shapes cannot be read: {error}", file=file) from error
+        raise ModelError(f"its shapes cannot be read: {error}", file=robot.description.source) from error
 
 
 def _name_files(root: Any, file: str, kind: str, find: MeshFiles) -> None:

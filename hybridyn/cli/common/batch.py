@@ -5,7 +5,7 @@ import glob
 import io
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -80,16 +80,29 @@ def compute_each(
                     show(len(outcomes), len(outcomes) / len(left))
         finally:
             good = sorted(one for one in outcomes if not one.error)
-            for one in good:
-                click.echo(f"{one.source}:\n{one.text}" if one.text else "", nl=False)
-            there, todo = len(shards) - len(left) + len(good), len(left) - len(good)
-            more = f"\n{counted(todo, 'table')} left; continue with --resume" if todo else ""
-            click.echo(
-                f"{counted(there, 'table')} of {len(shards):,} in '{record.folder}', "
-                f"{len(good):,} computed now{more}\nwall time {time.perf_counter() - started:.2f} s",
-                err=True,
-            )
+            todo = len(left) - len(good)
+            _say_done(good, record.folder, len(shards), todo, started)
     return FAILED if todo else max((one.status for one in outcomes), default=0)
+
+
+def _say_done(good: Sequence[Outcome], folder: Path, tables: int, todo: int, started: float) -> None:
+    """Print what the commands printed, and how many tables have results and are left.
+
+    Args:
+        good: The outcomes without errors.
+        folder: Folder of the results.
+        tables: Number of all tables.
+        todo: Number of those left.
+        started: When the work began, by `time.perf_counter` [s].
+    """
+    for one in good:
+        click.echo(f"{one.source}:\n{one.text}" if one.text else "", nl=False)
+    more = f"\n{counted(todo, 'table')} left; continue with --resume" if todo else ""
+    click.echo(
+        f"{counted(tables - todo, 'table')} of {tables:,} in '{folder}', {len(good):,} computed now{more}\n"
+        f"wall time {time.perf_counter() - started:.2f} s",
+        err=True,
+    )
 
 
 def _shards(source: str, output: str | None, ending: str) -> dict[str, Path]:

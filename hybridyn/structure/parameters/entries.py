@@ -160,16 +160,28 @@ def entry_of(description: Description, name: str) -> Entry:
             check_load(name, description, of)
         return _entry(name, labels, [Slot(table, of, field, at) for at in places])
     labels, places, numbers, own = _FRAMED[kind]
+    table, record, field = _frame_of(description, name, of)
+    return _entry(name, labels, [Slot(table, record, field, at) for at in places], numbers, own)
+
+
+def _frame_of(description: Description, name: str, of: str) -> tuple[str, str, str]:
+    """Return where a frame is: its table, the joint or closure there, and its field.
+
+    Args:
+        name: Name of the parameter, for messages.
+        of: "JOINT", "CLOSURE/predecessor" or "CLOSURE/successor".
+
+    Raises:
+        ModelError: There is no such joint or closure.
+    """
     base, _, side = of.rpartition("/")
     if side in _SIDES:
         check_one(name, base, [c.name for c in description.closures], "closure")
-        slots = [Slot("closures", base, _SIDES[side], at) for at in places]
-    else:
-        names = [joint.name for joint in description.joints]
-        names += [f"{c.name}/{side}" for c in description.closures for side in _SIDES]
-        check_one(name, of, names, "joint or side of a closure")
-        slots = [Slot("joints", of, "placement", at) for at in places]
-    return _entry(name, labels, slots, numbers, own)
+        return "closures", base, _SIDES[side]
+    names = [joint.name for joint in description.joints]
+    names += [f"{c.name}/{side}" for c in description.closures for side in _SIDES]
+    check_one(name, of, names, "joint or side of a closure")
+    return "joints", of, "placement"
 
 
 def checked_parameter(found: Extension) -> Callable[[Description, str], Entry]:
