@@ -20,6 +20,7 @@ from .library.cache import Built
 from .library.calls import Library
 from .model import CompiledRobot
 from .programs.control import closing_of_motors, same_without_limits, torque_programs
+from .programs.model_calls import ModelCalls
 from .programs.sources import MODELS, asked_for, library_of
 
 
@@ -76,7 +77,7 @@ def compile(
     with as_compile_error(robot):
         whole = checked_library(robot, on, chosen, dtype)
         models = whole.loaded(Library) if wait else at_once(whole, robot, on, chosen, dtype)
-        return CompiledRobot(robot, on, models, threads, chosen, whole)
+        return CompiledRobot(ModelCalls(robot, on, chosen, threads, models, whole))
 
 
 def interpreted_model(robot: HybridRobot, effects: Choice, name: str) -> CompiledRobot:
@@ -88,7 +89,7 @@ def interpreted_model(robot: HybridRobot, effects: Choice, name: str) -> Compile
     robot, on, chosen = asked_for(robot, effects, (), "float64")
     whole = checked_library(robot, on, chosen, "float64")
     models = InterpretedModels(robot, on, chosen, "float64", first=name, told=False)
-    return CompiledRobot(robot, on, models, 1, chosen, whole, builds=False)
+    return CompiledRobot(ModelCalls(robot, on, chosen, 1, models, whole, builds=False))
 
 
 def torque_models(compiled: CompiledRobot, on: Effects) -> dict[str, int] | None:

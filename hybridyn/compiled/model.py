@@ -8,15 +8,9 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.choice import Effects, names_on
+from ..effects.choice import names_on
 from ..errors import ModelError
-from ..structure.parameters.entries import Parameters
-from ..structure.robot import HybridRobot
-from .interpreted import at_once
-from .library.artifact import Artifact
-from .library.cache import Built
 from .library.calls import Library, Numbers
-from .library.current import Models
 from .library.steps import Steps
 from .offered import Offered
 from .programs.control import ControlSteps
@@ -55,25 +49,15 @@ class CompiledRobot:
         0
     """
 
-    def __init__(
-        self,
-        robot: HybridRobot,
-        effects: Effects,
-        models: Models,
-        threads: int,
-        parameters: Parameters,
-        whole: Artifact,
-        *,
-        builds: bool = True,
-    ) -> None:
-        """Use models; the library of `whole` replaces those that CasADi runs if it `builds`."""
-        self.robot, self.effects, self.threads, self.parameters = robot, effects, threads, parameters
-        self._models = ModelCalls(robot, effects, parameters, threads, models, whole, builds=builds)
+    def __init__(self, models: ModelCalls) -> None:
+        """Put the calls of loops, quantities and control beside those of the models."""
+        self.robot, self.effects, self.threads = models.robot, models.effects, models.threads
+        self.parameters, self._models = models.parameters, models
         self._postures = Postures(self._models)
         self._quantities = Quantities(self._models, self._postures)
         self._control = ControlSteps(self._models, self._postures)
-        self._handed = self._models.handed
-        self._motors, self._rates = len(robot.motors), robot.nv
+        self._handed = models.handed
+        self._motors, self._rates = len(self.robot.motors), self.robot.nv
 
     accelerations = Offered("_models", ModelCalls.accelerations)
 
@@ -212,11 +196,8 @@ class CompiledRobot:
         self._models.current.wait()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the path of the library's file, if there is one, and what leads to it."""
-        built, whole = self._models.current.models.built, self._models.current.artifact
-        return _restored, (
-            self.robot, self.effects, built, self.threads, self.parameters, whole, str(self.dtype)
-        )  # fmt: skip
+        """Pickle the models; the other parts are made of them."""
+        return CompiledRobot, (self._models,)
 
     @property
     def casadi(self) -> dict[str, ca.Function]:
@@ -241,15 +222,3 @@ class CompiledRobot:
         from .programs.whole_robot import programs
 
         return programs(self.robot, self.effects, parameters=self.parameters.slots)
-
-
-def _restored(
-    robot: HybridRobot, effects: Effects, built: Built | None, threads: int, parameters: Parameters,
-    whole: Artifact, dtype: str,
-) -> CompiledRobot:  # fmt: skip
-    """Restore a pickled compiled robot; its library is built again where its file is gone."""
-    try:
-        models = Library(built) if built else at_once(whole, robot, effects, parameters, dtype)
-    except OSError:
-        models = whole.loaded(Library)
-    return CompiledRobot(robot, effects, models, threads, parameters, whole)

@@ -104,6 +104,13 @@ def test_they_go_to_other_processes(model: hybridyn.CompiledRobot) -> None:
     assert np.array_equal(there.idm(q, v, a), model.idm(q, v, a))
 
 
+def test_maps_of_joints_go_to_other_processes_with_the_models_that_bend_them(
+    model: hybridyn.CompiledRobot,
+) -> None:
+    found = model.joint_map(model.robot.home, ["m1_left_elbow", "m1_right_elbow"])
+    assert np.array_equal(pickle.loads(pickle.dumps(found)).curvature, found.curvature)
+
+
 def test_models_that_are_wrong_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first one, and all others where it serves nowhere, at once; another one at its first call."""
     robot, refuses = hybridyn.load("five_bar"), {"idm"}

@@ -12,8 +12,10 @@ from ...effects.choice import Effects
 from ...spatial import Array
 from ...structure.parameters.entries import Parameters
 from ...structure.robot import HybridRobot
+from ..interpreted import at_once
 from ..library.artifact import Artifact
-from ..library.calls import Calls, Numbers
+from ..library.cache import Built
+from ..library.calls import Calls, Library, Numbers
 from ..library.current import Current, Models
 from ..library.direct_calls import refuse
 from .designs import DesignsInSlots
@@ -40,13 +42,20 @@ class ModelCalls:
 
     def __init__(
         self, robot: HybridRobot, effects: Effects, parameters: Parameters, threads: int, models: Models,
-        whole: Artifact, *, builds: bool,
+        whole: Artifact, *, builds: bool = True,
     ) -> None:  # fmt: skip
         """Use models; the library of `whole` replaces those that CasADi runs if it `builds`."""
         self.robot, self.effects, self.threads, self.parameters = robot, effects, threads, parameters
         self.designs, self.handed = DesignsInSlots(robot, effects, parameters), HandedOver(robot.name)
         self._moving = robot.base == "moving"
         self.current = Current(models, self._use, whole, builds=builds)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the path of the library's file, if there is one, and what leads to it."""
+        built, whole = self.current.models.built, self.current.artifact
+        return _restored, (
+            self.robot, self.effects, self.parameters, self.threads, built, whole, str(self.dtype)
+        )  # fmt: skip
 
     def _use(self, models: Models) -> None:
         """Take the programs of models; another thread may do this between two calls."""
@@ -114,3 +123,15 @@ class ModelCalls:
         if limits is not None and name == "idm":
             limits.check(self.robot, result)
         return result if samples else result[0]
+
+
+def _restored(
+    robot: HybridRobot, effects: Effects, parameters: Parameters, threads: int, built: Built | None,
+    whole: Artifact, dtype: str,
+) -> ModelCalls:  # fmt: skip
+    """Restore pickled models; their library is built again where its file is gone."""
+    try:
+        models = Library(built) if built else at_once(whole, robot, effects, parameters, dtype)
+    except OSError:
+        models = whole.loaded(Library)
+    return ModelCalls(robot, effects, parameters, threads, models, whole)

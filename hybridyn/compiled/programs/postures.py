@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,6 +39,10 @@ class Postures:
         self._close_at_once: Callable[..., int] = refuse
         self.follower: ClosedRows | None = None
         self.still = np.zeros(len(self.robot.motors))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the models."""
+        return Postures, (self._models,)
 
     def assemble(
         self,

@@ -63,6 +63,10 @@ class Quantities:
         self._models, self._postures, self._handed = models, postures, models.handed
         self._followings: dict[tuple[str, ...], Following | None] = {}
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the parts, of which maps of joints keep a method."""
+        return Quantities, (self._models, self._postures)
+
     def mass_matrix(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute M(q), shape (N, N) or (T, N, N), like `hybridyn.mass_matrix`."""
         return self._of_forces(mass_matrix, CompiledEngine.mass, joints, q)
