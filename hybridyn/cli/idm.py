@@ -85,16 +85,7 @@ def _plan(
     if loads:  # the report names the limits
         on = on.without("limits")
     _check(robot, layout, on, model["weights"], only_map=bool(outputs) and not on.names)
-    obstacles = {
-        "--bearings": bearings,
-        "--reactions": bool(tables.reactions),
-        "--passive solved": model["passive"] != "given",
-        "--on-singular least-norm": model["on_singular"] != "raise",
-        "--weights": bool(model["weights"]),
-        "wrenches in the table": bool(layout.wrenches),
-    }
-    worth, alone = worth_of(layout, robot), layout.full_state
-    chosen = choose_engine(engine, robot, on, given.table.rows, worth, obstacles, alone=alone)
+    chosen = _chosen_engine(engine, given, on, model, bearings=bearings, reactions=bool(tables.reactions))
     inverse = partial(
         efforts, effects=on, inner=reaction_rows if tables.reactions else None, engine=chosen, **model
     )
@@ -120,6 +111,23 @@ def _plan(
         observers.append(MapSummary(robot, outputs))
     observers.append(Summary(robot, "effort", robot.effort_units, columns))
     return CommandPlan(inverse, columns, observers, chosen, about(robot, layout, on))
+
+
+def _chosen_engine(
+    asked: str | None, given: Pass, on: Effects, model: Mapping[str, Any], *, bearings: bool, reactions: bool
+) -> EngineChoice:
+    """Choose the engine for a robot, a table and options, some of which compiled models do not support."""
+    robot, layout = given.robot, given.layout
+    obstacles = {
+        "--bearings": bearings,
+        "--reactions": reactions,
+        "--passive solved": model["passive"] != "given",
+        "--on-singular least-norm": model["on_singular"] != "raise",
+        "--weights": bool(model["weights"]),
+        "wrenches in the table": bool(layout.wrenches),
+    }
+    worth, alone = worth_of(layout, robot), layout.full_state
+    return choose_engine(asked, robot, on, given.table.rows, worth, obstacles, alone=alone)
 
 
 def _check(

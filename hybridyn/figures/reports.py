@@ -36,7 +36,8 @@ BEARINGS = {
 #: Signs of the two ends of an axis.
 ENDS = np.array([-1.0, 1.0])
 
-Row = Mapping[str, str | float | None]
+Value = str | float | None
+Row = Mapping[str, Value]
 
 
 def chart_of_report(rows: Sequence[Row], *, title: str = "") -> PanelFigure:
@@ -71,17 +72,22 @@ def chart_of_report(rows: Sequence[Row], *, title: str = "") -> PanelFigure:
         ]
     else:
         raise TrajectoryError("there is nothing to draw: neither loads of motors or joints nor effects")
+    drawn = _bar_panels(bars)
+    return PanelFigure(title, drawn, across=min(len(drawn), 2))
+
+
+def _bar_panels(bars: Sequence[tuple[str, Value, Value, Value]]) -> list[Panel]:
+    """Return the panels of bars, each a label, what it is the size of, the motor or joint, and the size."""
     panels: dict[str, dict[str, dict[str, float]]] = {}  # sizes by label, name and motor; unknown ones are 0
     for label, name, motor, number in bars:
         panels.setdefault(label, {}).setdefault(str(name), {})[str(motor)] = abs(float(number or 0.0))
-    drawn = [
+    return [
         Panel("", label, [
             Mark(name, (*sizes,), np.array([*sizes.values()]), "bar", colour)
             for (name, sizes), colour in zip(named.items(), itertools.cycle(MODULES), strict=False)
         ])
         for label, named in panels.items()
     ]  # fmt: skip
-    return PanelFigure(title, drawn, across=min(len(drawn), 2))
 
 
 def chart_of_sizing(sizing: Sizing, *, title: str = "") -> PanelFigure:
