@@ -37,6 +37,11 @@ class BearingLoad(NamedTuple):
     peaks: dict[str, Peak | None]
     rms: dict[str, float | None]
 
+    @property
+    def largest_force(self) -> float:
+        """Largest peak of a force that is known [N]; 0 if there is none."""
+        return max((peak.value for word, peak in self.peaks.items() if peak and word != "tilt"), default=0.0)
+
 
 class Bearings:
     """Loads of a robot's joints over a motion, accumulated block by block in time order."""
@@ -73,7 +78,7 @@ class Bearings:
             known = not self._shared[i]
             load.peaks[word] = Peak(float(self._peaks.value[i]), float(self._peaks.at[i])) if known else None
             load.rms[word] = float(rms[i]) if known else None
-        return sorted(found.values(), key=_largest_force, reverse=True)
+        return sorted(found.values(), key=lambda load: load.largest_force, reverse=True)
 
 
 def bearing_rows(robot: HybridRobot, reactions: Reactions) -> Array:
@@ -94,8 +99,3 @@ def _columns(robot: HybridRobot) -> list[tuple[str, str, Array]]:
         for name in module.joints
         for word, part in load_parts(robot, name).items()
     ]
-
-
-def _largest_force(load: BearingLoad) -> float:
-    """Return the largest peak of a force that is known [N]."""
-    return max((abs(peak.value) for word, peak in load.peaks.items() if peak and word != "tilt"), default=0.0)

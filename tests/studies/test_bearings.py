@@ -35,7 +35,7 @@ def loads_of(robot: HybridRobot, *state: np.ndarray) -> Bearings:
     return out
 
 
-def test_a_hinge_bears_what_its_rod_needs(tmp_path: Path) -> None:
+def test_a_hinge_bears_what_its_rod_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A positive angle is downwards; the mass beside the plane of the motion tilts the axis."""
     (tmp_path / "rod.urdf").write_text(ROD)
     robot = hybridyn.load(tmp_path / "rod.urdf")
@@ -50,6 +50,9 @@ def test_a_hinge_bears_what_its_rod_needs(tmp_path: Path) -> None:
     assert np.isclose(load.rms["radial"], rms, rtol=ROUNDING, atol=0)
     assert load.peaks["axial"].value < ROUNDING * radial.max()
     assert np.isclose(load.peaks["tilt"].value, ASIDE * radial.max(), rtol=ROUNDING, atol=0)
+    (tmp_path / "swing.csv").write_text("turn/position,turn/velocity,turn/acceleration\n0,0,1\n0.5,1,0\n")
+    said = call(capsys, "idm", tmp_path / "rod.urdf", tmp_path / "swing.csv", "--bearings", "-q").out
+    assert "  0 N  " in said  # the axial load, which is rounding
 
 
 def test_a_loop_in_a_plane_shares_what_acts_out_of_it(

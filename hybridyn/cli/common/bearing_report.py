@@ -14,6 +14,7 @@ from ...tables.layout import Layout
 from .figures import save, title_of
 from .files import write_report
 from .one_table import CommandTables
+from .reports import unless_rounding
 from .text import aligned_rows, counted
 
 #: What the printed table shows of a load that redundant closures share.
@@ -52,19 +53,20 @@ class BearingReport:
 
 
 def bearing_table(loads: Sequence[BearingLoad], timed: bool) -> list[str]:
-    """Return the printed table: one line per joint."""
+    """Return the printed table: one line per joint. Moments are rounding of forces times some metre."""
     at = "at [s]" if timed else "row"
     rows = [["joint", "kind"]]
     for word in BEARING_UNITS:
         rows[0] += [f"peak {word}", at, "RMS"]
     for load in loads:
-        cells = [load.joint, load.kind]
+        cells, force = [load.joint, load.kind], load.largest_force
         for word, unit in BEARING_UNITS.items():
             peak, rms = load.peaks.get(word), load.rms.get(word)
             if peak is None or rms is None:
                 cells += [SHARED if word in load.peaks else "", "", ""]
             else:
-                cells += [f"{peak.value:.4g} {unit}", f"{peak.at:.5g}", f"{rms:.4g}"]
+                value, mean = unless_rounding(peak.value, force), unless_rounding(rms, force)
+                cells += [f"{value:.4g} {unit}", f"{peak.at:.5g}" if value else "", f"{mean:.4g}"]
         rows.append(cells)
     return [f"  {line}" for line in aligned_rows(rows, right=range(2, len(rows[0])))]
 

@@ -99,13 +99,13 @@ def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
         if timed:
             given, taken = load.energy_given or 0.0, load.energy_taken or 0.0
             both = abs(given) + abs(taken)
-            cells.append(f"{_unless_rounding(load.mean_power or 0.0, load.power.value):.4g} W")
-            cells += [f"{_unless_rounding(x, both):.4g} J" for x in (given, taken)]
+            cells.append(f"{unless_rounding(load.mean_power or 0.0, load.power.value):.4g} W")
+            cells += [f"{unless_rounding(x, both):.4g} J" for x in (given, taken)]
         rows.append(cells)
     return [f"  {line}" for line in aligned_rows(rows, right=range(1, len(rows[0])))]
 
 
-def _unless_rounding(x: float, size: float) -> float:
+def unless_rounding(x: float, size: float) -> float:
     """Return a number, or zero where it is rounding of numbers of a size."""
     return x + 0.0 if abs(x) > WORK_ROUNDING * abs(size) else 0.0
 
