@@ -228,7 +228,7 @@ def rotation_from_axis_angle(axis: Array, cos: Array, sin: Array) -> Array:
 
 
 def rotation_from_quaternion(quat: Array) -> Array:
-    """Build rotations from quaternions x, y, z, w, shape (..., 4); numbers need not be normalised."""
+    """Build rotations from quaternions x, y, z, w, shape (..., 4): symbols of length 1, numbers of any."""
     s = 2.0 if symbolic(quat) else 2.0 / np.sum(quat * quat, axis=-1)
     x, y, z, w = quat[..., 0], quat[..., 1], quat[..., 2], quat[..., 3]
     kind = np.result_type(quat, float)
