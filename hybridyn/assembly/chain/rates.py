@@ -83,7 +83,7 @@ class ChainRates:
     def _hurry(self, rates: Array, accelerations: Array) -> Array:
         """Return one over the time in which anything moves by one [rad, module lengths], shape (T,)."""
         fast = np.maximum(np.abs(rates), np.sqrt(np.abs(accelerations))).max(axis=1, initial=0.0)
-        out: Array = np.maximum(fast, self._known_rates())
+        out: Array = np.maximum(fast, self._known_hurry())
         return out
 
     def _asked(self, level: str) -> Array:
@@ -212,20 +212,24 @@ class ChainRates:
             for K, J, mu in zip(rows.own, rows.targets, own, strict=True)
         ], axis=1)  # fmt: skip
 
-    def _known_rates(self) -> Array:
-        """Return the largest rate of what carries the parts and links, and of directions and points.
+    def _known_hurry(self) -> Array:
+        """Return one over the time in which anything that is known moves by one.
+
+        It is what carries the parts and links, directions and points.
 
         Shape (T,), [rad/s, lengths/s].
         """
         problem = self.task.problem
         places = [*problem.carried.bases, *(x for one in problem.relatives for x in (one.link, one.other))]
         length = max(float(one.target.units.max()) for one in problem.relatives)
-        each = [np.maximum(np.abs(p.inner.w), np.abs(p.inner.p_dot) / length).max(axis=1) for p in places]
+        known = [(p.inner.w, p.inner.w_dot) for p in places]
+        known += [(p.inner.p_dot / length, p.inner.p_ddot / length) for p in places]
         for target in (one.target for one in problem.relatives):
             if isinstance(target, DirectionTarget):
-                each.append(np.abs(target.rate).max(axis=1))
+                known.append((target.rate, target.acceleration))
             if isinstance(target, DistanceTarget):
-                each.append(np.abs(target.centre[1]).max(axis=1) / length)
+                known.append((target.centre[1] / length, target.centre[2] / length))
+        each = [np.maximum(np.abs(v), np.sqrt(np.abs(a))).max(axis=1) for v, a in known]
         return np.asarray(np.max(each, axis=0))
 
 
