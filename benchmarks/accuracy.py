@@ -197,7 +197,7 @@ def cold(case: str, calls: int = COLD_CALLS) -> list[Row]:
         calls: Number of cold calls, of which the median is given.
     """
     block: Any = np.zeros(TOUCHED, dtype=np.uint8)
-    out, size = [], compiled(case_of(case).load()).__reduce__()[1][2].path.stat().st_size
+    out, size = [], compiled(case_of(case).load()).library.built.path.stat().st_size
     effort = Effort(judged=1, batches=(1,))
     for model in MODELS:
         problem = posed(case, model, effort)
