@@ -91,7 +91,7 @@ def test_a_new_model_is_asked(
     """`compile` asks when it builds; a library from the cache was asked before."""
     asked: list[str] = []
     monkeypatch.setattr(
-        "hybridyn.compiled.compiling.verify", lambda library, robot, on, **_: asked.append(robot.name)
+        "hybridyn.compiled.interpreted.verify", lambda library, robot, on, **_: asked.append(robot.name)
     )
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
     robot = hybridyn.load("five_bar")
