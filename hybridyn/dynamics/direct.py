@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from ..effects.choice import Choice, Effects, choose, times
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
+from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
 from .backward import reactions_of
@@ -78,7 +79,9 @@ def ddm(
     Raises:
         AssemblyError: The state does not close the loops.
         SingularityError: Closures lose rank, or a force acts on a motion without inertia.
-        ModelError: Effects are unknown, lack parameters or contradict each other, or "inertia" is missing.
+        ActuationError: A gear locks itself, or friction that grows with load may jam joints.
+        ModelError: Effects are unknown, lack parameters or contradict each other, "inertia" is missing, or
+            the motion does not determine a load on which friction depends.
         TrajectoryError: An array has the wrong shape or is not finite, a link is unknown, or a table is too
             short.
 
@@ -121,8 +124,11 @@ def direct_model(
         tau = on.limits.clip(robot, tau)
     if on.gears is not None:
         tau = on.gears.behind(robot, tau, v)
-    loads = with_load_friction(robot, q, v, a, tau, all_loads(robot, on, q, v, time, wrenches))
-    residual = solve(robot, q, v, a, tau, loads)
+    loads = all_loads(robot, on, q, v, time, wrenches)
+    states = states_before(robot, on, q, v, a)
+    residual = check_closed(robot, states, q, v)
+    loads = with_load_friction(robot, states, q, v, a, tau, loads)
+    accelerate(robot, articulate(robot, states, loads, tau, None), v, a)
     result = reactions_of(robot, q, v, a, tau, loads) if reactions else None
     return Result(a, residual, result)
 
@@ -149,30 +155,41 @@ def solve(
     Returns:
         Closure residuals of the states, shape (T,).
     """
-    on = loads.on
-    # Without velocity terms, forces depend on the observer: the classical one is taken for all others.
-    states = forward(robot, q, v, None, on.gravity, classical=on.velocity is not None, base=a)
+    states = states_before(robot, loads.on, q, v, a)
     residual = check_closed(robot, states, q, v)
     accelerate(robot, articulate(robot, states, loads, tau, prescribed), v, a)
     return residual
 
 
+def states_before(robot: HybridRobot, on: Effects, q: Array, v: Array, a: Array) -> list[ModuleState]:
+    """Compute the states of modules before their accelerations are known, of which a moving base's are read.
+
+    Without velocity terms, forces depend on the observer: the classical one is taken for all others.
+    """
+    return forward(robot, q, v, None, on.gravity, classical=on.velocity is not None, base=a)
+
+
 def with_load_friction(
-    robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, loads: Loads, *, passing: bool = False
-) -> Loads:
+    robot: HybridRobot, states: list[ModuleState], q: Array, v: Array, a: Array, tau: Array, loads: Loads, *,
+    passing: bool = False,
+) -> Loads:  # fmt: skip
     """Return loads with the efforts of friction that grows with load, if that is among their effects.
 
     Args:
+        states: From `states_before`; they close the loops.
         a: Accelerations, shape (T, nv), of which those of a moving base are read.
         tau: Efforts behind the gears, shape (T, motors).
         passing: As in `articulate`.
+
+    Raises:
+        SingularityError: As `articulate`.
+        ModelError: The motion does not determine a wrench on which friction depends.
+        ActuationError: Joints may jam.
     """
     on, law = loads.on, loads.on.loaded
     if law is None:
         return loads
     moved, D = a.copy(), law.directions(v)
-    states = forward(robot, q, v, None, on.gravity, classical=on.velocity is not None, base=moved)
-    check_closed(robot, states, q, v)
     modules = articulate(robot, states, loads, tau, None, passing=passing)
     accelerate(robot, modules, v, moved)
     start = reactions_of(robot, q, v, moved, tau, loads)

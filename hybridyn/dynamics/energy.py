@@ -15,10 +15,10 @@ from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions, same_samples
-from .direct import with_load_friction
+from .direct import states_before, with_load_friction
 from .link_motion import link_motions, observed_motions
 from .loads import all_loads
-from .state_checks import checked_state
+from .state_checks import check_closed, checked_state
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -163,7 +163,12 @@ def power(
         time: Time of each sample, shape () or (T,), [s], for wrenches that follow a table.
 
     Raises:
-        ModelError: Effects are unknown or lack parameters.
+        ModelError: Effects are unknown or lack parameters. With friction that grows with load: the motion
+            does not determine a load on which it depends, or the base moves as no effect states, or an effect
+            states the motion of a base that does not move.
+        ActuationError: A gear locks itself, or friction that grows with load may jam joints.
+        AssemblyError: The state does not close the loops; friction that grows with load alone asks this.
+        SingularityError: As `ddm`, where friction that grows with load needs its model.
         TrajectoryError: An array has the wrong shape or is not finite, a link is unknown, or a table is too
             short.
 
@@ -187,7 +192,10 @@ def power(
     loads = all_loads(robot, on, q, v, clock, wrenches)  # raises the same errors as idm
     lost += np.sum((given_by_motors - tau) * v[:, columns], axis=1)
     if on.loaded is not None:
-        rubbing = with_load_friction(robot, q, v, _of_base(robot, on, clock, len(q)), tau, loads)
+        a = _with_base(robot, on, clock, q, v)
+        states = states_before(robot, on, q, v, a)
+        check_closed(robot, states, q, v)
+        rubbing = with_load_friction(robot, states, q, v, a, tau, loads)
         lost -= np.sum((rubbing.joints - loads.joints) * v, axis=1)
     motions = observed_motions(robot, on, q, v)
     for given in (wrenches or {}, *outer.wrenches(motions, clock, len(q))):
@@ -201,20 +209,21 @@ def power(
     return Power(*(x[0] for x in out)) if single else Power(*out)
 
 
-def _of_base(robot: HybridRobot, on: Effects, clock: Array | None, samples: int) -> Array:
+def _with_base(robot: HybridRobot, on: Effects, clock: Array | None, q: Array, v: Array) -> Array:
     """Return accelerations, shape (T, nv), with those of a prescribed base and zeros.
 
     Raises:
-        ModelError: The base moves, and no effect states how; loads depend on its acceleration.
+        ModelError: The base moves as no effect states, or an effect moves one that does not.
     """
-    out = np.zeros((samples, robot.nv))
+    out = np.zeros_like(v)
     if on.base is not None:
-        out[:, :6] = on.base.at(clock)[2]
-    elif robot.base == "moving":
+        return on.base.into(robot, clock, q, v, out)[2]
+    if robot.base == "moving" and on.loaded is not None:
+        name = on.loaded.effect.name
         raise ModelError(
-            f"power: the effect '{on.losses[0]}' needs the acceleration of the moving base: name "
-            "'base_motion'", element=on.losses[0],
-        )  # fmt: skip
+            f"power: the effect '{name}' needs the acceleration of the moving base: name 'base_motion'",
+            element=name,
+        )
     return out
 
 

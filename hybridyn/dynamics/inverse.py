@@ -88,8 +88,10 @@ def idm(
         SingularityError: The motors lose a direction, or closures lose rank, and `on_singular` is "raise"; or
             closures are so close to losing rank that the efforts have no correct digit; or a velocity belongs
             to no branch there.
-        ActuationError: A passive motion would need an effort.
-        ModelError: Effects are unknown, lack parameters or contradict each other.
+        ActuationError: A passive motion would need an effort, an effort exceeds a limit, or friction that
+            grows with load may jam joints.
+        ModelError: Effects are unknown, lack parameters or contradict each other, or the motion does not
+            determine a load on which friction depends.
         TrajectoryError: An array has the wrong shape or is not finite, a link is unknown, or a table is too
             short.
 

@@ -11,9 +11,8 @@ import numpy as np
 
 from ..assembly.task import closure_residual
 from ..compiled import Law
-from ..dynamics.direct import with_load_friction
+from ..dynamics.direct import states_before, with_load_friction
 from ..dynamics.direct_recursion import accelerate, articulate
-from ..dynamics.forward import forward
 from ..dynamics.loads import all_loads
 from ..effects.choice import Choice, choose
 from ..errors import HybridynError, ModelError, TrajectoryError
@@ -165,6 +164,7 @@ class MotionLaw:
 
         Raises:
             SingularityError: A force acts on a motion without inertia, or closures lose rank.
+            ActuationError: A gear locks itself, or friction that grows with load may jam joints.
             StepError: They are not finite, or so large that their squares overflow.
         """
         a = self.driven(t, q, v)[0]
@@ -188,10 +188,8 @@ class MotionLaw:
         if self.robot.base == "moving":
             a[:, :6] = base
         joint_side = tau if self.on.gears is None else self.on.gears.behind(self.robot, tau, v)
-        loads = with_load_friction(self.robot, q, v, a, joint_side, loads, passing=True)
-        states = forward(
-            self.robot, q, v, None, self.on.gravity, classical=self.on.velocity is not None, base=a
-        )
+        states = states_before(self.robot, self.on, q, v, a)
+        loads = with_load_friction(self.robot, states, q, v, a, joint_side, loads, passing=True)
         accelerate(self.robot, articulate(self.robot, states, loads, joint_side, None, passing=True), v, a)
         return a, tau
 

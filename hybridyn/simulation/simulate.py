@@ -98,9 +98,11 @@ def simulate(
         AssemblyError: q0 or v0 does not close the loops.
         SingularityError: At the start, a force acts on a motion without inertia, or closures lose rank and
             the rates are on none of the branches that meet there.
+        ActuationError: A gear locks itself, or friction that grows with load may jam joints.
         TrajectoryError: Wrong arguments, more steps than fit in memory, or a run to resume that does not
             match.
-        ModelError: The method does not support this robot.
+        ModelError: The method does not support this robot, or the motion does not determine a load on which
+            friction depends.
 
     Example:
         >>> robot = hybridyn.load("five_bar")

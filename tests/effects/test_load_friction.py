@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.effects import LoadFriction
+from hybridyn.effects import BaseMotion, LoadFriction
 from hybridyn.errors import ActuationError, ModelError
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
@@ -194,3 +194,12 @@ def test_who_cannot_compute_it_says_so() -> None:
     q, v, _ = states_near_home(robot.description, "moving", 0, 1)
     with pytest.raises(ModelError, match="needs the acceleration of the moving base"):
         hybridyn.power(moving, q, v, np.zeros((1, 2)), effects=law)
+
+
+def test_power_refuses_the_motion_of_a_base_that_does_not_move() -> None:
+    robot = build_robot(shipped("five_bar"))
+    time, pose = np.linspace(0.0, 1.0, 6), np.tile([0.0, 0, 0, 0, 0, 0, 1], (6, 1))
+    on = ["default", LoadFriction(radial={robot.motors[0]: 1e-3}), BaseMotion(time, pose)]
+    q, v, _ = states_near_home(robot.description, "fixed", 0, 1)
+    with pytest.raises(ModelError, match="base_motion: the robot's base is 'fixed'"):
+        hybridyn.power(robot, q, v, np.zeros((1, 2)), effects=on, time=0.5)
