@@ -83,12 +83,12 @@ class Bearings:
 
 def bearing_rows(robot: HybridRobot, reactions: Reactions) -> Array:
     """Compute the sizes of the loads of all joints, (T, loads), [N, N m]; nan where closures share a load."""
-    rows = []
+    rows = [np.zeros((len(reactions.base), 0))]
     for name, _, part in _columns(robot):
         size = np.linalg.norm(reactions.joints[name] @ part.T, axis=1)
         shared = np.abs(part @ reactions.joints_shared[name]).max(axis=(1, 2), initial=0.0)
-        rows.append(np.where(shared > UNDETERMINED, np.nan, size))
-    return np.stack(rows, axis=1)
+        rows.append(np.where(shared > UNDETERMINED, np.nan, size)[:, None])
+    return np.hstack(rows)
 
 
 def _columns(robot: HybridRobot) -> list[tuple[str, str, Array]]:

@@ -10,6 +10,7 @@ import hybridyn
 from hybridyn.structure.robot import HybridRobot
 from hybridyn.studies.bearings import Bearings, bearing_rows
 from tests.support.command_line import call
+from tests.support.files import save
 
 ROUNDING = 1e-12
 TIME = np.linspace(0.0, 1.0, 21)
@@ -37,8 +38,7 @@ def loads_of(robot: HybridRobot, *state: np.ndarray) -> Bearings:
 
 def test_a_hinge_bears_what_its_rod_needs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A positive angle is downwards; the mass beside the plane of the motion tilts the axis."""
-    (tmp_path / "rod.urdf").write_text(ROD)
-    robot = hybridyn.load(tmp_path / "rod.urdf")
+    robot = hybridyn.load(save(tmp_path, ROD, "rod.urdf"))
     (load,) = loads_of(robot, ANGLE[:, None], RATE[:, None], CHANGE[:, None]).loads()
     along = -MASS * (LENGTH * RATE**2 + GRAVITY * np.sin(ANGLE))
     across = MASS * (LENGTH * CHANGE - GRAVITY * np.cos(ANGLE))
@@ -67,7 +67,10 @@ def test_a_loop_in_a_plane_shares_what_acts_out_of_it(
     assert forces == sorted(forces, reverse=True)
     assert {row["peak_axial"] for row in rows} == {row["peak_tilt"] for row in rows} == {""}
     assert out.count("shared") == 2 * len(rows) + 1
-    assert "radial [N]" in (tmp_path / "b.svg").read_text()
+    call(capsys, "plot", tmp_path / "b.csv", "-o", tmp_path / "again.svg")
+    for name in ("b.svg", "again.svg"):
+        drawn = (tmp_path / name).read_text()
+        assert ("radial [N]" in drawn, "axial [N]" in drawn) == (True, False)  # what is shared has no bar
     robot = hybridyn.load("five_bar")
     assert {row["joint"] for row in rows} == {
         joint.name for joint in robot.records.values() if joint.kind.single
@@ -89,3 +92,17 @@ def test_slides_have_a_normal_force_and_a_moment() -> None:
         assert {*peaks} == {"radial", "tilt"}
         assert np.isclose(peaks["radial"].value, normal.max(), rtol=1e-6, atol=0)  # ties within the part TIE
         assert np.isclose(peaks["tilt"].value, np.linalg.norm(moment, axis=1).max(), rtol=1e-6, atol=0)
+
+
+def test_limits_that_the_motion_leaves_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save(tmp_path, ROD, "rod.urdf")
+    (tmp_path / "far.csv").write_text("turn/position,turn/velocity,turn/acceleration\n2.5,0,0\n")
+    words = "idm", tmp_path / "rod.urdf", tmp_path / "far.csv", "--bearings", "-q", "--fail-on", "limit"
+    assert "joint 'turn' leaves its limits: position of 2.5 rad" in call(capsys, *words, status=1).out
+
+
+def test_a_robot_without_bearings_has_no_loads(tmp_path: Path) -> None:
+    joint = ROD.replace('type="revolute"', 'type="planar"').replace('xyz="0 1 0"', 'xyz="0 0 1"')
+    robot = hybridyn.load(save(tmp_path, joint, "flat.urdf"))
+    q, still = np.tile(robot.home, (len(TIME), 1)), np.zeros((len(TIME), robot.nv))
+    assert loads_of(robot, q, still, still).loads() == []

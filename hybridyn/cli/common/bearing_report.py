@@ -44,7 +44,7 @@ class BearingReport:
         head = (
             f"{self.robot.name}: {counted(len(loads), 'joint')}, {counted(self.bearings.samples, 'sample')}"
         )
-        lines = [head, *bearing_table(loads, timed)]
+        lines = [head, *bearing_table(loads, timed), *left.lines()]
         if any(None in load.peaks.values() for load in loads):
             lines.append(
                 f"{SHARED}: redundant closures share this load, so that the motion does not determine it"

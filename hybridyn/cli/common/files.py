@@ -166,7 +166,7 @@ def write_report(target: str, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def read_report(source: str) -> list[dict[str, Any]]:
-    """Read a report that `write_report` wrote; of any other file, return no rows."""
+    """Read a report that `write_report` wrote, None where it is empty; of any other file, return no rows."""
     if source.lower().endswith(".json"):
         with open(source, encoding="utf-8") as text:
             found: list[dict[str, Any]] = json.load(text)
@@ -175,5 +175,5 @@ def read_report(source: str) -> list[dict[str, Any]]:
         return []
     with open(source, encoding="utf-8", newline="") as text:
         reader = csv.DictReader(text)
-        known = {"motor", "setting"} & {*(reader.fieldnames or ())}
-        return [{**row} for row in reader] if known else []
+        known = {"motor", "joint", "setting"} & {*(reader.fieldnames or ())}
+        return [{name: x or None for name, x in row.items()} for row in reader] if known else []
