@@ -85,13 +85,18 @@ def posture_at(
         TrajectoryError: An unknown joint, or a position that is not finite.
     """
     check_joints(robot, list(positions))
-    moved = modules_of(robot, list(positions))
     near = robot.home if guess is None else guess
-    others = [j for k, module in enumerate(robot.modules) if k not in moved for j in held_joints(module)]
+    others = joints_that_stay(robot, list(positions))
     held = dict(zip(others, positions_of(robot, near[None], others)[0], strict=True))
     given = {name: (value, 0.0, 0.0) for name, value in {**held, **positions}.items()}
     close = partial(assemble, robot) if close is None else close
     return close(motors=given, guess=guess)[0]
+
+
+def joints_that_stay(robot: HybridRobot, joints: Sequence[str]) -> list[str]:
+    """Return the joints that hold the modules without one of some joints."""
+    moved = modules_of(robot, joints)
+    return [name for k, module in enumerate(robot.modules) if k not in moved for name in held_joints(module)]
 
 
 def held_joints(module: Module) -> Sequence[str]:

@@ -130,7 +130,8 @@ class RosNode:
         self.model = RosModel(robot, settings.joints, settings.effects, settings.payload_link)
         if settings.payload_link:
             self.model.load(settings.payload_mass, settings.payload_centre)
-        self._own, self._drivers = settings.renamed, {own: name for name, own in settings.renamed.items()}
+        self._own = settings.renamed
+        self._drivers = {own: name for name, own in self._own.items()}
         check_names([*self._drivers], self.model.joints.names)
         self.states, self._commanded = (CompleteStates(self.model, self._own) for _ in range(2))
         self._out = {

@@ -1,4 +1,4 @@
-"""Trajectories of output joints turned into those of motors, and back, with efforts and checked limits."""
+"""Trajectories of output joints turned into those of motors, and back; limits are checked."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..assembly.posture import check_joints, held_joints, modules_of, positions_of
+from ..assembly.posture import check_joints, joints_that_stay, modules_of, positions_of
 from ..dynamics.quantities.joint_map import motors_beside
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..streams.departures import Departures, departures
-from ..structure.robot import HybridRobot
 from .joint_numbers import checked_numbers
 from .ros_model import RosModel
 
@@ -64,7 +63,7 @@ def turned(
     to_motors = not set(names) <= {*robot.motors}
     others = motors_beside(robot, names) if to_motors else _outputs_beside(model, names)
     motion = {name: tuple(level[:, i] for level in levels) for i, name in enumerate(names)}
-    q, v, a = model.along(motion, q, _joints_that_stay(robot, names))
+    q, v, a = model.along(motion, q, joints_that_stay(robot, names))
     tau = model.efforts(q, v, a) if len(levels) == 3 and to_motors and not model.undriven else None
     _check_limits(model, points, q, v, tau)
     at = [robot.v_slices[robot.joint_index[name]].start for name in others]
@@ -74,12 +73,6 @@ def turned(
         chosen = [robot.motors.index(name) for name in others]
         rows = [[*row, tau[t, chosen].tolist()] for t, row in enumerate(rows)]
     return others, [JointPoint(point.time, *row) for point, row in zip(points, rows, strict=True)]
-
-
-def _joints_that_stay(robot: HybridRobot, names: Sequence[str]) -> list[str]:
-    """Return the joints that hold the modules without one of the joints of a trajectory."""
-    moved = modules_of(robot, names)
-    return [x for k, module in enumerate(robot.modules) if k not in moved for x in held_joints(module)]
 
 
 def _outputs_beside(model: RosModel, motors: Sequence[str]) -> tuple[str, ...]:
