@@ -51,7 +51,7 @@ def figure_of_workspace(
     maps |= {"hold": np.max(held, axis=0)} if held else {}
     lattice = _Lattice(coordinates)
     axes, index = lattice.axes[:3], lattice.index
-    here = (index[:, 3:] == np.median(index[:, 3:], axis=0).round()).all(axis=1)
+    here = (index[:, 3:] == lattice.middle).all(axis=1)
     levels = _levels(index[here, 2]) if len(axes) == 3 else [None]
     figure = empty_figure(3.1 * len(levels) + 1.4, 2.7 * len(maps) + 0.5)
     panels = figure.subplots(len(maps), len(levels), squeeze=False, sharex=True, sharey=len(axes) > 1)
@@ -79,6 +79,7 @@ class _Lattice:
         start: Their least values, shape (axes,), [m, rad].
         steps: Their steps, shape (axes,), [m, rad].
         index: Steps of each pose from `start`, shape (n, axes).
+        middle: Of the axes after the third, the step that is drawn.
     """
 
     def __init__(self, coordinates: Mapping[str, Array]) -> None:
@@ -89,7 +90,8 @@ class _Lattice:
         different = (np.unique(column.round(DIGITS)) for column in values.T)
         self.steps = np.array([np.diff(column).min(initial=np.inf) for column in different])
         self.steps[np.isinf(self.steps)] = 1.0
-        self.index = np.rint((values - self.start) / self.steps).astype(int)
+        self.index = np.rint(self.steps_to(coordinates)).astype(int)
+        self.middle = np.median(self.index[:, 3:], axis=0).round()
 
     def steps_to(self, coordinates: Mapping[str, Array]) -> Array:
         """Return how many steps coordinates are from the start, shape (n, axes); halves lie between poses."""
@@ -105,14 +107,11 @@ def _label_slices(
     ends: Mapping[str, Mapping[str, Array]],
 ) -> None:
     """Write over each slice its third coordinate, and mark what ends the workspace in it."""
-    middle = np.median(lattice.index[:, 3:], axis=0).round()
     for ax, level in zip(row, levels, strict=True):
-        if level is None:
-            _mark(ax, lattice, middle, ends)
-            continue
-        at = (lattice.start[2] + level * lattice.steps[2]).round(DIGITS) + 0.0
-        ax.set_title(f"{lattice.axes[2]} = {at:.4g} {_unit(lattice.axes[2])}", fontsize="small")
-        _mark(ax, lattice, [level, *middle], ends)
+        _mark(ax, lattice, lattice.middle if level is None else [level, *lattice.middle], ends)
+        if level is not None:
+            at = (lattice.start[2] + level * lattice.steps[2]).round(DIGITS) + 0.0
+            ax.set_title(f"{lattice.axes[2]} = {at:.4g} {_unit(lattice.axes[2])}", fontsize="small")
     if ends:
         marks = row[0].get_legend_handles_labels()
         figure.legend(*marks, loc="outside lower center", ncols=len(levels) + 1, fontsize="x-small")
