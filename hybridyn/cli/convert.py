@@ -38,10 +38,9 @@ def run(
     read = RobotChoice(
         load.robot, base, xacro_args=load.xacro_args, package_dirs=load.package_dirs, strict=load.strict
     )
-    given = any(of_c[name] for name in ("name", "float32", "map_joints", "parameters", "wrenches", "given"))
     refuse(
         (
-            given or of_c["effects"] != ("default",),
+            only_c or of_c["map_joints"] or of_c["effects"] != ("default",),
             "--name, --float32, --map, --parameters, --wrenches, --given and --effects belong to --c",
         ),
         (

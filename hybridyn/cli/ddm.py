@@ -16,7 +16,7 @@ from ..tables.columns import acceleration_columns
 from ..tables.signals import unit_of
 from ..tables.tree_coordinates import base_acceleration
 from .common.each_table import for_each_table
-from .common.engine_choice import EngineChoice, choose_engine, worth_of
+from .common.engine_choice import EngineChoice, engine_for_table
 from .common.one_table import CommandTables
 from .common.options import RobotChoice
 from .common.summary import Summary, about
@@ -34,12 +34,7 @@ def _one(load: RobotChoice, tables: CommandTables, effects: tuple[str, ...], eng
         """Build the plan for a robot and a table."""
         robot, layout, on = given.robot, given.layout, choose(given.robot, effects)
         reactions = tables.reactions is not None
-        obstacles = {
-            "--reactions": reactions,
-            "wrenches in the table": bool(layout.wrenches),
-        }
-        worth, alone = worth_of(layout, robot), layout.full_state
-        chosen = choose_engine(engine, robot, on, given.table.rows, worth, obstacles, alone=alone)
+        chosen = engine_for_table(engine, given, on, {"--reactions": reactions})
         columns = acceleration_columns(robot.description, robot.joints, robot.base)
         units = [unit_of(robot.records[motor].kind, "acceleration") for motor in robot.motors]
         remarks = [*about(robot, layout, on), *free_motions_of(robot)]

@@ -1,4 +1,4 @@
-"""`hybridyn idm`: compute the motor efforts for a motion, and what they say of motors and effects."""
+"""`hybridyn idm`: compute the motor efforts for a motion, and what they say of motors, joints and effects."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -20,7 +20,7 @@ from ..streams.reaction_columns import reaction_rows
 from ..structure.robot import HybridRobot
 from ..tables.layout import Layout
 from .common.each_table import for_each_table
-from .common.engine_choice import EngineChoice, choose_engine, worth_of
+from .common.engine_choice import EngineChoice, engine_for_table
 from .common.one_table import CommandTables
 from .common.options import RobotChoice, refuse
 from .common.summary import Summary, about
@@ -45,18 +45,19 @@ def _one(
     outputs: Sequence[str] | None, effects: tuple[str, ...], fail_on: str | None, engine: str | None,
     **model: Any,
 ) -> int:  # fmt: skip
+    report = loads or bearings or by_effect
     refuse(
         (
             loads + bearings + by_effect + bool(outputs) > 1,
             "--loads, --bearings, --by-effect and --map exclude each other",
         ),
-        ((loads or bearings or by_effect) and tables.reactions, "--reactions belongs to a table of efforts"),
+        (report and tables.reactions, "--reactions belongs to a table of efforts"),
         (
             by_effect and model != {"weights": {}, "passive": "given", "on_singular": "raise"},
             "--passive, --on-singular and --weights do not apply to --by-effect",
         ),
     )
-    wanted = effects or (("model",) if loads or bearings or by_effect else ("default",))
+    wanted = effects or (("model",) if report else ("default",))
     if by_effect:
         from .common.reports import tell_effects
 
@@ -85,21 +86,27 @@ def _plan(
     if loads:  # the report names the limits
         on = on.without("limits")
     _check(robot, layout, on, model["weights"], only_map=bool(outputs) and not on.names)
-    chosen = _chosen_engine(engine, given, on, model, bearings=bearings, reactions=bool(tables.reactions))
-    inverse = partial(
-        efforts, effects=on, inner=reaction_rows if tables.reactions else None, engine=chosen, **model
-    )
+    obstacles = {
+        "--bearings": bearings,
+        "--reactions": bool(tables.reactions),
+        "--passive solved": model["passive"] != "given",
+        "--on-singular least-norm": model["on_singular"] != "raise",
+        "--weights": bool(model["weights"]),
+    }
+    chosen = engine_for_table(engine, given, on, obstacles)
+    inverse = partial(efforts, effects=on, engine=chosen, **model)
+    if bearings:
+        from ..studies.bearings import bearing_rows
+        from .common.bearing_report import BearingReport
+
+        states = partial(inverse, inner=bearing_rows)
+        return CommandPlan(states, None, [BearingReport(robot, tables)], chosen, about(robot, layout, on))
+    inverse = partial(inverse, inner=reaction_rows if tables.reactions else None)
     if loads:
         from .common.reports import LoadReport, motor_states
 
         states = partial(motor_states, efforts=inverse)
         return CommandPlan(states, None, [LoadReport(robot, tables)], chosen, about(robot, layout, on))
-    if bearings:
-        from ..studies.bearings import bearing_rows
-        from .common.bearing_report import BearingReport
-
-        inverse = partial(inverse, inner=bearing_rows)
-        return CommandPlan(inverse, None, [BearingReport(robot, tables)], chosen, about(robot, layout, on))
     columns = [f"{name}/effort" for name in robot.motors]
     observers: list[Observer] = []
     if outputs:
@@ -111,23 +118,6 @@ def _plan(
         observers.append(MapSummary(robot, outputs))
     observers.append(Summary(robot, "effort", robot.effort_units, columns))
     return CommandPlan(inverse, columns, observers, chosen, about(robot, layout, on))
-
-
-def _chosen_engine(
-    asked: str | None, given: Pass, on: Effects, model: Mapping[str, Any], *, bearings: bool, reactions: bool
-) -> EngineChoice:
-    """Choose the engine for a robot, a table and options, some of which compiled models do not support."""
-    robot, layout = given.robot, given.layout
-    obstacles = {
-        "--bearings": bearings,
-        "--reactions": reactions,
-        "--passive solved": model["passive"] != "given",
-        "--on-singular least-norm": model["on_singular"] != "raise",
-        "--weights": bool(model["weights"]),
-        "wrenches in the table": bool(layout.wrenches),
-    }
-    worth, alone = worth_of(layout, robot), layout.full_state
-    return choose_engine(asked, robot, on, given.table.rows, worth, obstacles, alone=alone)
 
 
 def _check(

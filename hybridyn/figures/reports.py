@@ -1,4 +1,4 @@
-"""Charts of the reports of `hybridyn idm`: the loads of motors, and what each effect adds.
+"""Charts of the reports of `hybridyn idm`: the loads of motors and joints, and what each effect adds.
 
 A motor's characteristic must enclose the cloud of its speeds and efforts.
 """

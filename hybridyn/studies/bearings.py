@@ -15,7 +15,7 @@ from ..dynamics.reactions import UNDETERMINED, Reactions
 from ..effects.load_friction import load_parts
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..tables.over_time import Means, Peaks
+from ..tables.over_time import Means, Peaks, places
 from .sizing import Peak
 
 #: Loads of a joint in the order of reports, and their units; what is normal to a slide is radial.
@@ -61,10 +61,9 @@ class Bearings:
             first_row: Number of the first sample, used if there is no time.
             loads: Rows of `bearing_rows`.
         """
-        at = np.arange(first_row, first_row + len(loads), dtype=float) if time is None else time
         self._shared |= np.isnan(loads).any(axis=0)
         sizes = np.nan_to_num(loads)
-        self._peaks.add(sizes, at)
+        self._peaks.add(sizes, places(time, first_row, len(loads)))
         self._means.add(time, sizes**2)
         self.samples += len(loads)
 

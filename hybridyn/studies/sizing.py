@@ -20,7 +20,7 @@ import numpy as np
 from ..description.records import Joint
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..tables.over_time import Means, Peaks
+from ..tables.over_time import Means, Peaks, places
 from ..tables.signals import UNITS
 
 #: Points of the speed-effort cloud kept per motor. Above twice this number, every second point is dropped.
@@ -135,7 +135,7 @@ class Sizing:
             effort: Efforts of the motors, shape (T, motors), [N or N m].
         """
         power = effort * speed
-        at = np.arange(first_row, first_row + len(effort), dtype=float) if time is None else time
+        at = places(time, first_row, len(effort))
         for name, values in (
             ("effort", effort),
             ("speed", speed),

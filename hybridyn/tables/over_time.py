@@ -15,6 +15,11 @@ from ..spatial import Array
 TIE = 1e-6
 
 
+def places(time: Array | None, first_row: int, rows: int) -> Array:
+    """Return the times of consecutive rows, shape (rows,), [s], or their numbers where there are none."""
+    return np.arange(first_row, first_row + rows, dtype=float) if time is None else time
+
+
 class Means:
     """Means of columns over time, or over rows where there are no times.
 

@@ -5,16 +5,13 @@ from typing import Any
 
 import click
 
-from ...figures.reports import chart_of_report
 from ...streams.departures import Departures
 from ...streams.one_pass import BlockResults
 from ...structure.robot import HybridRobot
 from ...studies.bearings import BEARING_UNITS, BearingLoad, Bearings
 from ...tables.layout import Layout
-from .figures import save, title_of
-from .files import write_report
 from .one_table import CommandTables
-from .reports import unless_rounding
+from .reports import save_report, unless_rounding
 from .text import aligned_rows, counted
 
 #: What the printed table shows of a load that redundant closures share.
@@ -36,11 +33,7 @@ class BearingReport:
         """Print the table and write the files."""
         loads, timed = self.bearings.loads(), layout.time is not None
         rows = [bearing_facts(load, timed) for load in loads]
-        if self.tables.output:
-            write_report(self.tables.output, rows)
-        if self.tables.plot:
-            title = f"{title_of(self.robot, self.tables.source)}: loads of bearings"
-            save(chart_of_report(rows, title=title), self.tables.plot)
+        save_report(rows, self.robot, self.tables, "loads of bearings")
         head = (
             f"{self.robot.name}: {counted(len(loads), 'joint')}, {counted(self.bearings.samples, 'sample')}"
         )

@@ -10,6 +10,7 @@ import hybridyn
 
 from ...effects import Effects
 from ...errors import HybridynError, ModelError
+from ...streams.one_pass import Pass
 from ...structure.robot import HybridRobot
 from ...tables.layout import Layout
 from .text import counted
@@ -65,6 +66,19 @@ class EngineChoice:
             else ""
         )
         return f"engine: {'general' if self.model is None else 'compiled'} ({self.reason}){more}"
+
+
+def engine_for_table(
+    asked: str | None, given: Pass, effects: Effects, obstacles: Mapping[str, bool]
+) -> EngineChoice:
+    """Choose the engine for a robot and a table; wrenches in it are an obstacle, too.
+
+    Arguments and errors are those of `choose_engine`.
+    """
+    robot, layout = given.robot, given.layout
+    obstacles = {**obstacles, "wrenches in the table": bool(layout.wrenches)}
+    rows, worth = given.table.rows, worth_of(layout, robot)
+    return choose_engine(asked, robot, effects, rows, worth, obstacles, alone=layout.full_state)
 
 
 def choose_engine(

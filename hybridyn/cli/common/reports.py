@@ -135,6 +135,15 @@ def facts(load: MotorLoad, timed: bool) -> dict[str, Any]:
     return out
 
 
+def save_report(rows: list[dict[str, Any]], robot: HybridRobot, tables: CommandTables, what: str) -> None:
+    """Write rows and their chart to the files that are named; `what` they tell is the title."""
+    if tables.output:
+        write_report(tables.output, rows)
+    if tables.plot:
+        title = f"{title_of(robot, tables.source)}: {what}"
+        save(chart_of_report(rows, title=title), tables.plot)
+
+
 def tell_effects(
     load: RobotChoice, tables: CommandTables, effects: tuple[str, ...], engine: str | None
 ) -> None:
@@ -160,12 +169,8 @@ def tell_effects(
         for one in contributed
         for i, motor in enumerate(robot.motors)
     ]
-    if tables.output:
-        write_report(tables.output, told)
+    save_report(told, robot, tables, "what each effect adds")
     click.echo("\n".join(_table_of_effects(told)))
-    if tables.plot:
-        title = f"{title_of(robot, tables.source)}: what each effect adds"
-        save(chart_of_report(told, title=title), tables.plot)
     if tables.quiet:
         return
     lines = about(robot, layout, on)

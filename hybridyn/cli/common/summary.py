@@ -15,7 +15,7 @@ from ...structure.robot import HybridRobot
 from ...studies.home import branch
 from ...tables.layout import Layout
 from ...tables.opening import Table
-from ...tables.over_time import Means, Peaks
+from ...tables.over_time import Means, Peaks, places
 from .figures import save, title_of
 from .text import aligned_rows, counted
 
@@ -49,7 +49,7 @@ class Summary:
         """Add a block."""
         self.residual = max(self.residual, float(done.residual.max(initial=0.0)))
         values = done.rows[:, self.at]
-        self.peaks.add(values, _places(done))
+        self.peaks.add(values, places(done.time, done.first_row, len(values)))
         self.squares.add(done.time, values**2)
 
     def show(self, layout: Layout, left: Departures, quiet: bool) -> None:
@@ -89,7 +89,8 @@ class Drawing:
         from ...figures.motion import MOST_SAMPLES, extremes
 
         each = max(1, (self.table.rows or 0) // MOST_SAMPLES)
-        self.parts.append(extremes(_places(done), done.rows, each))
+        at = places(done.time, done.first_row, len(done.rows))
+        self.parts.append(extremes(at, done.rows, each))
 
     def show(self, layout: Layout, left: Departures, quiet: bool) -> None:
         """Write the chart."""
@@ -99,13 +100,6 @@ class Drawing:
         timed, title = layout.time is not None, title_of(self.robot, self.table.file)
         chart = chart_of_rows(self.columns, x, rows, robot=self.robot, timed=timed, title=title)
         save(chart, self.target)
-
-
-def _places(done: BlockResults) -> Array:
-    """Return the times of the rows of a block, or their numbers where there are no times."""
-    if done.time is not None:
-        return done.time
-    return np.arange(done.first_row, done.first_row + len(done.rows), dtype=float)
 
 
 def effects_line(robot: HybridRobot, effects: Effects) -> str:
