@@ -17,10 +17,8 @@ from hybridyn.effects.choice import choose
 from hybridyn.effects.load_friction import LoadFriction, OnLoads
 from hybridyn.errors import ActuationError
 from hybridyn.spatial import Array
-from hybridyn.structure.building import build_robot
 from tests.oracle import Base
-from tests.oracle.test_friction import effect, law_of
-from tests.robots.mechanisms import random_mechanism, random_states
+from tests.oracle.test_friction import drawn, effect
 from tests.support.comparing import close_to
 from tests.support.samples import slow
 
@@ -35,13 +33,8 @@ Case = tuple[hybridyn.HybridRobot, LoadFriction, tuple[Array, Array, Array]]
 
 def rubbing(kind: str, base: Base) -> Case:
     """Build a robot with friction in every joint, and draw two states."""
-    description = random_mechanism(4, kind=kind)
-    robot = build_robot(description, base=base)
-    robot = build_robot(description, base=base, held=robot.cut_joints)
-    q, v, a = random_states(description, base, 4, 2)
-    weights = np.ones(len(robot.motors))
-    tau, reactions = hybridyn.idm(robot, q, v, a, weights=weights, reactions=True)
-    return robot, effect(law_of(robot, reactions)), (q, v, tau)
+    _, robot, (q, v, _), tau, law = drawn(kind, 4, base, 2)
+    return robot, effect(law), (q, v, tau)
 
 
 def written_out(case: Case) -> tuple[OnLoads, list[Response], Array]:

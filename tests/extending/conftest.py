@@ -9,16 +9,6 @@ from tests.extending.packages import forget, install_workshop, use
 
 
 @pytest.fixture
-def workshop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Install the package of the page in a folder of its own."""
-    install_workshop(tmp_path / "site")
-    with monkeypatch.context() as patch:
-        use(tmp_path / "site", patch)
-        yield tmp_path / "site"
-    forget()
-
-
-@pytest.fixture
 def packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Return a folder in which a test installs packages, before it asks hybridyn for what they add."""
     with monkeypatch.context() as patch:
@@ -26,3 +16,10 @@ def packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         use(tmp_path / "site", patch)
         yield tmp_path / "site"
     forget()
+
+
+@pytest.fixture
+def workshop(packages: Path) -> Path:
+    """Install the package of the page in a folder of its own."""
+    install_workshop(packages)
+    return packages

@@ -27,7 +27,7 @@ def test_python_of_the_page_runs(
 ) -> None:
     needs("compiled")
     stand_where_a_user_does(tmp_path, monkeypatch)
-    exec(compile("\n" * (block.line - 1) + block.text, str(PAGE), "exec"), {"__name__": "__page__"})
+    block.run({"__name__": "__page__"})
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.description.records import Description
 from hybridyn.dynamics.reactions import Reactions
 from hybridyn.effects import LoadFriction
 from hybridyn.effects.load_friction import on_loads
@@ -54,6 +55,19 @@ def law_of(robot: hybridyn.HybridRobot, reactions: Reactions) -> dict[str, dict[
     return law
 
 
+def drawn(
+    kind: str, seed: int, base: Base, samples: int
+) -> tuple[Description, hybridyn.HybridRobot, tuple[Array, Array, Array], Array, dict[str, dict[str, float]]]:
+    """Draw a mechanism, its robot, states, their efforts without friction, and friction in every joint."""
+    description = random_mechanism(seed, kind=kind)
+    robot = build_robot(description, base=base)
+    robot = build_robot(description, base=base, held=robot.cut_joints)
+    state = random_states(description, base, seed, samples)
+    weights = np.ones(len(robot.motors))
+    tau, reactions = hybridyn.idm(robot, *state, weights=weights, reactions=True)
+    return description, robot, state, tau, law_of(robot, reactions)
+
+
 def loosened(law: dict[str, dict[str, float]], call: Callable[[LoadFriction], Array]) -> float:
     """Return the factor at which a random mechanism no longer jams."""
     try:
@@ -68,13 +82,8 @@ def loosened(law: dict[str, dict[str, float]], call: Callable[[LoadFriction], Ar
 @pytest.mark.parametrize(("kind", "seed", "base"), CASES)
 def test_friction_of_every_joint_is_that_of_the_multipliers(kind: str, seed: int, base: Base) -> None:
     """`ddm` inverts `idm`; motors give as much more as friction takes at the joints."""
-    description = random_mechanism(seed, kind=kind)
-    robot = build_robot(description, base=base)
-    robot = build_robot(description, base=base, held=robot.cut_joints)
-    (q,), (v,), (a,) = random_states(description, base, seed, 1)
+    description, robot, ((q,), (v,), (a,)), tau, law = drawn(kind, seed, base, 1)
     weights, prescribed = np.ones(len(robot.motors)), a[:6] if base == "moving" else None
-    tau, reactions = hybridyn.idm(robot, q[None], v[None], a[None], weights=weights, reactions=True)
-    law = law_of(robot, reactions)
     for call in (
         lambda law: hybridyn.idm(robot, q, v, a, effects=["default", law], passive="solved"),
         lambda law: hybridyn.ddm(robot, q, v, tau[0], effects=["default", law]),
@@ -98,6 +107,7 @@ def test_friction_of_every_joint_is_that_of_the_multipliers(kind: str, seed: int
         given = (tau - plain) @ rates
         assert given >= 0
         assert abs(given - lost) <= JUDGED * np.abs(tau * rates).sum()
-        close_to(hybridyn.ddm(robot, q, v, tau, base_acceleration=prescribed, effects=effects), a, JUDGED)
-    expected = judge.ddm(q, v, tau, prescribed).result.astype(float)
-    close_to(hybridyn.ddm(robot, q, v, tau, base_acceleration=prescribed, effects=effects), expected, JUDGED)
+    found = hybridyn.ddm(robot, q, v, tau, base_acceleration=prescribed, effects=effects)
+    close_to(found, judge.ddm(q, v, tau, prescribed).result.astype(float), JUDGED)
+    if KINDS[kind].motors != "few":
+        close_to(found, a, JUDGED)

@@ -108,7 +108,7 @@ def test_the_tutorial_runs_from_its_first_to_its_last_line(
         elif block.language == "console":
             run_commands(block.text, capsys)
         elif block.language == "python":
-            exec(compile("\n" * (block.line - 1) + block.text, str(page), "exec"), names)
+            block.run(names)
     assert {path.name for path in tmp_path.glob("*.csv")} == {
         "wave.csv", "torques.csv", "with_friction.csv", "motors.csv", "tool.csv", "hand_torques.csv"
     }  # fmt: skip

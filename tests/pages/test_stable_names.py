@@ -1,26 +1,11 @@
 """The list of stable names is that of the package: a change is made on purpose, with the list."""
 
 import difflib
-import sys
-from types import ModuleType
 
-import pytest
-
-from tests import ROOT
+from docs.extensions import stable_names as names
 
 
-@pytest.fixture(scope="module")
-def names() -> ModuleType:
-    """The program that writes the list."""
-    sys.path.insert(0, str(ROOT / "docs" / "extensions"))
-    try:
-        import stable_names
-    finally:
-        sys.path.pop(0)
-    return stable_names
-
-
-def test_stable_names_are_those_of_the_list(names: ModuleType) -> None:
+def test_stable_names_are_those_of_the_list() -> None:
     before, now = names.FILE.read_text().splitlines(), names.stable_names().splitlines()
     changed = [line for line in difflib.ndiff(before, now) if line[0] in "+-"]
     assert not changed, (
@@ -29,7 +14,7 @@ def test_stable_names_are_those_of_the_list(names: ModuleType) -> None:
     )
 
 
-def test_arguments_members_and_keys_are_seen(names: ModuleType) -> None:
+def test_arguments_members_and_keys_are_seen() -> None:
     """A list that misses a kind of name would hold nothing."""
 
     def call(first: int, second: int = 0, *more: int, named: int, **others: int) -> None:

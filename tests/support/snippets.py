@@ -33,6 +33,10 @@ class Block(NamedTuple):
         """Name the block in a test's id."""
         return f"{self.page.name}:{self.line}"
 
+    def run(self, names: dict[str, object]) -> None:
+        """Run it as Python, lines numbered as on the page."""
+        exec(compile("\n" * (self.line - 1) + self.text, str(self.page), "exec"), names)
+
 
 def blocks(page: Path, language: str | None = None) -> list[Block]:
     """Return the blocks of a page, of one language or of all."""
@@ -57,5 +61,5 @@ def run_python(page: Path) -> dict[str, object]:
     for block in blocks(page, "python"):
         if (module := block.facts.get("needs")) and find_spec(module) is None:
             continue
-        exec(compile("\n" * (block.line - 1) + block.text, str(page), "exec"), names)
+        block.run(names)
     return names
