@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -26,7 +26,6 @@ from ....dynamics.quantities.model import (
 )
 from ....dynamics.quantities.polar_forms import rate_of_map
 from ....dynamics.state_checks import checked_state
-from ....effects.springs import Spring, Stop
 from ....errors import HybridynError
 from ....spatial import Array, Mask
 from ....structure.samples import one_of
@@ -35,7 +34,7 @@ from ..general import WIDTH, motion_of, named, samples_of
 from ..model_calls import ModelCalls
 from ..postures import Postures
 from ..sources import kept
-from .engine import CompiledEngine
+from .engine import GONE_AT_SPEED, ZERO_AT_REST, CompiledEngine
 from .following import BY_GENERAL, Following, artifact_of, pushed_models
 
 #: Rows of models for each sample, for matrices also for each coordinate.
@@ -84,17 +83,15 @@ class Quantities:
 
     def coriolis(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute c(q, v), shape (N,) or (T, N), like `hybridyn.coriolis`."""
-        laws = (Stop,)  # whose damping is not odd in the rates
-        return self._of_forces(coriolis, CompiledEngine.coriolis, joints, q, v, laws)
+        return self._of_forces(coriolis, CompiledEngine.coriolis, joints, q, v, GONE_AT_SPEED)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute C(q, v) with c = C u, shape (N, N) or (T, N, N), like `hybridyn.coriolis_matrix`."""
-        return self._of_forces(coriolis_matrix, christoffel, joints, q, v, (Stop,))
+        return self._of_forces(coriolis_matrix, christoffel, joints, q, v, GONE_AT_SPEED)
 
     def gravity(self, q: ArrayLike, *, joints: Joints = None) -> Numbers:
         """Compute g(q), shape (N,) or (T, N), like `hybridyn.gravity`."""
-        laws = (Spring, Stop)  # they act at rest, too
-        return self._of_forces(gravity, CompiledEngine.gravity, joints, q, laws=laws)
+        return self._of_forces(gravity, CompiledEngine.gravity, joints, q, laws=ZERO_AT_REST)
 
     def _of_forces(
         self,
@@ -103,7 +100,7 @@ class Quantities:
         joints: Joints,
         q: ArrayLike,
         v: ArrayLike | None = None,
-        laws: tuple[type[Any], ...] = (),
+        laws: Collection[type[Any]] | None = None,
         base: ArrayLike | None = None,
     ) -> Numbers:
         """Compute a quantity of the forces along some joints.
@@ -115,7 +112,7 @@ class Quantities:
             base: Acceleration of a prescribed base.
         """
         positions, rates, single = checked_state(self.robot, q, v)
-        name, moves = function.__name__, self._driven_by(joints, *laws)
+        name, moves = function.__name__, self._driven_by(joints, laws)
         given = {"q": positions} if name in AT_REST else {"q": positions, "v": rates}
         if base is not None:
             given["base_acceleration"] = acceleration_of_base(self.robot, base, len(positions))
@@ -192,18 +189,21 @@ class Quantities:
 
         return kept(self._followings, u.joints, found)
 
-    def _driven_by(self, joints: Joints, *laws: type[Any], only: bool = False) -> Following | None:
+    def _driven_by(
+        self, joints: Joints, laws: Collection[type[Any]] | None = None, *, only: bool = False
+    ) -> Following | None:
         """Return the motions over some joints, where compiled models compute the forces along them.
 
         Args:
-            laws: Kinds of laws with which the general path computes them.
+            laws: Classes of joint laws that leave the quantity as it is; with any other, also one of another
+                package, the general path computes it. None if all laws are part of the quantity.
             only: Whether no module may have more motors than freedoms.
 
         Returns:
             The motions; None if the general path computes the forces. The inverse model needs a motor for
             each freedom. A floating base has none, and its wrench is given.
         """
-        if any(isinstance(law.effect, laws) for law in self.effects.joints):
+        if laws is not None and not {type(law.effect) for law in self.effects.joints} <= {*laws}:
             return None
         modules = self.robot.modules[self.robot.base == "floating" :]
         spare = [len(module.motors) - module.mobility for module in modules]

@@ -26,6 +26,14 @@ from ....dynamics.guards import IMMOVABLE
 from ....dynamics.quantities.independent import IndependentCoordinates
 from ....dynamics.quantities.links import inverse_of, link_jacobians
 from ....effects.choice import Effects
+from ....effects.joint_laws import (
+    CoulombFriction,
+    Damper,
+    DirectedFriction,
+    StribeckFriction,
+    ViscousFriction,
+)
+from ....effects.springs import PolynomialDamper, PolynomialSpring, Spring
 from ....linkage.motion import Motion
 from ....spatial import Array, Index, Mask
 from ....structure.robot import HybridRobot
@@ -35,6 +43,12 @@ from .following import Following
 
 #: Exponent of the factor on accelerations, and of rates after their factor.
 FASTER = 30
+_FRICTION = (ViscousFriction, Damper, CoulombFriction, StribeckFriction, DirectedFriction)
+#: Laws without efforts at rest, which `gravity` may have. With others the general path computes it.
+ZERO_AT_REST = {*_FRICTION, PolynomialDamper}
+#: Laws that `coriolis` may have: at rates of 2**FASTER they are odd, bounded, or as at rest, and no larger
+#: than inertial forces.
+GONE_AT_SPEED = {*_FRICTION, Spring, PolynomialSpring}
 #: Largest difference, of the largest rate in the robot's units, between given rates and those that follow
 #: from the independent coordinates: a hundred times how far `idm` lets loops be open.
 FOLLOWS = {"float64": 1e-9, "float32": 3e-1}
