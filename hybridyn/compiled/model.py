@@ -36,7 +36,6 @@ class CompiledRobot:
         robot: The robot.
         effects: Effects in the models.
         parameters: Numbers that calls may change.
-        threads: Number of threads that share a batch.
 
     Example:
         >>> robot = hybridyn.load("five_bar")
@@ -51,8 +50,8 @@ class CompiledRobot:
 
     def __init__(self, models: ModelCalls) -> None:
         """Put the calls of loops, quantities and control beside those of the models."""
-        self.robot, self.effects, self.threads = models.robot, models.effects, models.threads
-        self.parameters, self._models = models.parameters, models
+        self.robot, self.effects, self.parameters = models.robot, models.effects, models.parameters
+        self._models = models
         self._postures = Postures(self._models)
         self._quantities = Quantities(self._models, self._postures)
         self._control = ControlSteps(self._models, self._postures)
@@ -164,6 +163,15 @@ class CompiledRobot:
     def recomputed(self) -> int:
         """Number of samples that the general path has computed so far."""
         return self.handed_over.total()
+
+    @property
+    def threads(self) -> int:
+        """Number of threads that share a batch; it may be set."""
+        return self._models.threads
+
+    @threads.setter
+    def threads(self, number: int) -> None:
+        self._models.threads = number
 
     @property
     def dtype(self) -> np.dtype[Any]:

@@ -13,6 +13,7 @@ import hybridyn
 import hybridyn.effects
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.library.calls import BLOCK
+from hybridyn.compiled.library.calls import in_blocks as run_in_blocks
 from hybridyn.compiled.programs.sources import robot_key
 from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
 from hybridyn.effects.choice import choose
@@ -34,12 +35,22 @@ def states(model: hybridyn.CompiledRobot) -> Arrays:
     return random_states(model.robot, 40, seed=5)
 
 
-def test_one_sample_has_the_bits_of_the_batch(model: hybridyn.CompiledRobot, states: Arrays) -> None:
+def test_one_sample_has_the_bits_of_the_batch(
+    model: hybridyn.CompiledRobot, states: Arrays, monkeypatch: pytest.MonkeyPatch
+) -> None:
     q, v, a, tau = states
     efforts, accelerations = model.idm(q, v, a), model.ddm(q, v, tau)
     times = 2 * model.library.programs["ddm"].block // len(q)  # more than one block
+    used: list[int] = []
+
+    def in_blocks(run: Any, samples: int, block: int, threads: int) -> None:
+        used.append(threads)
+        run_in_blocks(run, samples, block, threads)
+
     model.threads = 2
+    monkeypatch.setattr("hybridyn.compiled.library.calls.in_blocks", in_blocks)
     many = model.ddm(*(np.tile(x, (times, 1)) for x in (q, v, tau)))
+    assert used == [model.threads] == [2]
     model.threads = 1
     same_bits(many, np.tile(accelerations, (times, 1)))
     for t in range(10):
