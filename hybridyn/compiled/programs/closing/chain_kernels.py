@@ -312,7 +312,7 @@ class ChainKernels(ModuleKernels):
         f = self._force(rows, J, found, v, dot(T.T, multipliers)) - dot(J.T, w_dot)
         weighed = np.array([times(w, y) for w, y in zip(self._weight, x[:, 0], strict=True)], dtype=object)
         x = x - dot(Psi, M.solve(dot(Psi.T, weighed + f)[:, None])) + held
-        bodies = [rows.writer.motion.acceleration()[0, body] for body in self.ports.bodies]
+        bodies = [rows.writer.motion.of_body(body).acceleration()[0] for body in self.ports.bodies]
         e = dot(T, dot(J, x[:, 0]) + np.concatenate(bodies))
         motion = Handed(x=x)
         inputs = [*self.here, t_col, v_col, f_col, l_col, w_col, *self.u.symbols("g_ddot")]
