@@ -12,7 +12,7 @@ from functools import partial
 
 from numpy.typing import ArrayLike
 
-from ..effects.choice import Choice, choose, without_losses
+from ..effects.choice import Choice, choose
 from ..errors import CompileError
 from ..structure.robot import HybridRobot
 from .failures import WITHOUT_CASADI, as_compile_error
@@ -132,7 +132,7 @@ def prepared(
     if latest and latest.robot is robot:
         return latest
     with as_compile_error(robot):
-        on = without_losses(choose(robot, effects), "derivatives do not take")
+        on = choose(robot, effects)
         key = *asked, robot_key(robot, on)
     make = partial(Derivatives, robot, model, on, coordinates=coordinates)
     found = kept(_prepared, key, make, KEPT)

@@ -184,6 +184,7 @@ def test_who_cannot_compute_it_says_so() -> None:
     for call in (
         lambda: hybridyn.compile(robot, effects=law),
         lambda: hybridyn.compiled.Derivatives(robot, "idm", effects=law),
+        lambda: hybridyn.idm_jacobian(robot, q, v, a, effects=law),
         lambda: hybridyn.bias(robot, q, v, effects=law),
         lambda: hybridyn.mass_matrix(robot, q, effects=law),
         lambda: hybridyn.regressor(robot, q, v, a, effects=law),
