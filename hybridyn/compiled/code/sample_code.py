@@ -72,9 +72,9 @@ def _driver(name: str, program: Program, kernels: list[str], dtype: str) -> str:
         f"for (int k = 0; k < {size}; k++) given[{at} + k] = in[{n}][k];"
         for n, (_, size, at) in enumerate(stored(program.inputs))
     ]
-    given, result = (max(sum(size for _, size in end), 1) for end in (program.inputs, program.outputs))
+    given, result, shared, own = (max(size, 1) for size in program.sizes)  # C has no empty arrays
     run = RUN.format(
-        name=name, shared=max(program.shared, 1), own=max(program.own, 1), given=given, result=result,
+        name=name, shared=shared, own=own, given=given, result=result,
         gathered="\n    ".join(gathered), limit=GUARD_LIMIT,
     )  # fmt: skip
     return "\n".join([first, tables.text, rest, run])
