@@ -11,7 +11,7 @@ The accelerations of base and platforms in s are absolute and in the base's fram
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -212,10 +212,23 @@ def point_map(chain: Chain, body: int, point: Expression) -> Expression:
 
 def own_columns(chain: Chain, body: int) -> dict[int, Expression]:
     """Return the twist of a body, in its own frame, at a unit rate of each freedom that carries it."""
+    joints = reversed(carriers(chain, body))
+    return columns_through((chain.R[i], chain.p[i], chain.S[i], chain.v_slices[i].start) for i in joints)
+
+
+def columns_through(
+    joints: Iterable[tuple[Expression, Expression, Expression, int]],
+) -> dict[int, Expression]:
+    """Return the twist of the last of some bodies, in its own frame, at a unit rate of each freedom.
+
+    Args:
+        joints: Of each joint, outwards: placement R (3, 3), p (3,) of its child in its parent, motion
+            subspace in the child's frame (6, nv), and number of its first freedom.
+    """
     columns: dict[int, Expression] = {}
-    for i in reversed(carriers(chain, body)):
-        columns = {k: motion_to_body(chain.R[i], chain.p[i], column) for k, column in columns.items()}
-        columns |= {chain.v_slices[i].start + k: chain.S[i][:, k] for k in range(chain.links[i].nv)}
+    for R, p, S, first in joints:
+        columns = {k: motion_to_body(R, p, column) for k, column in columns.items()}
+        columns |= {first + k: column for k, column in enumerate(S.T)}
     return columns
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from ...linkage.closure_rows import directions_of, rows_of
 from ...linkage.closures import Closures, TreeClosure
 from ...linkage.tree import Tree
-from ...spatial import cross, hat, motion_to_body
+from ...spatial import cross, hat
 from ...symbols import Expression, dot, minus
-from .chains import point_velocity
+from .chains import columns_through, point_velocity
 from .expressions import numbers
 
 
@@ -65,7 +65,7 @@ class SpanningRows:
         residual, rows = self.closure(c)
         support, first = self.tree.support, min(turns, default=self.tree.nv)
         alone = np.flatnonzero(support[c.body_a] & ~support[c.body_b])
-        own = self._own_columns(c.body_a, {self.tree.dof_body[k] for k in alone if k >= first})
+        own = self._through({self.tree.dof_body[k] for k in alone if k >= first})
         for k, column in own.items():
             rows[:, k] = -dot(c.R_a.T, point_velocity(column, c.p_a))
         if on_line:
@@ -89,15 +89,12 @@ class SpanningRows:
 
     def own_columns(self, body: int) -> dict[int, Expression]:
         """Return the twist of a body, in its own frame, at a unit rate of each freedom that carries it."""
-        return self._own_columns(body, {*self.tree.dof_body[self.tree.support[body]].tolist()})
+        return self._through({*self.tree.dof_body[self.tree.support[body]].tolist()})
 
-    def _own_columns(self, body: int, among: set[int]) -> dict[int, Expression]:
-        """Return the columns of `own_columns` of joints that carry some bodies."""
-        columns: dict[int, Expression] = {}
-        for child in sorted(among):
-            R, p = (x[0, child - 1] for x in self.local)
-            columns = {k: motion_to_body(R, p, column) for k, column in columns.items()}
-            at = self.tree.v_slices[child - 1]
-            S = numbers(self.tree.joints[child - 1].S)
-            columns |= {at.start + k: x for k, x in enumerate(S.T)}
-        return columns
+    def _through(self, bodies: set[int]) -> dict[int, Expression]:
+        """Return the columns of the outermost of some bodies, each of which carries the next."""
+        tree, (R, p) = self.tree, self.local
+        joints = [body - 1 for body in sorted(bodies)]
+        return columns_through(
+            (R[0, i], p[0, i], numbers(tree.joints[i].S), tree.v_slices[i].start) for i in joints
+        )
