@@ -10,7 +10,7 @@ import numpy as np
 
 from ...effects.bodies import GravityCompensation, LineSprings
 from ...effects.bushings import Bushings
-from ...effects.link_effect import LinkEffect, Moving
+from ...effects.link_effect import LinkEffect
 from ...effects.links import GroundContact
 from ...spatial import cross, wrench_to_base
 from ...structure.robot import HybridRobot
@@ -20,9 +20,9 @@ from ..equations.arguments import ChosenNumbers
 from ..equations.expressions import numbers, pack, symbols, zeros
 from ..equations.request import Request
 from ..program import Shared, Source
-from .general import WIDTH
+from .general import WIDTH, motion_of
 from .kinematics import write_motions
-from .on_symbols import Watched, Written, written_wrench
+from .on_symbols import Watched, Written, bodies_of, moving, written_wrench
 from .writer import Writer
 
 
@@ -136,62 +136,54 @@ def _compensation(request: Request, at: Acting, law: GravityCompensation) -> Wri
     column, motion = symbols("motion", WIDTH)
     mass, com = request.weight(at.link)
     force = np.array(law.against(at.link, mass, request.robot.gravity), dtype=object)
-    own = dot(motion[:9].reshape(3, 3).T, force)
+    own = dot(motion_of(motion).R.T, force)
     return [column], pack(np.concatenate([own, cross(_in_body(at.R, at.p, com), own)]))
 
 
 def _lines(at: Acting, law: LineSprings, watched: Watched) -> Written:
     """Write the pull of lines on a link."""
-    motions = {link: symbols(f"motion {i}", WIDTH) for i, link in enumerate(watched)}
-    total, R_own = zeros(6), motions[at.link][1][:9].reshape(3, 3)
+    (columns, bodies), total = bodies_of(watched), zeros(6)
     for line in law.lines_at(at.link):
-        points, rates, arms = [], [], []
-        for link, point in zip(law.ends[line], law.points[line], strict=True):
-            _, R, p = watched[link]
-            motion = motions[link][1]
-            arms.append(_in_body(R, p, np.asarray(point, dtype=float)))
-            arm = dot(motion[:9].reshape(3, 3), arms[-1])
-            points.append(motion[9:12] + arm)
-            rates.append(motion[12:15] + cross(motion[15:18], arm))
-        forces, _, _ = law.pulls(line, points, rates)
-        for link, arm, force in zip(law.ends[line], arms, forces, strict=True):
+        ends = [
+            (link, watched[link][1], _in_body(*watched[link][1:], np.asarray(point, dtype=float)))
+            for link, point in zip(law.ends[line], law.points[line], strict=True)
+        ]
+        points = [moving(bodies[link], R, arm) for link, R, arm in ends]
+        forces, _, _ = law.pulls(line, [x.p for x in points], [x.v for x in points])
+        for (link, _, arm), force in zip(ends, forces, strict=True):
             if link == at.link:
-                own = dot(R_own.T, np.array(force, dtype=object))
+                own = dot(bodies[link].R.T, np.array(force, dtype=object))
                 total = total + np.concatenate([own, cross(arm, own)])
-    return [column for column, _ in motions.values()], pack(total)
+    return columns, pack(total)
 
 
 def _bushings(at: Acting, law: Bushings, watched: Watched) -> Written:
     """Write the wrench of bushings on a link."""
-    motions = {link: symbols(f"motion {i}", WIDTH) for i, link in enumerate(watched)}
-    total, own = zeros(6), motions[at.link][1]
+    columns, bodies = bodies_of(watched)
+    total, own = zeros(6), bodies[at.link]
     for one in law.at(at.link):
         frames = []
         for link, (R_frame, p_frame) in zip(law.ends[one], law.placements[one], strict=True):
             _, R, p = watched[link]
-            motion = motions[link][1]
             in_body = dot(numbers(R), numbers(R_frame)), _in_body(R, p, p_frame)
-            axes, arm = (dot(motion[:9].reshape(3, 3), x) for x in in_body)
-            w = motion[15:18]
-            frames.append(Moving(axes, motion[9:12] + arm, motion[12:15] + cross(w, arm), w))
+            frames.append(moving(bodies[link], *in_body))
         load = law.load(one, *frames)
         sign = 1.0 if law.ends[one][1] == at.link else -1.0
         force = sign * np.array(load.force, dtype=object)
-        arm = 0.5 * (frames[0].p + frames[1].p) - own[9:12]
+        arm = 0.5 * (frames[0].p + frames[1].p) - own.p
         moment = sign * np.array(load.torque, dtype=object) + cross(arm, force)
-        total = total + np.concatenate([dot(own[:9].reshape(3, 3).T, x) for x in (force, moment)])
-    return [column for column, _ in motions.values()], pack(total)
+        total = total + np.concatenate([dot(own.R.T, x) for x in (force, moment)])
+    return columns, pack(total)
 
 
 def _contact(at: Acting, law: GroundContact) -> Written:
     """Write the ground's wrench on a link."""
     column, motion = symbols("motion", WIDTH)
-    R, p, v, w = motion[:9].reshape(3, 3), motion[9:12], motion[12:15], motion[15:18]
-    total = zeros(6)
+    body, total = motion_of(motion), zeros(6)
     for point in law.points[at.link]:
         own = _in_body(at.R, at.p, np.asarray(point, dtype=float))
-        arm = dot(R, own)
-        force = law.on_point(p[2] + arm[2], *(v + cross(w, arm)))[1:]
-        in_body = dot(R.T, np.array(force, dtype=object))
+        there = moving(body, at.R, own)
+        force = law.on_point(there.p[2], *there.v)[1:]
+        in_body = dot(body.R.T, np.array(force, dtype=object))
         total = total + np.concatenate([in_body, cross(own, in_body)])
     return [column], pack(total)

@@ -27,13 +27,17 @@ WIDTH = 24
 
 def body_rows(robot: HybridRobot, q: Array, v: Array, a: Array) -> Array:
     """Compute the motion of every body in the world frame by the general path, shape (T, WIDTH bodies)."""
-    m = all_bodies(robot, q, v, a)
-    parts = [m.R.reshape(*m.p.shape[:2], 9), m.p, m.p_dot, m.w, m.p_ddot, m.w_dot]
-    return np.concatenate(parts, axis=2).reshape(len(q), -1)
+    return rows_of_motion(all_bodies(robot, q, v, a)).reshape(len(q), -1)
+
+
+def rows_of_motion(m: Motion) -> Array:
+    """Return the numbers of bodies, shape (T, ..., WIDTH), also symbols."""
+    R = m.R.reshape(*m.p.shape[:-1], 9)
+    return np.concatenate([R, m.p, m.p_dot, m.w, m.p_ddot, m.w_dot], axis=-1)
 
 
 def motion_of(rows: Array) -> Motion:
-    """Return the motion of bodies from rows of them, shape (T, ..., WIDTH)."""
+    """Return the motion of bodies from the numbers of `rows_of_motion`."""
     p, p_dot, w, p_ddot, w_dot = (rows[..., at : at + 3] for at in range(9, WIDTH, 3))
     R = rows[..., :9]
     return Motion(R.reshape(*R.shape[:-1], 3, 3), p, w, p_dot, w_dot, p_ddot)

@@ -9,7 +9,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...linkage.motion import Motion
 from ...linkage.tree import Tree
 from ...spatial import Index, cross, rotation_from_quaternion
 from ...structure.module import Module
@@ -20,7 +19,7 @@ from ..equations.expressions import eye, pack, symbols, unpack, zeros
 from ..equations.request import Request
 from ..equations.rigid import links_of
 from ..program import Constants, Program, ResultPlace, Shared, Source, Target, Worst
-from .general import WIDTH
+from .general import WIDTH, motion_of, rows_of_motion
 from .writer import Writer
 
 
@@ -111,10 +110,8 @@ def _module(module: Module, own: ModuleArguments | None) -> ca.Function:
     tree = Tree([*links_of(spec.spanning).values()])
     columns: list[Any] = [ca.SX.sym("q", tree.nq), ca.SX.sym("v", tree.nv), ca.SX.sym("a", tree.nv)]
     base_col, base = symbols("base", WIDTH)
-    R, (p, v, w, a, alpha) = base[:9].reshape(1, 1, 3, 3), base[9:].reshape(5, 1, 1, 3)
     at_q, at_v, at_a = (unpack(column)[None] for column in columns)
-    bodies = Motion(R, p, w, v, alpha, a).then(tree.sweep(at_q, at_v, at_a))
-    numbers = bodies.R, bodies.p, bodies.p_dot, bodies.w, bodies.p_ddot, bodies.w_dot
-    outputs = [pack(*(x[0, body] for x in numbers)) for body in range(1, len(tree.joints) + 1)]
+    bodies = rows_of_motion(motion_of(base[None, None]).then(tree.sweep(at_q, at_v, at_a)))[0]
+    outputs = [pack(bodies[body]) for body in range(1, len(tree.joints) + 1)]
     arguments = [] if own is None else [own.column]
     return ca.Function("module", [*columns, base_col, *arguments], outputs)

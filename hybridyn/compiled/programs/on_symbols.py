@@ -16,11 +16,12 @@ from ...effects.others import is_other, package_of
 from ...effects.tendons import OnTendons
 from ...errors import HybridynError, ModelError
 from ...extensions import refused
+from ...linkage.motion import Motion
 from ...spatial import cross
 from ...structure.robot import HybridRobot
 from ...symbols import Expression, dot
 from ..equations.expressions import numbers, pack, symbols
-from .general import WIDTH
+from .general import WIDTH, motion_of
 
 #: Symbols of the motions of bodies, and a wrench.
 Written = tuple[list[ca.SX], ca.SX]
@@ -60,22 +61,29 @@ def written_effort(law: OnJoints | OnTendons, i: int, p: ca.SX, x: ca.SX, v: ca.
         return law.written(i, *(tuple(s[n] for n in range(s.numel())) for s in (p, x, v)))
 
 
+def bodies_of(watched: Watched) -> tuple[list[ca.SX], dict[str, Motion]]:
+    """Return columns of symbols, and the motions of the links' bodies that they stand for."""
+    pairs = [symbols(f"motion {i}", WIDTH) for i in range(len(watched))]
+    motions = {link: motion_of(motion) for link, (_, motion) in zip(watched, pairs, strict=True)}
+    return [column for column, _ in pairs], motions
+
+
+def moving(body: Motion, R: Expression, p: Expression) -> Moving:
+    """Return the motion of a frame of a body in the world; R (3, 3) and p (3,) are its placement there."""
+    axes, arm = (dot(body.R, numbers(x)) for x in (R, p))
+    return Moving(axes, body.p + arm, body.p_dot + cross(body.w, arm), body.w)
+
+
 def written_wrench(link: str, law: LinkEffect, watched: Watched) -> Written:
     """Return the wrench of a law on a link, in its body's frame, from the motion of bodies."""
-    columns, motions, bodies = [], {}, {}
-    for i, (name, (_, R, p)) in enumerate(watched.items()):
-        column, motion = symbols(f"motion {i}", WIDTH)
-        columns.append(column)
-        bodies[name], w = motion[:9].reshape(3, 3), motion[15:18]
-        arm = dot(bodies[name], numbers(p))
-        axes = dot(bodies[name], numbers(R))
-        motions[name] = Moving(axes, motion[9:12] + arm, motion[12:15] + cross(w, arm), w)
+    columns, bodies = bodies_of(watched)
+    motions = {name: moving(bodies[name], R, p) for name, (_, R, p) in watched.items()}
     with on_symbols(law):
         force, moment = (np.array([*part], dtype=object) for part in law.wrench_on(link, motions))
         if {force.shape, moment.shape} != {(3,)}:
             raise ValueError(f"force and moment have the shapes {force.shape} and {moment.shape}, not (3,)")
-        own = dot(bodies[link].T, force)
-        about = dot(bodies[link].T, moment) + cross(numbers(watched[link][2]), own)
+        own, turning = (dot(bodies[link].R.T, x) for x in (force, moment))
+        about = turning + cross(numbers(watched[link][2]), own)
         return columns, pack(np.concatenate([own, about]))
 
 
