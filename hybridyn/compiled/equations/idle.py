@@ -70,8 +70,7 @@ def _moved(module: Module, q: Array, motions: Array) -> Array:
         Shape (count,).
     """
     m = module.mechanism
-    of_tree = dict(zip(m.cut.v_to.tolist(), m.cut.v_from.tolist(), strict=True))
-    motors = [of_tree[c] for c in np.arange(m.tree.nv)[module.motor_columns].tolist()]
+    motors = m.cut.v_in[module.motor_columns]
     outputs = effects(m, m.spanning.sweep(q), spanning=True) * m.spanning_col_scale
     moved = np.concatenate([outputs @ motions / IDLE, motions[:, motors] / DRIVEN], axis=1)
     return np.asarray(np.abs(moved).max(axis=(0, 1), initial=0.0))

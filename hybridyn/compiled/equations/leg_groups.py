@@ -136,7 +136,7 @@ def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...], spins: Sequen
     """Return the one closure that connects a leg to a platform and determines all but its spin, or None."""
     spec, tree, inside = mechanism.spec, mechanism.tree, set(bodies)
     touching = [i for i, c in enumerate(spec.cut_closures) if {c.body_a, c.body_b} & inside]
-    wrists = {mechanism.cut.tree_body(wrist.target) for wrist in spec.wrists}  # of which some may end in it
+    wrists = {weld.body_b for weld in mechanism.cut.welds}  # of which some may end in it
     if len(touching) != 1 or wrists & inside or not _hangs_alone(spec, inside):
         return None
     at = touching[0]

@@ -15,7 +15,6 @@ from ...linkage.closures import TreeClosure
 from ...linkage.couplings import TreeCoupling
 from ...spatial import Array
 from ...structure.mechanism import Mechanism
-from ...structure.module_spec import ModuleSpec
 from .arguments import ModuleArguments
 from .expressions import plain, settled, zeros
 from .leg_groups import Leg, TreeBranch, grouped_legs, held_legs, leg_of, spins_among
@@ -76,8 +75,8 @@ def parts_of(
     """
     spec = mechanism.spec if arguments is None else arguments.spec
     free = arguments is None or arguments.free
-    constants, axes = _links(mechanism.spec, leg_inertia, None)  # these decide on legs and rods
-    links, turns = (constants, axes) if arguments is None else _links(spec, leg_inertia, arguments)
+    constants, axes = _links(mechanism, leg_inertia, None)  # these decide on legs and rods
+    links, turns = (constants, axes) if arguments is None else _links(mechanism, leg_inertia, arguments)
     links, base = regrouped(links) if free else (links, np.zeros(10))
     closures = [_turned(c, turns) for c in spec.cut_closures]
     driven = {k for k, mark in enumerate(marks) if "motor" in mark}
@@ -106,15 +105,16 @@ def parts_of(
 
 
 def _links(
-    spec: ModuleSpec,
+    mechanism: Mechanism,
     leg_inertia: bool,
     arguments: ModuleArguments | None,
 ) -> tuple[Links, list[Array]]:
     """Return the links of the whole tree, and its bodies' turns."""
+    spec = mechanism.spec if arguments is None else arguments.spec
     massive = leg_inertia and arguments is None
     massless = [np.zeros(10)] * (len(spec.whole) - len(spec.tree))  # the wrists
     inertias = [ten_numbers(body if massive else None) for body in spec.leg_bodies]
-    ends = {spec.in_whole[wrist.joints[-1]] + 1 for wrist in spec.wrists}
+    ends = {weld.body_a for weld in mechanism.cut.welds}
     links, turns = aligned(links_of(spec.whole, [*inertias, *massless]), ends.union(spec.outputs))
     if arguments is not None and (leg_inertia or not arguments.free):
         for i, (body, ten) in enumerate(zip(spec.leg_bodies, arguments.own, strict=True)):

@@ -46,7 +46,7 @@ Spins = tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]
 def spins_in_v(calls: ModuleCalls) -> Spins:
     """Return the idle spins of a module; these are the first of its motions, in the same order."""
     idle, cut = calls.request.plans[calls.k].parts.idle, calls.module.mechanism.cut
-    at = cut.to_tree(calls.module.v_index[None].astype(float))[0].astype(int)
+    at = calls.module.v_index[cut.v_in]
     return tuple((tuple(at[list(spin.cols)].tolist()), tuple(map(float, spin.share))) for spin in idle)
 
 
