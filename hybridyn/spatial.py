@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable
+from functools import partial
 from itertools import accumulate, pairwise
 from typing import Any
 
@@ -34,6 +35,10 @@ TINY = 1e-300
 LARGEST = 1e50
 
 
+#: Silences CasADi's warning where NumPy functions take its symbols.
+numpy_on_symbols = partial(warnings.catch_warnings, action="ignore", category=FutureWarning)
+
+
 def _of_numbers_or_symbols(function: np.ufunc) -> Callable[..., Any]:
     """Return a function that takes arrays of numbers, and arrays of objects entry by entry."""
     by_entry = np.frompyfunc(function, function.nin, 1)
@@ -42,8 +47,7 @@ def _of_numbers_or_symbols(function: np.ufunc) -> Callable[..., Any]:
         """Apply the function."""
         if x[0].dtype != object:
             return function(*x)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+        with numpy_on_symbols():
             return by_entry(*x)
 
     return apply

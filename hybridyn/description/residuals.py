@@ -5,7 +5,6 @@ CasADi derives a residual, which is written on symbols once; its text is kept, a
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -15,6 +14,7 @@ import numpy as np
 
 from ..errors import HybridynError, required
 from ..extensions import Extension, added, failing, refused
+from ..spatial import numpy_on_symbols
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -174,8 +174,7 @@ def _made(closure: str, maker: ResidualMaker, x: Sequence[Any], numbers: Mapping
         ModelError: Its code fails on symbols.
     """
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+        with numpy_on_symbols():
             return maker.make(x, **numbers)
     except HybridynError:
         raise

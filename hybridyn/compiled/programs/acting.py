@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import casadi as ca
@@ -12,7 +11,7 @@ from ...effects.bodies import GravityCompensation, LineSprings
 from ...effects.bushings import Bushings
 from ...effects.link_effect import LinkEffect
 from ...effects.links import GroundContact
-from ...spatial import cross, wrench_to_base
+from ...spatial import cross, numpy_on_symbols, wrench_to_base
 from ...structure.robot import HybridRobot
 from ...symbols import Expression, dot
 from ..equations.acting import Acting, along_path
@@ -113,8 +112,7 @@ def _carrying(robot: HybridRobot, contacts: Sequence[tuple[Acting, LinkEffect]])
 
 def _of_law(request: Request, at: Acting, law: LinkEffect, watched: Watched) -> Written:
     """Write a law's wrench on a link, in its body's frame, from the motion of bodies."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+    with numpy_on_symbols():
         if isinstance(law, LineSprings):
             return _lines(at, law, watched)
         if isinstance(law, Bushings):

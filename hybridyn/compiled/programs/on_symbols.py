@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -17,7 +16,7 @@ from ...effects.tendons import OnTendons
 from ...errors import HybridynError, ModelError
 from ...extensions import refused
 from ...linkage.motion import Motion
-from ...spatial import cross
+from ...spatial import cross, numpy_on_symbols
 from ...structure.robot import HybridRobot
 from ...symbols import Expression, dot
 from ..equations.expressions import numbers, pack, symbols
@@ -37,8 +36,7 @@ def on_symbols(effect: Any) -> Iterator[None]:
         ModelError: It does not run on them.
     """
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # CasADi's, on NumPy functions of its symbols
+        with numpy_on_symbols():
             yield
     except HybridynError:
         raise
