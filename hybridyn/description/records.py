@@ -241,6 +241,11 @@ class Curve:
             out[joint] = out.get(joint, 0.0) + slope * factor
         return out
 
+    def bend(self, positions: Mapping[Any, Any], rates: Mapping[Any, Any]) -> Any:
+        """Compute the second derivative over time of joints with constant rates."""
+        s_dot = sum(factor * rates[joint] for joint, factor in self.terms)
+        return self.at(self.argument(positions))[2] * s_dot**2
+
     def at(self, s: Any) -> tuple[Any, Any, Any]:
         """Compute the curve and its first two derivatives at s: a number, an array or an expression."""
         value, slope, bend = 0.0 * s, 0.0 * s, 0.0 * s

@@ -1,8 +1,8 @@
 """Couplings of joint positions of a tree: residual, constraint rows and drift term.
 
-A coupling is one row, sum of coefficient x position + curve(s) - offset = 0, with s a sum of positions. A
-linear one has a constant row and no drift. A curve adds its slope times the factors of s, and its drift is
-its second derivative times s_dot^2. A residual of another package adds its derivatives in place of a curve.
+A coupling is one row, sum of coefficient x position + curve - offset = 0. A linear one has a constant row and
+no drift. A curve, of hybridyn's own or the residual of another package, adds its slopes, and its drift is its
+second derivative over time at constant rates.
 """
 
 from __future__ import annotations
@@ -82,25 +82,16 @@ class CouplingRows:
     def __init__(self, tree: Places, couplings: Sequence[TreeCoupling]) -> None:
         self._tree, self._couplings = tree, tuple(couplings)
         self.constant = np.zeros((len(couplings), tree.nv))
-        self._curves: list[tuple[int, Curve, Array]] = []
-        self._residuals: list[tuple[int, Residual, Mask]] = []
+        self._bent = [(i, coupling.curve) for i, coupling in enumerate(couplings) if coupling.curve]
+        self._kept: Mask = np.ones(tree.nv, dtype=bool)
         for i, coupling in enumerate(couplings):
             for joint, coefficient in coupling.terms:
                 self.constant[i, tree.v_slices[joint]] += coefficient
-            if isinstance(coupling.curve, Residual):
-                self._residuals.append((i, coupling.curve, np.ones(tree.nv, dtype=bool)))
-            elif coupling.curve:
-                factors = np.zeros(tree.nv)
-                for joint, factor in coupling.curve.terms:
-                    factors[tree.v_slices[joint]] += factor
-                self._curves.append((i, coupling.curve, factors))
 
     def moved_by(self, free: Mask) -> CouplingRows:
-        """Return the rows filled in only for freedoms in the mask `free`, shape (nv,)."""
+        """Return the couplings with rows filled in only for freedoms in the mask `free`, shape (nv,)."""
         out = copy(self)
-        out.constant = self.constant * free
-        out._curves = [(i, curve, factors * free) for i, curve, factors in self._curves]
-        out._residuals = [(i, residual, kept & free) for i, residual, kept in self._residuals]
+        out.constant, out._kept = self.constant * free, self._kept & free
         return out
 
     def residual(self, q: Array) -> Array:
@@ -117,16 +108,14 @@ class CouplingRows:
 
     def matrix(self, q: Array | None) -> Array:
         """Compute the rows at positions (T, nq): shape (couplings, nv) if none is bent, else (T, ...)."""
-        if not self._curves and not self._residuals:
+        if not self._bent:
             return self.constant
         assert q is not None
         out: Array = np.repeat(self.constant[None], len(q), axis=0).astype(q.dtype, copy=False)
-        for i, curve, factors in self._curves:
-            out[:, i] += curve.at(self._argument(curve, q))[1][:, None] * factors
-        for i, residual, kept in self._residuals:
-            for joint, slope in residual.slopes(self._positions(residual, q)).items():
+        for i, curve in self._bent:
+            for joint, slope in curve.slopes(self._positions(curve, q)).items():
                 column = self._tree.v_slices[joint].start
-                if kept[column]:
+                if self._kept[column]:
                     out[:, i, column] += slope
         return out
 
@@ -144,17 +133,10 @@ class CouplingRows:
         assert q is not None
         first = rotate(rows, v)
         second = np.zeros_like(first) if a is None else rotate(rows, a)
-        for i, curve, factors in self._curves:
-            second[:, i] += curve.at(self._argument(curve, q))[2] * (v @ factors) ** 2
-        for i, residual, _ in self._residuals:
-            rates = {joint: v[:, self._tree.v_slices[joint].start] for joint, _ in residual.terms}
-            second[:, i] += residual.bend(self._positions(residual, q), rates)
+        for i, curve in self._bent:
+            rates = {joint: v[:, self._tree.v_slices[joint].start] for joint, _ in curve.terms}
+            second[:, i] += curve.bend(self._positions(curve, q), rates)
         return first, second
-
-    def _argument(self, curve: Curve, q: Array) -> Array:
-        """Compute what a curve depends on, shape (T,)."""
-        out: Array = curve.argument(self._positions(curve, q))
-        return out
 
     def _positions(self, curve: Curve | Residual, q: Array) -> dict[int, Array]:
         """Return the positions of the joints of a curve or residual, shape (T,) each."""
