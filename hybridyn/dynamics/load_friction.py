@@ -18,7 +18,7 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .friction_bound import feedback
 from .friction_response import Response, answer
-from .reactions import UNDETERMINED, Reactions
+from .reactions import Reactions, undetermined
 
 #: Spectral radius from which friction is refused: at 1 joints may jam.
 JAM = 1.0
@@ -139,12 +139,10 @@ def _check_determined(law: OnLoads, reactions: Reactions) -> None:
     Raises:
         ModelError: The message names joints and coefficients.
     """
-    shared = [reactions.joints_shared[name] for name in law.joints]
-    count = max(one.shape[2] for one in shared)
-    each = np.stack([np.pad(one, ((0, 0), (0, 0), (0, count - one.shape[2]))) for one in shared], axis=1)
     vague = [
-        f"{law.words[term]} of '{law.joints[law.of_joint[term]]}'"
-        for term in np.flatnonzero(law.taken(each) > UNDETERMINED)
+        f"{word} of '{law.joints[joint]}'"
+        for word, joint, part in zip(law.words, law.of_joint, law.part, strict=True)
+        if undetermined(part @ reactions.joints_shared[law.joints[joint]]).any()
     ]
     if vague:
         raise ModelError(

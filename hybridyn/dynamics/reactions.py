@@ -23,6 +23,12 @@ from .loads import ModuleLoad
 UNDETERMINED = 1e-6
 
 
+def undetermined(shared: Array) -> Mask:
+    """Return whether the motion leaves open what each self-stress would add to, shape (..., k)."""
+    out: Mask = ~(np.abs(shared).max(axis=-1, initial=0.0) <= UNDETERMINED)
+    return out
+
+
 @dataclass(eq=False)
 class Reactions:
     """Internal wrenches, [force; moment] in [N, N m]; leading axis T dropped for a single sample.
@@ -46,8 +52,6 @@ class Reactions:
         joints: For each joint name, the wrench that the joint exerts ON its child, shape (T, 6), in the
             child's frame, at the joint. Along the joint's freedom it is the effort of the motor and of the
             joint's laws. A wrench that redundant rows share is that of the smallest closure wrenches.
-        joints_determined: For each joint name, True for each component of the wrench that the motion
-            determines, shape (T, 6).
         joints_shared: For each joint name, what each self-stress of the closures would add to the wrench,
             shape (T, 6, k), with forces times the module's length.
 
@@ -67,8 +71,12 @@ class Reactions:
     unique: dict[str, bool] = field(default_factory=dict)
     determined: dict[str, Mask] = field(default_factory=dict)
     joints: dict[str, Array] = field(default_factory=dict)
-    joints_determined: dict[str, Mask] = field(default_factory=dict)
     joints_shared: dict[str, Array] = field(default_factory=dict)
+
+    @property
+    def joints_determined(self) -> dict[str, Mask]:
+        """For each joint name, True for each component of its wrench that the motion determines, (T, 6)."""
+        return {name: ~undetermined(shared) for name, shared in self.joints_shared.items()}
 
     def sample(self, t: int) -> "Reactions":
         """Return the reactions at one sample."""
@@ -79,7 +87,6 @@ class Reactions:
             {name: bool(d[t].all()) for name, d in self.determined.items()},
             {name: d[t] for name, d in self.determined.items()},
             {name: w[t] for name, w in self.joints.items()},
-            {name: d[t] for name, d in self.joints_determined.items()},
             {name: w[t] for name, w in self.joints_shared.items()},
         )
 
@@ -113,11 +120,9 @@ def _of_joints(result: Reactions, state: ModuleState, needed: Array, multipliers
     columns[..., 0] += needed
     wrenches = joint_wrenches(state, columns)  # under the multipliers, then under each self-stress
     free = wrenches[..., 1:] * m.length_of_wrench[:, None]
-    determined = np.abs(free).max(axis=3, initial=0.0) <= UNDETERMINED
     for i, source in enumerate(m.spec.source):
         if source is not None:  # else a platform, which its wrist carries
             result.joints[names[source]] = wrenches[:, i, :, 0]
-            result.joints_determined[names[source]] = determined[:, i]
             result.joints_shared[names[source]] = free[:, i]
 
 
@@ -140,7 +145,7 @@ def _of_closures(
         else:
             free = free / m.reduction.row_scale[at][:, None]
         result.closures[name] = lam
-        result.determined[name] = np.abs(free).max(axis=2, initial=0.0) <= UNDETERMINED
+        result.determined[name] = ~undetermined(free)
         result.unique[name] = bool(result.determined[name].all())
 
 

@@ -93,12 +93,6 @@ class OnLoads(NamedTuple):
         each = self.factor[:, None] * np.einsum("...ki,kij->...kj", along, self.part)
         return np.moveaxis(self._by_joint(np.moveaxis(each, -1, 0)), 0, -1)
 
-    def taken(self, wrenches: Array) -> Array:
-        """Compute the largest part that each term takes, shape (terms,), of wrenches, (T, joints, 6, k)."""
-        parts = np.einsum("kij,tkjs->tkis", self.part, wrenches[:, self.of_joint])
-        out: Array = np.abs(parts).max(axis=(0, 2, 3), initial=0.0)
-        return out
-
     def between(self, joints: Index, wrenches: Array) -> Array:
         """Compute by how much the friction of joints changes at most, shape (T, joints, k).
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dynamics.reactions import UNDETERMINED, Reactions
+from ..dynamics.reactions import Reactions, undetermined
 from ..effects.load_friction import load_parts
 from ..spatial import Array
 from ..structure.robot import HybridRobot
@@ -85,8 +85,8 @@ def bearing_rows(robot: HybridRobot, reactions: Reactions) -> Array:
     rows = [np.zeros((len(reactions.base), 0))]
     for name, _, part in _columns(robot):
         size = np.linalg.norm(reactions.joints[name] @ part.T, axis=1)
-        shared = np.abs(part @ reactions.joints_shared[name]).max(axis=(1, 2), initial=0.0)
-        rows.append(np.where(shared > UNDETERMINED, np.nan, size)[:, None])
+        shared = undetermined(part @ reactions.joints_shared[name]).any(axis=1)
+        rows.append(np.where(shared, np.nan, size)[:, None])
     return np.hstack(rows)
 
 
