@@ -90,7 +90,7 @@ def on_gears(effect: GearEfficiency, robot: HybridRobot) -> OnGears | None:
         ModelError: A motor is unknown, lacks one of the numbers, or a number is out of its range.
     """
     positive(effect.name, "width", effect.width)
-    for motor in {*effect.efficiency, *(effect.back or {})}:
+    for motor in (*effect.efficiency, *(effect.back or {})):
         if motor not in robot.motors:
             raise ModelError(
                 f"{effect.name}: there is no motor '{motor}'{did_you_mean(motor, robot.motors)}",

@@ -101,8 +101,9 @@ def simulate(
         ActuationError: A gear locks itself, or friction that grows with load may jam joints.
         TrajectoryError: Wrong arguments, more steps than fit in memory, or a run to resume that does not
             match.
-        ModelError: The method does not support this robot, or the motion does not determine a load on which
-            friction depends.
+        ModelError: Effects are unknown, lack parameters or contradict each other, or "inertia" is missing;
+            `compiled` is of another robot or other effects; the method does not support this robot; or the
+            motion does not determine a load on which friction depends.
 
     Example:
         >>> robot = hybridyn.load("five_bar")

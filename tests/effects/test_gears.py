@@ -92,6 +92,7 @@ def test_simulated_energy_changes_by_what_motors_give_and_losses_take() -> None:
     ("gear", "said"),
     [
         (GearEfficiency({"elbow": 0.9}), "there is no motor 'elbow'"),
+        (GearEfficiency({f"odd_{i}": 0.9 for i in range(100)}), "there is no motor 'odd_0'"),  # in order
         (GearEfficiency({"m1_right_drive": 0.0}), "efficiency must be above 0 and at most 1, not 0"),
         (GearEfficiency({"m1_right_drive": 1.2}), "efficiency must be above 0 and at most 1"),
         (GearEfficiency({"m1_right_drive": 0.9}, back={"m1_right_drive": 1.5}), "back must be a number of"),
