@@ -40,7 +40,7 @@ def modules_of(robot: HybridRobot, joints: Sequence[str]) -> list[int]:
     Raises:
         TrajectoryError: No joint is named, or a prescribed base's is.
     """
-    owners = {robot.body_owner[robot.body_of_joint[name]][0] for name in joints}
+    owners = {robot.module_of(name) for name in joints}
     if not owners or -1 in owners:
         raise TrajectoryError("joints: name the output joints, those of one module at least")
     return sorted(owners)

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..effects.load_friction import OnLoads
 from ..spatial import Array, Mask
-from .friction_response import Response
+from .friction_response import Response, rows_of_base
 
 #: A gain is sought between powers of this number, then by so many bisections: to a tenth.
 LADDER, HALVINGS = 8.0, 4
@@ -142,6 +142,6 @@ def _holds(modules: Sequence[Response], system: Sequence[Outward], gamma: Array)
             left = np.maximum(square - values, CLEAR * square)
             P = np.matmul(E_T, E) + np.matmul(np.swapaxes(A, 1, 2), np.matmul(P_o, A))
             P += np.matmul(L / left[:, None], np.swapaxes(L, 1, 2))
-            at = slice(6 * modules[k].parent_output, 6 * modules[k].parent_output + 6)
+            at = rows_of_base(modules[k])
             beyond[parent][:, at, at] += np.where(holds[:, None, None], P, 0.0)
     return holds

@@ -62,7 +62,7 @@ def responses(
         law: The law and its joints.
         D: Efforts per unit of each joint's friction, shape (T, nv, joints).
     """
-    owner = np.array([robot.body_owner[robot.body_of_joint[name]][0] for name in law.joints])
+    owner = np.array([robot.module_of(name) for name in law.joints])
     return [_response(x, on, law, np.flatnonzero(owner == k), D) for k, x in enumerate(modules)]
 
 
@@ -114,15 +114,15 @@ def answer(modules: Sequence[Response], n: Array) -> Array:
     for x, beta in zip(reversed(modules), reversed(betas), strict=True):
         inputs.insert(0, np.concatenate([beta, n[:, x.joints]], axis=1))
         if x.parent >= 0:
-            betas[x.parent][:, _output(x)] += np.matmul(x.inward, inputs[0])
+            betas[x.parent][:, rows_of_base(x)] += np.matmul(x.inward, inputs[0])
     out, outputs = np.zeros((T, joints, 6, k)), list[Array]()
     for x, z in zip(modules, inputs, strict=True):
-        V_dot = np.zeros((T, 6, k)) if x.parent < 0 else outputs[x.parent][:, _output(x)]
+        V_dot = np.zeros((T, 6, k)) if x.parent < 0 else outputs[x.parent][:, rows_of_base(x)]
         outputs.append(np.matmul(x.carried, V_dot) + np.matmul(x.driven, z))
         out[:, x.joints] = np.matmul(x.of_base, V_dot[:, None]) + np.matmul(x.of_z, z[:, None])
     return out
 
 
-def _output(x: Response) -> slice:
+def rows_of_base(x: Response) -> slice:
     """Return the rows of a module's base among those of its parent's outputs."""
     return slice(6 * x.parent_output, 6 * x.parent_output + 6)

@@ -108,7 +108,7 @@ def _unit_wrenches(
 
     Joints of several modules are taken at once where modules do not feel each other.
     """
-    owners = [robot.body_owner[robot.body_of_joint[name]][0] for name in law.joints]
+    owners = [robot.module_of(name) for name in law.joints]
     module = owners if apart else [0] * len(owners)
     unit = np.maximum(law.sizes(w).max(axis=1), 1.0)[:, None]
     out = np.zeros((*w.shape, len(law.joints)))
@@ -158,7 +158,7 @@ def _check_jamming(law: OnLoads, B: Array) -> None:
     Raises:
         ActuationError: The message names the joint that carries most of it, the sample and the ratio.
     """
-    L = np.moveaxis(law.sizes(np.moveaxis(B, 3, 1)), 1, 2)
+    L = law.between(np.arange(len(law.joints)), B)
     values, vectors = np.linalg.eig(L)
     ratio = np.abs(values).max(axis=1)
     if not (ratio >= JAM).any():

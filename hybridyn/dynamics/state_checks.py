@@ -166,14 +166,13 @@ def _of_free_wrists(s: ModuleState, value: Array, limit: Array) -> Array:
         gimbal lock the rates of the platform are computed without it (`Mechanism.platforms_from_legs`).
     """
     m, motion = s.mechanism, s.whole
-    closures = list(zip(m.spec.closures, m.author_closures.row_slices, strict=False))
     for number, wrist in enumerate(m.spec.wrists):
-        for closure, rows in closures:
-            if wrist.carries or {closure.body_a, closure.body_b} != {wrist.end, wrist.target}:
-                continue
-            over = np.flatnonzero((value[:, rows] > limit[:, None]).any(axis=1))
-            if len(over):
-                value[over[is_locked(m.wrists.jacobian(motion.take(over), number))], rows] = 0.0
+        if wrist.carries:
+            continue
+        rows = m.author_closures.row_slices[wrist.closure]
+        over = np.flatnonzero((value[:, rows] > limit[:, None]).any(axis=1))
+        if len(over):
+            value[over[is_locked(m.wrists.jacobian(motion.take(over), number))], rows] = 0.0
     return value
 
 

@@ -190,6 +190,10 @@ class HybridRobot:
                 out[self.body_of_joint[joint]] = (k, i + 1)
         return out
 
+    def module_of(self, joint: str) -> int:
+        """Return the number of the module that moves a joint; -1 for a prescribed base."""
+        return self.body_owner[self.body_of_joint[joint]][0]
+
     @cached_property
     def unit(self) -> Array:
         """Unit of each freedom, shape (nv,): the length of its module if it is linear, else one radian."""

@@ -92,7 +92,7 @@ class Draw:
             if not kind.endless and record.lower < record.upper:
                 low_q[at], high_q[at] = record.lower, record.upper
             if kind.slides:
-                reach[to] = robot.modules[robot.body_owner[robot.body_of_joint[name]][0]].mechanism.length
+                reach[to] = robot.modules[robot.module_of(name)].mechanism.length
         in_q, in_v, home = robot.motor_q, robot.motor_v, MotorAxes.of(robot).positions(robot.home)
         low, high = (
             np.where(np.isfinite(x[in_q]), x[in_q], home + s * reach[in_v])

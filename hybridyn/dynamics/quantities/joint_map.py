@@ -245,7 +245,7 @@ def related(
 def motors_beside(robot: HybridRobot, joints: Sequence[str]) -> tuple[str, ...]:
     """Return the motors of the modules that hold joints."""
     modules = modules_of(robot, joints)
-    return tuple(m for m in robot.motors if robot.body_owner[robot.body_of_joint[m]][0] in modules)
+    return tuple(m for m in robot.motors if robot.module_of(m) in modules)
 
 
 def side_motions(
