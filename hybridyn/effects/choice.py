@@ -86,8 +86,7 @@ class Effects:
     @property
     def losses(self) -> tuple[str, ...]:
         """Names of the losses that grow with load, which the general path alone computes."""
-        both = ((self.loaded, LoadFriction.name), (self.gears, GearEfficiency.name))
-        return tuple(name for law, name in both if law is not None)
+        return tuple(law.effect.name for law in (self.loaded, self.gears) if law is not None)
 
     def without(self, *names: str) -> Effects:
         """Return the effects but for some names."""
@@ -330,14 +329,15 @@ def _stated(robot: HybridRobot, name: str) -> list[Any]:
     if name in (*DEFAULT, *FROM_FILES, "limits", MasslessLegs.name):
         return [UNITS[name]()]
     kind = class_of(name)
-    if kind is not None and kind not in UNITS.values() and needs_nothing(kind):
+    assert kind is not None  # other words are refused before, or are stated by the files
+    if name not in UNITS and needs_nothing(kind):
         return [made(name, {})]
     from ..description.side_cars.tables import EFFECTS  # it takes pydantic
 
     stated = name in EFFECTS or name not in UNITS
     table = f", or a table [effects.{name}] in {listed(['model.toml'])}" if stated else ""
-    place = "hybridyn.effects" if name in UNITS else getattr(kind, "__module__", "")
+    place = "hybridyn.effects" if name in UNITS else kind.__module__
     raise ModelError(
         f"the robot's files state no numbers for the effect '{name}': give an object, "
-        f"{place}.{getattr(kind, '__name__', '')}(...){table}", element=name,
+        f"{place}.{kind.__name__}(...){table}", element=name,
     )  # fmt: skip

@@ -67,8 +67,19 @@ class Damper(_Viscous):
     symbols = ("d",)
 
 
+class _Dry(JointEffect):
+    """Dry friction whose sign changes over a width of rates [m/s or rad/s]."""
+
+    width: float
+
+    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
+        """Return the law's parameters by joint."""
+        positive(self.name, "width", self.width)
+        return super().numbers(robot)
+
+
 @dataclass(frozen=True)
-class CoulombFriction(JointEffect):
+class CoulombFriction(_Dry):
     """tau = -f tanh(v / width): smoothed dry friction without stiction; a joint creeps under a load below f.
 
     A ball joint has it about each of its three axes, as MuJoCo's frictionloss.
@@ -85,18 +96,13 @@ class CoulombFriction(JointEffect):
     several = (JointKind.SPHERICAL,)
     from_files = "friction"
 
-    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Return f by joint."""
-        positive(self.name, "width", self.width)
-        return super().numbers(robot)
-
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute -f tanh(v / width)."""
         return -p[0] * np.tanh(v / self.width)
 
 
 @dataclass(frozen=True)
-class StribeckFriction(JointEffect):
+class StribeckFriction(_Dry):
     """tau = -(f + (s - f) exp(-(v / v_s)^2)) tanh(v / width): dry friction that is larger near rest.
 
     `level`: f at speed, `static`: s near rest (s >= f), both [N or N m], `speed`: v_s [m/s or rad/s], by
@@ -114,7 +120,6 @@ class StribeckFriction(JointEffect):
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return f, s, v_s by joint."""
-        positive(self.name, "width", self.width)
         out = super().numbers(robot)
         for joint, (level, static, speed) in out.items():
             positive(self.name, f"speed of '{joint}'", speed)
@@ -131,7 +136,7 @@ class StribeckFriction(JointEffect):
 
 
 @dataclass(frozen=True)
-class DirectedFriction(JointEffect):
+class DirectedFriction(_Dry):
     """tau = -f tanh(v / width), with another level f for each direction: dry friction of seals and pawls.
 
     The level is (forward + backward) / 2 + (forward - backward) / 2 tanh(v / width).
@@ -145,11 +150,6 @@ class DirectedFriction(JointEffect):
     width: float = WIDTH
     name: ClassVar[str] = "directed_friction"
     by_joint = ("forward", "backward")
-
-    def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Return both levels by joint."""
-        positive(self.name, "width", self.width)
-        return super().numbers(robot)
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the friction effort."""

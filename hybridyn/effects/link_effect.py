@@ -95,8 +95,7 @@ class LinkEffect:
             motions: Motion of the links in the world.
             samples: Number of samples T.
         """
-        every = {link: _moving(m) for link, m in motions.items()}
-        out = {}
+        every, out = self._own(motions), {}
         for link in self.links:
             parts = self.wrench_on(link, {name: every[name] for name in self.watched(link)})
             own = (np.stack([np.broadcast_to(x, samples) for x in part], axis=1) for part in parts)
@@ -112,6 +111,7 @@ class LinkEffect:
         return np.asarray(self.lost(self._own(motions)))
 
     def _own(self, motions: Mapping[str, Motion]) -> dict[str, Moving]:
+        """Return the motions of the law's links."""
         return {link: _moving(motions[link]) for link in self.links if link in motions}
 
 

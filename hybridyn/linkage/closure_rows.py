@@ -34,8 +34,14 @@ def normals(rotation: RotationKind, A: Array, z: Array) -> Array:
     Returns:
         Shape (..., rotational rows, 3).
     """
-    axes = np.swapaxes(A, -1, -2)[..., TURNING[rotation], :]
+    axes = _turning_axes(rotation, A)
     return axes if rotation in ("free", "fixed") else cross(z[..., None, :], axes)
+
+
+def _turning_axes(rotation: RotationKind, A: Array) -> Array:
+    """Return the axes of frame A in the rotational rows, shape (..., rotational rows, 3)."""
+    axes: Array = np.swapaxes(A, -1, -2)[..., TURNING[rotation], :]
+    return axes
 
 
 def residual_of(
@@ -99,7 +105,7 @@ def closed_directions(translations: Sequence[int], rotation: RotationKind, A: Ar
     Three together may be along any axes, and the third axes of "parallel" frames are one.
     """
     axes, turns = directions_of(translations, rotation, A, z)
-    turns = np.swapaxes(A, -1, -2)[..., :2, :] if rotation == "parallel" else turns
+    turns = _turning_axes(rotation, A) if rotation == "parallel" else turns
     return Directions(
         np.eye(3) if len(translations) == 3 else axes, np.eye(3) if rotation == "fixed" else turns
     )
@@ -114,12 +120,12 @@ def turns_dot(
         wa, wb: Angular velocities of A and B, shape (..., 3).
         closed: Whether the directions are those of a closed loop.
     """
-    turned = cross(wa[..., None, :], np.swapaxes(A, -1, -2)[..., TURNING[rotation], :])
+    axes = _turning_axes(rotation, A)
+    turned = cross(wa[..., None, :], axes)
     if rotation == "fixed":
         return 0.0 * turned if closed else turned
     if rotation == "free" or (rotation == "parallel" and closed):
         return turned
-    axes = np.swapaxes(A, -1, -2)[..., TURNING[rotation], :]
     return added(cross(cross(wb, z)[..., None, :], axes), cross(z[..., None, :], turned))
 
 

@@ -82,8 +82,7 @@ class ChainRates:
 
     def _hurry(self, rates: Array, accelerations: Array) -> Array:
         """Return one over the time in which anything moves by one [rad, module lengths], shape (T,)."""
-        fast = np.maximum(np.abs(rates), np.sqrt(np.abs(accelerations))).max(axis=1, initial=0.0)
-        out: Array = np.maximum(fast, self._known_hurry())
+        out: Array = np.maximum(_pace(rates, accelerations), self._known_hurry())
         return out
 
     def _asked(self, level: str) -> Array:
@@ -229,8 +228,13 @@ class ChainRates:
                 known.append((target.rate, target.acceleration))
             if isinstance(target, DistanceTarget):
                 known.append((target.centre[1] / length, target.centre[2] / length))
-        each = [np.maximum(np.abs(v), np.sqrt(np.abs(a))).max(axis=1) for v, a in known]
-        return np.asarray(np.max(each, axis=0))
+        return np.asarray(np.max([_pace(*motion) for motion in known], axis=0))
+
+
+def _pace(rates: Array, accelerations: Array) -> Array:
+    """Return one over the time in which any of some motions, shapes (T, k), moves by one, shape (T,)."""
+    out: Array = np.maximum(np.abs(rates), np.sqrt(np.abs(accelerations))).max(axis=1, initial=0.0)
+    return out
 
 
 def _times(rows: ChainRows, problem: ChainProblem, x: Array) -> Array:

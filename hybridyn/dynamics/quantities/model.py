@@ -13,7 +13,7 @@ from ...structure.robot import HybridRobot
 from ...structure.samples import as_positions
 from ..direct import acceleration_of_base, needs_inertia
 from ..state_checks import checked_state
-from .engine import QUADRATIC, Engine, GeneralEngine, chosen_effects
+from .engine import Engine, GeneralEngine, chosen_effects
 from .independent import independent_coordinates
 from .polar_forms import polar_form, rate_of_map
 
@@ -181,7 +181,10 @@ def coriolis(
         >>> hybridyn.coriolis(robot, q, v).round(3)
         array([ 0.015, -0.02 ])
     """
-    return bias(robot, q, v, joints=joints, effects=chosen_effects(robot, effects).only(QUADRATIC))
+    engine = GeneralEngine.of(robot, joints, effects)
+    q, v, single = checked_state(robot, q, v)
+    out = engine.coriolis(q, v)
+    return out[0] if single else out
 
 
 def gravity(
