@@ -56,6 +56,19 @@ def test_a_study_varies_and_measures(workshop: Path, tmp_path: Path) -> None:
     assert identity(source, np.array([1.0]))["measure heat"] == "workshop 1.0"
 
 
+def test_statistics_import_no_package(packages: Path, tmp_path: Path) -> None:
+    """A package that cannot be imported harms no study that does not name it."""
+    install(packages, "odd", {"measures": {"odd": "odd:ODD"}}, {"odd.py": "1 / 0"})
+    path, column = study(tmp_path), "peak m1_left_drive/effort"
+    text = path.read_text().replace('["heat", "peak_effort"]', f"{{ most = '{column}' }}")
+    text = text.replace("bulk:m1", "mass:m1")
+    row = Designer(read_study(save(tmp_path, text, "one.toml")))(0, np.array([0.3]))
+    assert row.message == ""
+    assert row.measures[0] > 0
+    text = text.replace(column, "pek_effort")
+    refused(lambda: read_study(save(tmp_path, text, "two.toml")), ModelError, "'odd'.*cannot be imported")
+
+
 def test_compiled_models_take_the_parameter(workshop: Path) -> None:
     robot = hybridyn.load("five_bar")
     q, zero = robot.home[None], np.zeros((1, robot.nv))

@@ -144,10 +144,10 @@ def check_word(source: StudyFile, keys: Keys, word: str, kind: str, *, named: bo
         if kind not in one.tasks:
             raise source.error(keys, f"'{word}' of {one.package} measures no {kind}")
         return
-    known += [name for name in added_names("measures") if (one := measure_of(name)) and kind in one.tasks]
     if PYTHON not in word and not (statistic in statistics and column):
         more = f", '{'|'.join(STATISTICS)} COLUMN'" if statistics else ""
         more += f", '{EVENT} NAME'" if EVENT in statistics else ""
+        known += [x for x in added_names("measures") if (one := measure_of(x)) and kind in one.tasks]
         hint = did_you_mean(word, known)
         raise source.error(
             keys,
