@@ -6,7 +6,7 @@ CasADi derives a residual, which is written on symbols once; its text is kept, a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -35,14 +35,14 @@ class Residual:
     Attributes:
         terms: Pairs (joint, 1) in the order of the arguments: the joint's name, or its number in a tree.
         closure: Name of the closure.
-        numbers: What its file states for it.
+        numbers: What its file states for it, from which the text was made.
         zeros: What is added to each position.
         written: CasADi's text of the residual and its derivatives.
     """
 
     terms: tuple[tuple[Any, float], ...]
     closure: str
-    numbers: tuple[tuple[str, Any], ...]
+    numbers: tuple[tuple[str, Any], ...] = field(compare=False)
     zeros: tuple[float, ...]
     written: str
 
@@ -69,8 +69,10 @@ class Residual:
 
     def slopes(self, positions: Mapping[Any, Any]) -> dict[Any, Any]:
         """Compute the derivative by each joint's position."""
-        found = self._parts(positions)[1 : 1 + len(self.terms)]
-        return {joint: slope for (joint, _), slope in zip(self.terms, found, strict=True)}
+        found, out = self._parts(positions)[1 : 1 + len(self.terms)], dict[Any, Any]()
+        for (joint, _), slope in zip(self.terms, found, strict=True):
+            out[joint] = out[joint] + slope if joint in out else slope
+        return out
 
     def bend(self, positions: Mapping[Any, Any], rates: Mapping[Any, Any]) -> Any:
         """Compute the second derivative over time of joints with constant rates."""

@@ -114,6 +114,29 @@ def test_what_is_written_is_read_back(workshop: Path, tmp_path: Path) -> None:
             close_to(one, other, EXACT)
 
 
+def test_a_joint_is_named_twice_and_numbers_are_lists(packages: Path, tmp_path: Path) -> None:
+    """A parabola, z = c0 x + c1 x^2 with its square as a product; robots of other masses are built anew."""
+    text = (
+        "from collections.abc import Sequence\n"
+        "def odd(x, c: Sequence[float]): return x[2] - c[0] * x[0] - c[1] * x[0] * x[1]"
+    )
+    install(packages, "odd", {"closures": {"odd": "odd:odd"}}, {"odd.py": text})
+    names = "joints = ['shaft', 'shaft', 'plunger']\nnumbers = { c = [0.1, 0.2] }\n"
+    robot = press(tmp_path, f"motors = ['shaft']\n[residuals.lift]\nclosure = 'odd'\n{names}")
+    heavier = robot.with_parameters({"mass:head": 2.5})
+    angle, rate, speed = np.random.default_rng(3).uniform(-1.2, 1.2, (3, 4))
+    q, v, a = hybridyn.assemble(robot, motors={"shaft": (angle, rate, speed)})
+    slope = 0.1 + 0.4 * angle
+    place, velocity = robot.q_slices[number := robot.joint_index["plunger"]], robot.v_slices[number]
+    close_to(q[:, place.start], 0.1 * angle + 0.2 * angle**2, EXACT)
+    close_to(v[:, velocity.start], slope * rate, EXACT)
+    bend = 0.4 * rate**2 + slope * speed
+    close_to(a[:, velocity.start], bend, EXACT)
+    for engine, built, mass in (("written", robot, 1.5), ("general", heavier, 2.5)):
+        found = engine_of(engine, built).idm(q, v, a)[:, 0]
+        close_to(found, 0.3 * speed + mass * (bend + 9.81) * slope, EXACT)
+
+
 RESIDUALS = {
     "two numbers": "[x[0], x[1]]",
     "no joint": "x[0]",
@@ -146,6 +169,11 @@ def test_a_closure_that_cannot_be_used_is_one_sentence(name: str, packages: Path
 FILES = {
     "unknown closure": ("'cam'", "'cm'", "model.toml:3: 'residuals.lift': there is no closure 'cm'.*'cam'"),
     "unknown joint": ("'shaft', ", "'shft', ", r"\[residuals\] 'lift': 'shft' is no movable joint.*'shaft'"),
+    "zero of another": (
+        "'plunger']",
+        "'shaft']\nzeros = { plunger = 1 }",
+        "'lift': 'zeros' names 'plunger', which is none of",
+    ),
     "too few": ("'shaft', ", "", "fails: ValueError: not enough values"),
     "no number": ("lift = 0.02", "", "'lift' is missing"),
 }

@@ -140,9 +140,13 @@ def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tupl
         if numbers.get("gear_ratio") == 0:
             yield ("joints", name), "a gear ratio of 0 moves nothing"
     for name, stated in model["residuals"].items():
-        for joint in (*stated["joints"], *stated["zeros"]):
+        for joint in stated["joints"]:
             if kinds.get(joint, "fixed") == "fixed":
                 yield ("residuals", name), f"'{joint}' is no movable joint{did_you_mean(joint, kinds)}"
+        for joint in stated["zeros"]:
+            if joint not in stated["joints"]:
+                hint = did_you_mean(joint, stated["joints"])
+                yield ("residuals", name), f"'zeros' names '{joint}', which is none of its joints{hint}"
     for name, coupling in model["couplings"].items():
         bent = (coupling.get("curve") or {}).get("terms", {})
         for joint, factor in (*coupling["terms"].items(), *bent.items()):
@@ -204,15 +208,15 @@ def model_file(
 
 def _coupling(coupling: Coupling) -> tuple[str, dict[str, Any]]:
     """Return name and content of the table of a coupling; joints of its curve alone stand there."""
-    made = coupling.curve
-    if isinstance(made, Residual):
-        joints = [joint for joint, _ in made.terms]
-        about = {"closure": made.closure, "joints": joints, "numbers": dict(made.numbers)}
-        zeros = dict(zip(joints, made.zeros, strict=True))
-        return f"residuals.{key_of(coupling.name)}", about | ({"zeros": zeros} if any(made.zeros) else {})
+    curve = coupling.curve
+    if isinstance(curve, Residual):
+        joints = [joint for joint, _ in curve.terms]
+        about = {"closure": curve.closure, "joints": joints, "numbers": dict(curve.numbers)}
+        zeros = dict(zip(joints, curve.zeros, strict=True))
+        return f"residuals.{key_of(coupling.name)}", about | ({"zeros": zeros} if any(curve.zeros) else {})
     terms = {joint: factor for joint, factor in coupling.terms if factor}
     out: dict[str, Any] = {"terms": terms, "offset": coupling.offset}
-    if curve := made:
+    if curve:
         out["curve"] = {
             "terms": dict(curve.terms), "coefficients": [*curve.coefficients], "reference": curve.reference
         }  # fmt: skip
