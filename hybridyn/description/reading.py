@@ -84,14 +84,15 @@ def read(
 
 def _read_root(root: XmlNode, model: str, package_dirs: Sequence[str | os.PathLike[str]]) -> RobotFile:
     """Read the root element of a file by the reader of its format; `model`: one of several in SDF, or ""."""
-    if (form := format_of(root.file)) is not None:
-        return form.read(read_bytes(root.file), root.file)
-    if root.tag not in FORMATS:
+    form = format_of(root.file)
+    if form is None and root.tag not in FORMATS:
         part = "this is a part of an MJCF file (MuJoCo); name the file that includes it"
         other = "not a robot file; the root element of a URDF is <robot>, of MJCF <mujoco>, of SDF <sdf>"
         raise root.error(part if root.tag == "mujocoinclude" else other)
     if model and root.tag != "sdf":
-        raise root.error(f"only an SDF file has several models; remove '#{model}'")
+        raise ModelError(f"only an SDF file has several models; remove '#{model}'", file=root.file)
+    if form is not None:
+        return form.read(read_bytes(root.file), root.file)
     module, reader = FORMATS[root.tag]
     content = root.file if root.tag == "_usd" else root  # USD is no XML
     robot: RobotFile = getattr(import_module(f".{module}", __package__), reader)(
@@ -226,9 +227,7 @@ def open_robot(
         ModelError: The file cannot be read, is not XML, or xacro reports an error.
     """
     file, _ = split_model(path)
-    if format_of(file) is not None:
-        return parse(ADDED, file)
-    text = read_bytes(file)
+    text = read_bytes(file) if format_of(file) is None else ADDED
     ending = next((ending for start, ending in USD_STARTS.items() if text.startswith(start)), None)
     if ending and not Path(file).suffix.lower().startswith(".usd"):
         raise ModelError(

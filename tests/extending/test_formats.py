@@ -41,6 +41,14 @@ def test_own_endings_ask_no_package(tmp_path: Path) -> None:
     assert {ending.removeprefix(".") for ending in WRITERS} <= {*ENDINGS}
 
 
+def test_a_file_takes_no_arguments_and_has_one_model(workshop: Path, tmp_path: Path) -> None:
+    file = save(tmp_path, ARM, "arm.chain")
+    refused(
+        lambda: hybridyn.load(file, xacro_args={"a": 1}), ModelError, r"arm.chain: is not a xacro.*\('a'\)"
+    )
+    refused(lambda: hybridyn.load(f"{file}#b"), ModelError, "arm.chain: only an SDF.*remove '#b'")
+
+
 ODD = """
 from hybridyn.description import RobotFormat
 ODD = RobotFormat(lambda content, file: READ)
