@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..description.effect_names import is_added, named_by
+from ..description.effect_names import acts_on, is_added, named_by
 from ..description.placement import angle_of, motion_of
 from ..description.records import Description
 from ..joints.kinds import JointKind
@@ -35,7 +35,8 @@ def counted_from_home(d: Description, losses: Losses) -> Description:
         joints.append(replace(joint, lower=joint.lower - by, upper=joint.upper - by))
     couplings = [coupling.moved(shift) for coupling in d.couplings]
     for effect, numbers in d.effects:
-        if is_added(effect) and any(shift.get(name) for _, name in named_by(effect, numbers)):
+        on_joints = is_added(effect) and acts_on(effect) == "joint"
+        if on_joints and any(shift.get(name) for _, name in named_by(effect, numbers)):
             losses.add("effects of other packages, for which joints have another zero", effect)
     effects = tuple((name, _shifted(name, numbers, shift, home)) for name, numbers in d.effects)
     left = {name: x for name, x in d.home.items() if name not in home}

@@ -1,7 +1,7 @@
 """Laws of other packages: by object and by name, in every engine, from files, and what is refused."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -10,6 +10,8 @@ import pytest
 
 import hybridyn
 from hybridyn import effects as fx
+from hybridyn.conversion.from_home import counted_from_home
+from hybridyn.conversion.request import Losses
 from hybridyn.description.effect_names import ON_JOINTS, ON_LINKS
 from hybridyn.description.side_cars.tables import EFFECTS
 from hybridyn.dynamics.link_motion import link_motions
@@ -147,6 +149,15 @@ def test_scenes_state_numbers(workshop: Path, tmp_path: Path) -> None:
     assert stage(scenes.read_scene(scene)).effects.joints[-1].effect.strength == {"m1_left_drive": 3.0}
     text = scene.read_text().replace("m1_left_drive", "m1_lft_drive")
     refused(lambda: stage(scenes.read_scene(save(tmp_path, text, "s.toml"))), ModelError, "s.toml:5.*did you")
+
+
+@pytest.mark.parametrize(("effect", "key", "lost"), [("drag", "coefficient", 0), ("magnet", "strength", 1)])
+def test_only_laws_of_joints_lose_their_zero(effect: str, key: str, lost: int, workshop: Path) -> None:
+    """A link may have the name of a joint."""
+    own, joint = hybridyn.load("five_bar").description, "m1_left_drive"
+    d = replace(own, home={joint: (0.3,)}, effects=((effect, {key: {joint: 1.0}}),))
+    counted_from_home(d, losses := Losses())
+    assert sum("another zero" in line for line in losses.lines()) == lost
 
 
 FILES = {
