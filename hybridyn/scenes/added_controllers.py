@@ -35,11 +35,14 @@ def checked_controller(found: Extension) -> Maker:
     """Return what makes the controller that a package adds.
 
     Raises:
-        ModelError: It cannot be called with a robot, or an argument has no type.
+        ModelError: It cannot be called with a robot, or an argument has no type, or is called `kind`.
     """
     if not callable(found.value):
         raise found.refused("controllers", f"is {found.value!r}, no function of a robot and its keys")
     keys = keys_of("controllers", found.name, found.package, found.value, given=1)
+    if "kind" in keys:
+        why = "has an argument 'kind', the key that names it in its table; rename the argument"
+        raise found.refused("controllers", why)
     return Maker(found.value, found.package, keys)
 
 

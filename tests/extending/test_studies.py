@@ -120,6 +120,7 @@ def test_an_engine_is_compared(workshop: Path, tmp_path: Path) -> None:
 
 ODD = """
 def name(*given): return RESULT
+def kinded(robot, kind: float): return RESULT
 """
 MISTAKES = {
     "measure": ("measures", "odd:ODD", "0", "measure 'odd' of the package 'odd' is .*make it a"),
@@ -136,6 +137,7 @@ MISTAKES = {
         "0",
         "controller 'odd' of the package.*no function",
     ),
+    "controller's key": ("controllers", "odd:kinded", "0", "has an argument 'kind'.*rename the argument"),
     "controller fails": ("controllers", "odd:name", "1 / 0", "fails: ZeroDivisionError"),
     "no law": ("controllers", "odd:name", "3", "must return a function of"),
     "engine": ("engines", "odd", "0", "engine 'odd' of the package 'odd' has no ways and no METHODS"),
