@@ -20,9 +20,13 @@ def run(
 ) -> int:  # fmt: skip
     """Write a robot in another format, its models as C, or its tree for ROS."""
     only_c = any(of_c[name] for name in ("name", "float32", "parameters", "wrenches", "given"))
+    only_c |= of_c["effects"] != ("default",)
     refuse(
         (as_c and as_ros, "--c and --ros exclude each other"),
-        (as_ros and only_c, "--name, --float32, --parameters, --wrenches and --given belong to --c"),
+        (
+            as_ros and only_c,
+            "--name, --float32, --parameters, --wrenches, --given and --effects belong to --c",
+        ),
         (
             redundancy not in (None, LEAST),
             f"--redundancy: exported C knows '{LEAST}' alone. Give it the motors' positions that another "
@@ -40,7 +44,7 @@ def run(
     )
     refuse(
         (
-            only_c or of_c["map_joints"] or of_c["effects"] != ("default",),
+            only_c or of_c["map_joints"],
             "--name, --float32, --map, --parameters, --wrenches, --given and --effects belong to --c",
         ),
         (

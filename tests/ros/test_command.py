@@ -31,3 +31,5 @@ def test_without_ros_the_extra_is_named(
 def test_c_and_ros_exclude_each_other(capsys: pytest.CaptureFixture[str]) -> None:
     call(capsys, "convert", "five_bar", "--c", "--ros", "-o", "out", status=2, says="exclude each other")
     call(capsys, "convert", "five_bar", "--ros", "--float32", "-o", "out", status=2, says="belong to --c")
+    words = ("convert", "five_bar", "--ros", "--effects", "none", "-o", "out")
+    call(capsys, *words, status=2, says="--effects belong to --c")
