@@ -9,7 +9,7 @@ for each kind. Only what is used is imported, and checked by the room whose kind
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -107,7 +107,7 @@ def added_names(kind: str) -> tuple[str, ...]:
 
 
 def added(kind: str, name: str) -> Any:
-    """Return what a package adds under a name, or None if no package does.
+    """Return what a package adds under a name, or None if no package does: a name of hybridyn asks for none.
 
     Args:
         kind: One of `KINDS`.
@@ -116,7 +116,22 @@ def added(kind: str, name: str) -> Any:
     Raises:
         ModelError: As `added_names`, or it cannot be imported or used.
     """
-    return _loaded(kind, name) if name in added_names(kind) else None
+    return _loaded(kind, name) if name not in _own(kind) and name in added_names(kind) else None
+
+
+def every_name(kind: str, asked: Iterable[str] | None = None, first: Iterable[str] = ()) -> tuple[str, ...]:
+    """Return the names of hybridyn and of packages; only hybridyn's own, if no others are asked for.
+
+    Args:
+        kind: One of `KINDS`.
+        asked: Names that are asked for; None returns every name.
+        first: Words of hybridyn that stand before its names.
+
+    Raises:
+        ModelError: As `added_names`.
+    """
+    own = (*first, *_own(kind))
+    return own if asked is not None and {*asked} <= {*own} else (*own, *added_names(kind))
 
 
 def _own(kind: str) -> Collection[str]:

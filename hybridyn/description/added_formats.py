@@ -40,7 +40,7 @@ def format_of(file: str | Path) -> RobotFormat | None:
         ModelError: The package cannot be used.
     """
     ending = Path(file).suffix.lower().removeprefix(".")
-    found: RobotFormat | None = added("formats", ending) if ending and ending not in ENDINGS else None
+    found: RobotFormat | None = added("formats", ending) if ending else None
     return found
 
 

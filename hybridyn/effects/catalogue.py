@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..errors import HybridynError, ModelError
-from ..extensions import Extension, added, added_names, failing
+from ..extensions import Extension, added, every_name, failing
 from ..structure.bodies import Payload
 from .bodies import GravityCompensation, LineSprings
 from .bushings import Bushings
@@ -58,8 +58,7 @@ def names(asked: Iterable[str] | None = None) -> tuple[str, ...]:
     Raises:
         ModelError: Two packages add effects of one name.
     """
-    own = (*WORDS, *UNITS)
-    return own if asked is not None and {*asked} <= {*own} else (*own, *added_names("effects"))
+    return every_name("effects", asked, WORDS)
 
 
 def class_of(name: str) -> type[Any] | None:

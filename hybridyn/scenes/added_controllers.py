@@ -9,10 +9,9 @@ from pydantic import BaseModel, create_model
 
 from ..description.side_cars.tables import Schema, keys_of, table
 from ..errors import HybridynError
-from ..extensions import Extension, added, added_names, failing, refused
+from ..extensions import Extension, added, every_name, failing, refused
 from ..simulation.motion_law import Effort
 from ..structure.robot import HybridRobot
-from .controller_tables import CONTROLLERS
 
 File = TypeVar("File", bound=BaseModel)
 
@@ -52,7 +51,7 @@ def kinds_of_controllers() -> tuple[str, ...]:
     Raises:
         ModelError: Two packages add controllers of one kind.
     """
-    return (*CONTROLLERS, *added_names("controllers"))
+    return every_name("controllers")
 
 
 def with_added_controller(schema: type[File], content: Mapping[str, Any]) -> type[File]:
@@ -67,7 +66,7 @@ def with_added_controller(schema: type[File], content: Mapping[str, Any]) -> typ
     """
     stated = content.get("controller")
     kind = stated.get("kind") if isinstance(stated, Mapping) else None
-    if "controller" not in schema.model_fields or not isinstance(kind, str) or kind in CONTROLLERS:
+    if "controller" not in schema.model_fields or not isinstance(kind, str):
         return schema
     maker: Maker | None = added("controllers", kind)
     if maker is None:

@@ -6,9 +6,12 @@ import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hybridyn import extensions
+from hybridyn.studies.sweep.evaluation import Designer
+from hybridyn.studies.sweep.reading import read_study
 from tests import ROOT
 from tests.extending.packages import PAGE, install_workshop
 from tests.support.command_line import call
@@ -59,3 +62,9 @@ def test_own_names_ask_for_no_package(
     call(capsys, "idm", "five_bar", table, "--effects", "default,spring", status=1, says="no numbers for")
     call(capsys, "idm", "five_bar", table, "--effects", "model", "-o", tmp_path / "out.csv")
     call(capsys, "info", "five_bar")
+    designs = "[designs]\nmethod = 'grid'\n[parameters]\nmass = { values = [0.3] }"
+    task = "[tasks.t]\ntrajectory = 't.csv'\nmeasure = ['peak_effort', 'stroke_margin']"
+    numbers = "[numbers]\n'mass:m1_left_lower' = 'mass'"
+    save(tmp_path, f"robot.file = 'five_bar'\n{designs}\n{numbers}\n{task}\n", "study.toml")
+    source = read_study(tmp_path / "study.toml")
+    assert Designer(source)(0, np.array([0.3])).message == ""

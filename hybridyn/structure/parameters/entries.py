@@ -9,7 +9,7 @@ import numpy as np
 from ...description.names import did_you_mean
 from ...description.records import Description
 from ...errors import HybridynError, ModelError
-from ...extensions import Extension, added, added_names, failing
+from ...extensions import Extension, added, every_name, failing
 from ...spatial import Array, slices
 from .slots import Slot, check_load, check_one, values_of
 from .xacro import XacroArguments
@@ -143,11 +143,11 @@ def entry_of(description: Description, name: str) -> Entry:
             payload.
     """
     kind, colon, of = name.partition(":")
-    if colon and kind not in KINDS and (made := added("parameters", kind)) is not None:
+    if colon and (made := added("parameters", kind)) is not None:
         out: Entry = made(description, name)
         return out
     if not colon or kind not in KINDS:
-        known = (*KINDS, *added_names("parameters"))
+        known = every_name("parameters")
         raise ModelError(
             f"there is no parameter '{name}'{did_you_mean(kind, known)}; write KIND:NAME with a kind of "
             f"{', '.join(known)}, or the name of a xacro argument of the robot's file",

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...description.names import did_you_mean, listed
 from ...errors import ModelError
-from ...extensions import Extension, added, added_names
+from ...extensions import Extension, added, every_name
 from ...spatial import Array, Index
 from ...structure.robot import HybridRobot
 from .peer_engine import NotComparableError
@@ -149,8 +149,7 @@ def engine_names(asked: Iterable[str] | None = None) -> tuple[str, ...]:
     Raises:
         ModelError: Two packages add engines of one name.
     """
-    own = tuple(ENGINES)
-    return own if asked is not None and {*asked} <= {*own} else (*own, *added_names("engines"))
+    return every_name("engines", asked)
 
 
 def checked_engine(found: Extension) -> Any:
@@ -173,9 +172,9 @@ def engine_file(engine: str) -> Any:
     Raises:
         ModelError: The engine is unknown.
     """
+    if (found := added("engines", engine)) is not None:
+        return found
     if engine not in ENGINES:
-        if (found := added("engines", engine)) is not None:
-            return found
         known = engine_names()
         raise ModelError(
             f"there is no engine '{engine}'{did_you_mean(engine, known)}; known: {listed(known)}"
