@@ -74,7 +74,7 @@ def _draw(robot: HybridRobot, found: Workspace, plot: str) -> None:
         return {name: coordinates[:, sweep.names.index(name)] for name in swept}
 
     title, unit = f"{robot.name}: {sweep.link}", " or ".join(units)
-    ends = {reason: named(found.edges[reason]) for reason in sorted(found.edges)[:BLOCKS]}
+    ends = {reason: named(places) for reason, places in sorted(found.edges.items())[:BLOCKS]}
     poses = named(found.coordinates)
     save(figure_of_workspace(poses, found.measures, title=title, unit=unit, ends=ends), plot)
 

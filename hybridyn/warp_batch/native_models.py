@@ -42,7 +42,7 @@ class NativeModels:
     def __init__(self, robot: HybridRobot, effects: Effects, slots: Sequence[Slot], dtype: str) -> None:
         self.robot, self.dtype, self._slots = robot, dtype, tuple(slots)
         self._programs = RobotPrograms(robot, effects, self._slots, dtype)
-        self._constant = RobotPrograms(robot, effects, dtype=dtype)
+        self._constant = RobotPrograms(robot, effects, dtype=dtype) if self._slots else self._programs
         self.fixed = all(slot.field not in GEOMETRY for slot in slots)
         self.makers: dict[str, Callable[[], Native]] = {name: partial(self._plain, name) for name in PLAIN}
         self.makers |= {"close": self._close, "idm_from_motors": self._control}

@@ -52,7 +52,8 @@ class RobotPrograms:
         Raises:
             ModelError: An effect is not available in compiled models.
         """
-        return programs_of(replace(self._asked, compared=compared), (name,))[name]
+        asked = self._asked if compared else replace(self._asked, compared=False)
+        return programs_of(asked, (name,))[name]
 
     @cached_property
     def lift(self) -> Program | None:
