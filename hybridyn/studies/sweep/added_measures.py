@@ -6,10 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ...extensions import Extension, added
-from .study_file import PYTHON
-
-#: Kinds of tasks.
-TASKS = ("trajectory", "workspace", "scene")
+from .study_file import PYTHON, TASKS
 
 
 class Measure(NamedTuple):

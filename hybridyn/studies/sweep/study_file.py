@@ -34,6 +34,8 @@ from ...scenes.toml_source import TomlSource, naming
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")]
 Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
 Method = Literal["grid", "latin_hypercube", "sobol", "random", "table"]
+#: Kinds of tasks: the key of each in the table of a task.
+TASKS = ("trajectory", "workspace", "scene")
 #: Methods that take a number of designs.
 COUNTED = ("latin_hypercube", "sobol", "random")
 #: Largest number of designs of a study.
@@ -112,7 +114,7 @@ class TaskTable(Schema):
 
     @model_validator(mode="after")
     def _one(self) -> TaskTable:
-        exactly_one(self, "trajectory", "workspace", "scene")
+        exactly_one(self, *TASKS)
         for key in ("effects", "passive"):
             if key in self.model_fields_set and self.trajectory is None:
                 raise ValueError(f"'{key}' belongs to a trajectory; a {self.kind} has none")
@@ -123,7 +125,7 @@ class TaskTable(Schema):
     @property
     def kind(self) -> str:
         """What the task is: "trajectory", "workspace" or "scene"."""
-        return next(kind for kind in ("trajectory", "workspace", "scene") if getattr(self, kind) is not None)
+        return next(kind for kind in TASKS if getattr(self, kind) is not None)
 
     @property
     def wanted(self) -> dict[str, str]:

@@ -42,7 +42,6 @@ class Flood:
             q: Posture of the modules at the origin, shape (their nq,).
         """
         self.close, self.start, self.step = close, start, step
-        self.columns = [close.sweep.names.index(axis) for axis in close.sweep.axes]
         self.angular = [COORDINATES.index(axis) >= 3 for axis in close.sweep.axes]
         self.reached: dict[Point, Array] = {(0,) * len(step): q}
         self.waiting: dict[Point, list[Point]] = {}
@@ -52,9 +51,7 @@ class Flood:
 
     def values(self, index: Index) -> Array:
         """Return the coordinates of lattice points (n, axes), shape (n, names)."""
-        out = np.tile(self.start, (len(index), 1))
-        out[:, self.columns] += index * self.step
-        return out
+        return self.close.sweep.at(self.start, self.step, index)
 
     def found(self) -> tuple[Index, Array]:
         """Return the reached lattice points, shape (n, axes), sorted, and the modules' postures there."""

@@ -13,7 +13,7 @@ from ...assembly.chain.coordinates import coordinates_at, independent_coordinate
 from ...description.names import did_you_mean
 from ...errors import TrajectoryError
 from ...linkage.targets import COORDINATES
-from ...spatial import Array, quaternion_from_rotation, rotation_from_axis_angle
+from ...spatial import Array, Index, quaternion_from_rotation, rotation_from_axis_angle
 from ...structure.robot import HybridRobot
 from ...tables.signals import WORLD
 
@@ -42,6 +42,21 @@ class LinkSweep:
     def key(self) -> str:
         """The link's key in the platforms of `hybridyn.assemble`."""
         return f"{self.link}@{self.base}"
+
+    def at(self, start: Array, step: Array, index: Array | Index) -> Array:
+        """Return the coordinates of points of a lattice.
+
+        Args:
+            start: Coordinates of its origin, shape (names,), [m, rad].
+            step: Step of each swept coordinate, shape (axes,), [m, rad].
+            index: Steps from the origin, shape (n, axes), whole or parts.
+
+        Returns:
+            The coordinates, shape (n, names), [m, rad].
+        """
+        out = np.tile(start, (len(index), 1))
+        out[:, [self.names.index(axis) for axis in self.axes]] += index * step
+        return out
 
 
 def find_module(robot: HybridRobot, wanted: int | str | None) -> int:

@@ -85,11 +85,10 @@ class Workspace:
     @property
     def edges(self) -> dict[str, Array]:
         """Coordinates in the middle of the rejected steps, by reason, shape (n, names) each, [m, rad]."""
-        columns = [self.sweep.names.index(axis) for axis in self.sweep.axes]
-        out = {reason: np.tile(self.start, (len(steps), 1)) for reason, steps in self.rejected.items()}
-        for reason, steps in self.rejected.items():
-            out[reason][:, columns] += steps.mean(axis=1) * self.steps
-        return out
+        return {
+            reason: self.sweep.at(self.start, self.steps, steps.mean(axis=1))
+            for reason, steps in self.rejected.items()
+        }
 
     def ended(self, axis: str, side: int) -> dict[str, int]:
         """Return what ends the region at the least value of a swept coordinate (side -1), or the largest (1).
