@@ -127,18 +127,18 @@ def writer_of(target: Path) -> Callable[[ConversionRequest, Losses], Written]:
     Raises:
         ModelError: No writer has this ending.
     """
-    ending, form = target.suffix.lower(), None
+    ending = target.suffix.lower()
     if ending in WRITERS:
         return WRITERS[ending]
-    if (form := format_of(target)) is not None and form.write is not None:
-        return form.write
-    if form is not None:
+    if (form := format_of(target)) is None:
+        known = [*WRITERS, *(f".{name}" for name in added_names("formats"))]
+        raise ModelError(
+            f"unknown ending '{ending}'{did_you_mean(ending, known)}; known: {', '.join(known)}",
+            file=str(target),
+        )
+    if form.write is None:
         raise ModelError(f"the format of '{ending}' has no writer: it is only read", file=str(target))
-    known = [*WRITERS, *(f".{name}" for name in added_names("formats"))]
-    raise ModelError(
-        f"unknown ending '{ending}'{did_you_mean(ending, known)}; known: {', '.join(known)}",
-        file=str(target),
-    )
+    return form.write
 
 
 def _sayable(d: Description, losses: Losses) -> Description:

@@ -108,7 +108,7 @@ def checked(name: str, value: Any) -> Any:
     """
     usual = getattr(RosSettings, name)
     several = isinstance(usual, tuple)
-    kind = type(usual[0] if several and usual else "" if several else usual)
+    kind = type((*usual, "")[0] if several else usual)
     given = list(value) if isinstance(value, list | tuple | array) else [value]
     if kind is float:
         given = [float(x) if type(x) is int else x for x in given]

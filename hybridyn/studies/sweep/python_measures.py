@@ -5,16 +5,13 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...errors import HybridynError, ModelError
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from .added_measures import measure_of
 from .study_file import PYTHON, StudyFile, python_of
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(eq=False)
