@@ -59,8 +59,8 @@ cost = RobotCommand(
         ),
         option(
             "--with", "engines", metavar="NAMES", callback=split_names,
-            help="Engines whose settings are swept, too: pinocchio,mujoco. They compute rigid bodies alone, "
-            "and accelerations along a scene.",
+            help="Engines whose settings are swept, too: pinocchio,mujoco or a package's. They compute rigid "
+            "bodies alone, and accelerations along a scene.",
         ),
         option("--all", "every", is_flag=True, help="Print every setting, not only those worth having."),
         option(

@@ -79,7 +79,8 @@ def compare(
     """Compare what engines make of a robot with hybridyn.
 
     Args:
-        engines: Names of `ENGINES`; those that are not installed are named in `Comparison.skipped`.
+        engines: Names of `ENGINES`, of which those that are not installed are named in
+            `Comparison.skipped`, or names that packages add.
         samples: Number of closed states.
         seed: Seed of the states.
         tolerance: Largest relative difference that counts as the same robot.

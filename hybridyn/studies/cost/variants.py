@@ -43,7 +43,8 @@ def study_models(
         progress: Called with each setting and each effect when it is measured.
         study: Filled as points are measured; a new one by default.
         quantity: One of `QUANTITIES`.
-        engines: Names of `ENGINES`, whose settings are swept, too; they compute rigid bodies alone.
+        engines: Names of `ENGINES` or of packages, whose settings are swept, too; they compute rigid bodies
+            alone.
         target: Error for which a set of effects is built and run.
 
     Raises:
