@@ -9,12 +9,13 @@ for each kind. Only what is used is imported, and checked by the room whose kind
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .errors import ModelError
+from .errors import HybridynError, ModelError
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -79,9 +80,27 @@ def refused(kind: str, name: str, package: str, why: str) -> ModelError:
     return ModelError(f"the {KINDS[kind].word} '{name}' of the package '{package}' {why}", element=name)
 
 
-def failing(kind: str, name: str, package: str, error: Exception) -> ModelError:
-    """Return the error for one that the code of a package raised."""
-    return refused(kind, name, package, f"fails: {type(error).__name__}: {error}")
+@contextmanager
+def running(kind: str, name: str, package: str, file: str = "") -> Iterator[None]:
+    """Let errors of a package's code name the package; those of hybridyn pass.
+
+    Args:
+        kind: One of `KINDS`.
+        name: Name of what the package adds.
+        package: The package.
+        file: The file that its code reads or writes, if any.
+
+    Raises:
+        ModelError: The code fails.
+    """
+    try:
+        yield
+    except HybridynError:
+        raise
+    except Exception as error:  # whatever the package raises
+        told = refused(kind, name, package, f"fails: {type(error).__name__}: {error}")
+        told.within(file)
+        raise told from error
 
 
 def added_names(kind: str) -> tuple[str, ...]:

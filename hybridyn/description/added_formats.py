@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..errors import HybridynError
-from ..extensions import Extension, added, failing
+from ..extensions import Extension, added, running
 from .records import RobotFile
 
 #: Endings of hybridyn's own formats, some of which say nothing of the format: the content does.
@@ -64,7 +62,7 @@ def _read(found: Extension, content: bytes, file: str) -> RobotFile:
     Raises:
         ModelError: The reader fails, or returns something else.
     """
-    with _naming(found, file):
+    with running("formats", found.name, found.package, file):
         robot = found.value.read(content, file)
     if not isinstance(robot, RobotFile):
         raise found.refused("formats", f"returns {type(robot).__name__} in place of a RobotFile")
@@ -78,21 +76,8 @@ def _write(found: Extension, request: Any, losses: Any) -> Any:
     Raises:
         ModelError: It fails, or returns something else.
     """
-    with _naming(found, str(request.target)):
+    with running("formats", found.name, found.package, str(request.target)):
         written = found.value.write(request, losses)
     if not isinstance(getattr(written, "text", None), str):
         raise found.refused("formats", f"writes {type(written).__name__} in place of Written")
     return written
-
-
-@contextmanager
-def _naming(found: Extension, file: str) -> Iterator[None]:
-    """Let errors of a package's code name the package and the file."""
-    try:
-        yield
-    except HybridynError:
-        raise
-    except Exception as error:  # whatever the package raises
-        told = failing("formats", found.name, found.package, error)
-        told.within(file)
-        raise told from error

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import HybridynError, required
-from ..extensions import Extension, added, failing, refused
+from ..errors import required
+from ..extensions import Extension, added, refused, running
 from ..spatial import numpy_on_symbols
 
 if TYPE_CHECKING:
@@ -175,13 +175,8 @@ def _made(closure: str, maker: ResidualMaker, x: Sequence[Any], numbers: Mapping
     Raises:
         ModelError: Its code fails on symbols.
     """
-    try:
-        with numpy_on_symbols():
-            return maker.make(x, **numbers)
-    except HybridynError:
-        raise
-    except Exception as error:  # whatever the package raises
-        raise failing("closures", closure, maker.package, error) from error
+    with running("closures", closure, maker.package), numpy_on_symbols():
+        return maker.make(x, **numbers)
 
 
 def _check_smooth(closure: str, package: str, function: Any) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..errors import HybridynError, ModelError
-from ..extensions import Extension, added, every_name, failing
+from ..errors import ModelError
+from ..extensions import Extension, added, every_name, running
 from ..structure.bodies import Payload
 from .bodies import GravityCompensation, LineSprings
 from .bushings import Bushings
@@ -98,9 +98,5 @@ def made(name: str, values: Mapping[str, Any]) -> Any:
         raise ModelError(f"there is no effect '{name}': its package is not installed", element=name)
     if not is_other(kind):
         return kind(**values)
-    try:
+    with running("effects", name, package_of(kind)):
         return kind(**values)
-    except HybridynError:
-        raise
-    except Exception as error:  # whatever its code raises
-        raise failing("effects", name, package_of(kind), error) from error

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import HybridynError, ModelError
-from ..extensions import failing, refused
+from ..errors import ModelError
+from ..extensions import refused, running
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .joint_laws import RotorInertia
@@ -86,18 +86,13 @@ def check_law(law: OnJoints, robot: HybridRobot) -> None:
     name, package = law.effect.name, package_of(type(law.effect))
     q, rest = robot.home[None], np.zeros((1, len(law.columns)))
     x = law.positions(q)
-    try:
-        with np.errstate(all="ignore"):  # what is not finite is told below
-            forwards, backwards, *fast = (law.effect.effort(law.p, x, rest + v) for v in TRIED_RATES)
-            every = {
-                "effort": forwards,
-                "energy": law.effect.energy(law.p, x),
-                "power": law.effect.power(law.p, x, rest),
-            }
-    except HybridynError:
-        raise
-    except Exception as error:  # whatever its code raises
-        raise failing("effects", name, package, error) from error
+    with running("effects", name, package), np.errstate(all="ignore"):  # what is not finite is told below
+        forwards, backwards, *fast = (law.effect.effort(law.p, x, rest + v) for v in TRIED_RATES)
+        every = {
+            "effort": forwards,
+            "energy": law.effect.energy(law.p, x),
+            "power": law.effect.power(law.p, x, rest),
+        }
     for what, value in every.items():
         if np.shape(value) != rest.shape:
             raise refused(
@@ -127,12 +122,9 @@ def check_link_law(law: LinkEffect) -> None:
     axes = np.eye(3)[..., None]
     apart = {link: Moving(axes, rest + i + 1.0, rest + 0.1, rest + 0.1) for i, link in enumerate(law.links)}
     for link in law.links if law.of_motion else ():
-        try:
-            with np.errstate(all="ignore"):
-                parts = law.wrench_on(link, {other: apart[other] for other in law.watched(link)})
-                shapes = [np.broadcast_arrays(*part, np.zeros(1))[:-1] for part in parts]
-        except Exception as error:  # whatever its code raises
-            raise failing("effects", name, package, error) from error
+        with running("effects", name, package), np.errstate(all="ignore"):
+            parts = law.wrench_on(link, {other: apart[other] for other in law.watched(link)})
+            shapes = [np.broadcast_arrays(*part, np.zeros(1))[:-1] for part in parts]
         if [len(shape) for shape in shapes] != [3, 3]:
             raise refused("effects", name, package, "returns no force and moment of three numbers each")
 

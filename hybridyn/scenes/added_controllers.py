@@ -8,8 +8,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 from pydantic import BaseModel, create_model
 
 from ..description.side_cars.tables import Schema, keys_of, table
-from ..errors import HybridynError
-from ..extensions import Extension, added, every_name, failing, refused
+from ..extensions import Extension, added, every_name, refused, running
 from ..simulation.motion_law import Effort
 from ..structure.robot import HybridRobot
 
@@ -84,12 +83,8 @@ def added_law(robot: HybridRobot, stated: Schema) -> Effort:
     values = stated.stated()
     kind = values.pop("kind")
     maker: Maker = added("controllers", kind)
-    try:
+    with running("controllers", kind, maker.package):
         law: Effort = maker.make(robot, **values)
-    except HybridynError:
-        raise
-    except Exception as error:  # whatever the package raises
-        raise failing("controllers", kind, maker.package, error) from error
     if not callable(law):
         raise refused("controllers", kind, maker.package, f"must return a function of (t, q, v), not {law!r}")
     return law

@@ -8,8 +8,8 @@ import numpy as np
 
 from ...description.names import did_you_mean
 from ...description.records import Description
-from ...errors import HybridynError, ModelError
-from ...extensions import Extension, added, every_name, failing
+from ...errors import ModelError
+from ...extensions import Extension, added, every_name, running
 from ...spatial import Array, slices
 from .slots import Slot, check_load, check_one, values_of
 from .xacro import XacroArguments
@@ -201,16 +201,12 @@ def _added_entry(found: Extension, description: Description, name: str) -> Entry
     Raises:
         ModelError: Its code fails, or what it returns is no `Entry` that computes its slots.
     """
-    try:
+    with running("parameters", found.name, found.package):
         out = found.value(description, name)
         if not isinstance(out, Entry):
             raise TypeError(f"{type(out).__name__} is no Entry")
         own = out.own(np.array(list(values_of(description, out.slots))))
         shapes = np.shape(own), np.shape(out.numbers(np.tile(own, (2, 1)))[0])
-    except HybridynError:
-        raise
-    except Exception as error:  # whatever the package raises
-        raise failing("parameters", found.name, found.package, error) from error
     if shapes != (wanted := ((out.size,), (2, len(out.slots)))):
         why = f"returns numbers of shapes {shapes[0]} and {shapes[1]}, not {wanted[0]} and {wanted[1]}"
         raise found.refused("parameters", why)
