@@ -8,6 +8,7 @@ import click
 from ..assembly.redundancy import LEAST
 from ..compiled import needs_casadi
 from ..conversion.convert import convert
+from ..conversion.request import TIGHTNESS
 from .common.options import RobotChoice, refuse
 
 #: Exit status of --strict where something was lost.
@@ -26,6 +27,10 @@ def run(
         (
             as_ros and only_c,
             "--name, --float32, --parameters, --wrenches, --given and --effects belong to --c",
+        ),
+        (
+            (as_c or as_ros) and tightness != TIGHTNESS,
+            "--tightness belongs to robot files: neither C nor files for ROS hold closures by springs",
         ),
         (
             redundancy not in (None, LEAST),

@@ -25,6 +25,7 @@ USAGE = [
     ("export lx4 -o c", "there is no command 'export' (it is 'hybridyn convert ROBOT --c -o FOLDER' now)"),
     ("convert lx4 -o lx4.sdf --map a,b", "belong to --c"),
     ("convert lx4 -o lx4.sdf --gravity 0,0,0", "belong to --c"),
+    ("convert lx4 -o lx4 --c --tightness 0.01", "--tightness belongs to robot files"),
     ("idm", "Missing argument"),
     ("idm arm.urdf", "Missing argument"),
     ("idm mine.urdf", "Missing argument 'TRAJECTORY'"),  # a robot of one's own has none
