@@ -8,7 +8,7 @@ import signal
 import sys
 import tempfile
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -149,3 +149,14 @@ def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
     from tests.support.command_line import call
 
     return partial(call, capsys)
+
+
+@pytest.fixture
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Stand for a machine without a compiler, on which CasADi runs all models: there is nothing to build."""
+    from hybridyn.compiled.library.building import find_compiler
+
+    monkeypatch.setenv("CC", "no-such-compiler")
+    find_compiler.cache_clear()  # an earlier test may have found one
+    yield
+    find_compiler.cache_clear()

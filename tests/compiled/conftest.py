@@ -1,4 +1,4 @@
-"""What tests of compiled models share: an empty cache of libraries, and derivatives without a compiler."""
+"""What tests of compiled models share: an empty cache of libraries."""
 
 from pathlib import Path
 
@@ -10,9 +10,3 @@ def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Let libraries be kept in a folder of the test."""
     monkeypatch.setenv("HYBRIDYN_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
-
-
-@pytest.fixture
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let CasADi run the derivatives: there is nothing to build."""
-    monkeypatch.setenv("CC", "no-such-compiler")

@@ -1,8 +1,6 @@
 """Models that CasADi runs: at once, without a compiler, as the general path computes, with its verdicts."""
 
 import pickle
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,24 +9,13 @@ import pytest
 import hybridyn
 from hybridyn.compiled import interpreted
 from hybridyn.compiled.comparing import random_states
-from hybridyn.compiled.library import current
-from hybridyn.compiled.library.building import find_compiler
 from tests.support.comparing import close_to, refused, same_words
 
 #: Largest difference from the general path, over the largest number: a hundred roundings of `MODEL_AGREES`.
 AGREES = 1e-10
 
 
-@pytest.fixture
-def no_compiler(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Stand for a machine without a compiler."""
-    find_compiler.cache_clear()
-    monkeypatch.setenv("CC", "no-such-compiler")
-    yield
-    find_compiler.cache_clear()
-
-
-pytestmark = pytest.mark.usefixtures("no_compiler")
+pytestmark = pytest.mark.usefixtures("interpreted", "empty_cache")
 
 
 @pytest.fixture
@@ -132,28 +119,3 @@ def test_models_that_are_wrong_are_refused(monkeypatch: pytest.MonkeyPatch) -> N
     model.idm(robot.home, still, still)
     refused(lambda: model.ddm(robot.home, still, np.zeros(2)), hybridyn.CompileError, "it is wrong")
     assert asked[-1] == (["ddm"], False)
-
-
-def test_the_library_takes_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It agrees to rounding; whoever waits gets it."""
-    monkeypatch.delenv("CC")
-    find_compiler.cache_clear()
-    robot = hybridyn.load("five_bar")
-    model = hybridyn.compile(robot, wait=False)
-    q, v, _, a = random_states(robot)
-    first = model.idm(q, v, a)
-    model.wait_until_optimised()
-    assert not model.interpreted
-    assert "CasADi" not in repr(model)
-    assert model.steps is model.library.steps is not None
-    close_to(model.idm(q, v, a), first, AGREES)
-    assert not hybridyn.compile(robot, wait=False).interpreted  # from the cache
-
-
-def test_nothing_is_built_where_the_library_is_in_the_cache(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("CC")
-    find_compiler.cache_clear()
-    robot = hybridyn.load("five_bar")
-    hybridyn.compile(robot, wait=True)
-    monkeypatch.setattr(current, "build_beside", lambda *_: pytest.fail("it is there"))
-    hybridyn.compile(robot, wait=False)

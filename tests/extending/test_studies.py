@@ -69,10 +69,10 @@ def test_statistics_import_no_package(packages: Path, tmp_path: Path) -> None:
     refused(lambda: read_study(save(tmp_path, text, "two.toml")), ModelError, "'odd'.*cannot be imported")
 
 
-def test_compiled_models_take_the_parameter(workshop: Path) -> None:
+def test_compiled_models_take_the_parameter(workshop: Path, interpreted: None) -> None:
     robot = hybridyn.load("five_bar")
     q, zero = robot.home[None], np.zeros((1, robot.nv))
-    model = hybridyn.compile(robot, parameters=["bulk:m1_left_lower"])
+    model = hybridyn.compile(robot, parameters=["bulk:m1_left_lower"], wait=False)
     heavier = robot.with_parameters({"bulk:m1_left_lower": 1.5})
     found = model.idm(q, zero, zero, parameters=np.array([[1.5]]))
     close_to(found, hybridyn.idm(heavier, q, zero, zero), SUMS)
@@ -80,7 +80,8 @@ def test_compiled_models_take_the_parameter(workshop: Path) -> None:
 
 def test_a_scene_has_the_controller(workshop: Path, tmp_path: Path) -> None:
     """The energy that the springs hold and the robot's stays."""
-    ready = stage(read_scene(save(tmp_path, files()["centring.toml"].text, "scene.toml")))
+    short = files()["centring.toml"].text.replace("duration = 0.5", "duration = 0.2")
+    ready = stage(read_scene(save(tmp_path, short, "scene.toml")))
     run = play(ready)
     whole = hybridyn.energy(ready.robot, run.q, run.v).total
     held = 2.0 * (run.q[:, ready.robot.motor_q] ** 2).sum(axis=1)

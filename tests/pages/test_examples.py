@@ -27,10 +27,13 @@ def load_once(path: str, **words: Any) -> hybridyn.HybridRobot:
 
 @pytest.mark.parametrize("name", [slow(name) if name in LONG else name for name in NAMES])
 def test_the_example_of_a_public_name_prints_what_it_says(
-    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    request: pytest.FixtureRequest,
 ) -> None:
     if name not in LONG:
-        monkeypatch.setenv("CC", "none")  # CasADi runs compiled models
+        request.getfixturevalue("interpreted")
     elif needs(LONG[name]).__name__ == "warp":
         monkeypatch.setattr("warp.config.log_level", needs("gpu").LOG_WARNING)
     if name != "load":
