@@ -171,7 +171,7 @@ def _written_columns() -> list[str]:
             ["idm", *motion, "-o", files["efforts"], "--reactions", files["inner"]],
             ["idm", *motion, "--loads", "-o", files["loads"]],
             ["simulate", str(folder / "scene.toml"), "-o", files["run"]],
-            ["workspace", "five_bar", "--step", "x=0.2,z=0.2", "-o", files["room"]],
+            ["workspace", "five_bar", "--step", "x=1,z=1", "-o", files["room"]],
         ]
         for words in calls:
             assert main(words) == 0, words
