@@ -245,7 +245,7 @@ def refuse_it() -> None:
 
 def test_processes_of_their_own() -> None:
     assert in_own_process(operator.add, 1, 2) == 3
-    refused(lambda: in_own_process(refuse_it), WrongModelError, "a: error 1")
+    refused(lambda: in_own_process(refuse, 1.0, 0.0, "a"), WrongModelError, "a: error 1")
     refused(lambda: in_own_process(os._exit, 7), NotComparableError, r"died \(exit status 7\)")
     refused(lambda: in_own_process(time.sleep, 1e6, patience=0.1), NotComparableError, "given up")
 

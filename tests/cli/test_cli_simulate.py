@@ -116,21 +116,21 @@ def controller(robot):
 """
 
 
-def test_ctrl_c_keeps_what_was_computed(scene: Path, tmp_path: Path) -> None:
+def test_ctrl_c_keeps_what_was_computed(run, scene: Path, tmp_path: Path) -> None:
     """The signal comes in the middle of a step; the run stops after it, and goes on to the same bits."""
     (tmp_path / "law.py").write_text(LAW)
     scene.write_text(
         SCENE.replace('kind = "efforts"', 'kind = "python"\nfile = "law.py"').replace("efforts = {", "#")
     )
     target, whole = tmp_path / "run.csv", tmp_path / "whole.csv"
-    assert told(program("simulate", scene, "-o", whole, "--allow-python"))[0] == 0
+    run("simulate", scene, "-o", whole, "--allow-python")
     (tmp_path / "stop").touch()
     status, err = told(program("simulate", scene, "-o", target, "--allow-python"))
     assert status == 130, err
     assert "stopped at t = 0.0" in err
     assert "Traceback" not in err
     assert 0 < len(table(target)["time"]) < 13
-    assert told(program("simulate", scene, "--resume", "-o", target, "--allow-python"))[0] == 0
+    run("simulate", scene, "--resume", "-o", target, "--allow-python")
     assert target.read_bytes() == whole.read_bytes()
 
 

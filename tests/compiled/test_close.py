@@ -81,7 +81,9 @@ def test_motors_tell_what_all_joints_do(kind: str, base: Base) -> None:
     assert max(float(np.abs(x).max(initial=0.0)) for x in off) <= 1.0
 
 
-@pytest.mark.parametrize(("kind", "base"), [("gough", "fixed"), ("stack", "moving")])
+@pytest.mark.parametrize(
+    ("kind", "base"), [("star_three", "fixed"), slow("gough", "fixed"), ("stack", "moving")]
+)
 def test_poses_tell_what_all_joints_do(kind: str, base: Base) -> None:
     """Newton's method from a posture nearby, by poses of the platforms and by the other modules' motors."""
     robot = build_robot(random_mechanism(1, kind=kind, base=base), base=base)

@@ -58,29 +58,29 @@ def test_efforts_are_those_of_two_calls(name: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def symmetric() -> hybridyn.CompiledRobot:
+def five_bar() -> hybridyn.CompiledRobot:
     """Return a compiled five-bar whose control step is built."""
-    compiled = hybridyn.compile(build_robot(symmetric_five_bar()))
+    compiled = hybridyn.compile(hybridyn.load("five_bar"))
     compiled.idm_from_motors(at_home(compiled.robot))
     return compiled
 
 
-def test_rows_follow_one_another(symmetric: hybridyn.CompiledRobot) -> None:
-    given = motion(symmetric.robot, 5)
-    tau, *state = symmetric.idm_from_motors(*given)
+def test_rows_follow_one_another(five_bar: hybridyn.CompiledRobot) -> None:
+    given = motion(five_bar.robot, 5)
+    tau, *state = five_bar.idm_from_motors(*given)
     assert tau.shape == (5, 2)
-    same_bits((tau, *state), (symmetric.idm(*state), *symmetric.close(*given)))
+    same_bits((tau, *state), (five_bar.idm(*state), *five_bar.close(*given)))
 
 
-def test_a_step_moves_to_the_library_that_is_taken_into_use(symmetric: hybridyn.CompiledRobot) -> None:
-    held, asked = symmetric._models.control_at_once, []
+def test_a_step_moves_to_the_library_that_is_taken_into_use(five_bar: hybridyn.CompiledRobot) -> None:
+    held, asked = five_bar._models.control_at_once, []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(type(symmetric._control), "_control", lambda self: asked.append(self) or held)
-        symmetric.idm_from_motors(at_home(symmetric.robot))
+        patch.setattr(type(five_bar._control), "_control", lambda self: asked.append(self) or held)
+        five_bar.idm_from_motors(at_home(five_bar.robot))
         assert not asked
-        symmetric._models.current.take(symmetric.library)
-        symmetric.idm_from_motors(at_home(symmetric.robot))
-        symmetric.idm_from_motors(at_home(symmetric.robot))
+        five_bar._models.current.take(five_bar.library)
+        five_bar.idm_from_motors(at_home(five_bar.robot))
+        five_bar.idm_from_motors(at_home(five_bar.robot))
     assert len(asked) == 1
 
 
@@ -95,10 +95,10 @@ def strided(x: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("call", ["close", "idm_from_motors"])
 @pytest.mark.parametrize("form", [strided, single, np.ndarray.tolist, tuple])
 def test_numbers_in_other_forms_are_closed_in_c_too(
-    symmetric: hybridyn.CompiledRobot, form: Any, call: str, monkeypatch: pytest.MonkeyPatch
+    five_bar: hybridyn.CompiledRobot, form: Any, call: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They give the bits of contiguous double precision, and the general path is never asked."""
-    step, home = getattr(symmetric, call), at_home(symmetric.robot)
+    step, home = getattr(five_bar, call), at_home(five_bar.robot)
     q = step(home)[-3]
     step(home, last=q)
     given = [single(home + 1e-3).astype(float), single(np.ones(2)).astype(float), np.zeros(2)]
@@ -108,7 +108,7 @@ def test_numbers_in_other_forms_are_closed_in_c_too(
         """Fail where the loops are not closed at once."""
         raise AssertionError("the general path was asked")
 
-    monkeypatch.setattr(symmetric, "assemble_requests", general)
+    monkeypatch.setattr(five_bar, "assemble_requests", general)
     last = q if form is single else form(q)  # in single precision the loops of q are open
     found = step(*map(form, given), last=last)
     same_bits(found, wanted)
@@ -142,41 +142,40 @@ def test_one_number_is_read_whatever_its_stride() -> None:
 
 @pytest.mark.parametrize("what", ["not finite", "too many", "infinite", slow("out of reach")])
 def test_steps_that_cannot_be_made_are_refused_in_the_words_of_two_calls(
-    symmetric: hybridyn.CompiledRobot, what: str
+    five_bar: hybridyn.CompiledRobot, what: str
 ) -> None:
-    robot, home = symmetric.robot, at_home(symmetric.robot)
-    beyond = np.array([stretched(robot, 1e-2)[m] for m in robot.motors])
-    position = {"not finite": home * np.nan, "out of reach": beyond}
+    home = at_home(five_bar.robot)
+    position = {"not finite": home * np.nan, "out of reach": home + np.array([1e5, 0.0])}
     given = [position.get(what, home), np.ones(2), np.zeros(2)]
     if what == "too many":
         given[1] = np.ones(3)
     if what == "infinite":
         given[2] = np.array([np.inf, 0.0])
-    q = symmetric.idm_from_motors(home)[1]
+    q = five_bar.idm_from_motors(home)[1]
     same_words(
-        lambda: symmetric.idm_from_motors(*given, last=symmetric.idm_from_motors(home, last=q)[1]),
-        lambda: symmetric.idm(*symmetric.close(*given, last=q)),
+        lambda: five_bar.idm_from_motors(*given, last=five_bar.idm_from_motors(home, last=q)[1]),
+        lambda: five_bar.idm(*five_bar.close(*given, last=q)),
     )
 
 
-def test_a_jump_of_the_motors_stays_on_the_branch(symmetric: hybridyn.CompiledRobot) -> None:
+def test_a_jump_of_the_motors_stays_on_the_branch(five_bar: hybridyn.CompiledRobot) -> None:
     """Half a radian at once is divided into steps, as in `close`."""
-    home = at_home(symmetric.robot)
-    q = symmetric.idm_from_motors(home)[1]
+    home = at_home(five_bar.robot)
+    q = five_bar.idm_from_motors(home)[1]
     there = home + np.array([0.25, -0.25])
-    tau, *state = symmetric.idm_from_motors(there, last=q)
+    tau, *state = five_bar.idm_from_motors(there, last=q)
     right = hybridyn.assemble(
-        symmetric.robot, motors=dict(zip(symmetric.robot.motors, there, strict=True)), guess=q
+        five_bar.robot, motors=dict(zip(five_bar.robot.motors, there, strict=True)), guess=q
     )
     close_to(state[0], right[0], 100 * SAME, 1.0)
-    close_to(tau, hybridyn.idm(symmetric.robot, *right), 1e-10)
+    close_to(tau, hybridyn.idm(five_bar.robot, *right), 1e-10)
 
 
 def test_efforts_that_are_not_certain_are_the_general_paths(
-    symmetric: hybridyn.CompiledRobot, monkeypatch: Any
+    five_bar: hybridyn.CompiledRobot, monkeypatch: Any
 ) -> None:
     """C that has closed the loops leaves the rest to `idm`."""
-    home, closing = at_home(symmetric.robot), symmetric._postures._close_at_once
+    home, closing = at_home(five_bar.robot), five_bar._postures._close_at_once
 
     def uncertain(last: Any, position: Any, rate: Any, acceleration: Any, out: Any) -> int:
         """Close the loops only."""
@@ -185,9 +184,9 @@ def test_efforts_that_are_not_certain_are_the_general_paths(
         out[:-2] = room
         return 2
 
-    first = symmetric.idm_from_motors(home)
-    monkeypatch.setattr(symmetric._models, "control_at_once", uncertain)
-    again = symmetric.idm_from_motors(home, last=first[1])
+    first = five_bar.idm_from_motors(home)
+    monkeypatch.setattr(five_bar._models, "control_at_once", uncertain)
+    again = five_bar.idm_from_motors(home, last=first[1])
     close_to(again[0], first[0], SAME)
 
 

@@ -125,12 +125,12 @@ def test_a_floating_base_feels_the_spins_of_its_legs() -> None:
     assert np.abs(found - wanted).max() <= 1e2 * ROUNDING * np.abs(wanted).max()
 
 
-def test_thin_rods_on_revolutes_get_no_spin_and_bear_no_force() -> None:
+@pytest.mark.parametrize(("name", "count", "size"), [("crank", 1, 0.4), slow("slides", 6, 0.04)])
+def test_thin_rods_on_revolutes_get_no_spin_and_bear_no_force(name: str, count: int, size: float) -> None:
     """What rounding leaves of their inertia, of either sign, is none; friction at a spin is refused."""
-    description = rods.slides(4, "revolutes", thin=True)
-    robot = build_robot(description)
-    assert spins(robot) == 6
-    q, v, a = rods.moved(robot, 5, 0.04)
+    robot = build_robot(getattr(rods, name)(4, "revolutes", thin=True))
+    assert spins(robot) == count
+    q, v, a = rods.moved(robot, 5, size)
     tau = hybridyn.idm(robot, q, v, a)
     (found,), guard = Interpreted(robot, ("ddm",)).batch("ddm", q, v, tau)
     wanted = hybridyn.ddm(robot, q, v, tau)
@@ -139,7 +139,7 @@ def test_thin_rods_on_revolutes_get_no_spin_and_bear_no_force() -> None:
     names = [joint.name for joint in robot.description.joints if "rod" in joint.name]
     spun = [robot.v_slices[robot.joint_index[name]].start for name in names]
     assert np.abs(found[:, spun]).max() == 0.0
-    effects = ["default", ViscousFriction({names[2]: 0.01})]
+    effects = ["default", ViscousFriction({names[-1]: 0.01})]
     refused(lambda: hybridyn.ddm(robot, q, v, tau, effects=effects), hybridyn.SingularityError, "no inertia")
     _, guard = Interpreted(robot, ("ddm",), effects).batch("ddm", q, v, tau)
     assert not (guard <= GUARD_LIMIT).any()
@@ -181,7 +181,7 @@ def test_mass_beside_the_line_is_no_idle_spin() -> None:
     assert not (guard <= GUARD_LIMIT).any()
 
 
-@pytest.mark.parametrize(("name", "stem", "size"), [("crank", "rod", 0.4), ("ball_gough", "slide", 0.02)])
+@pytest.mark.parametrize(("name", "stem", "size"), [("crank", "rod", 0.4), slow("ball_gough", "slide", 0.02)])
 def test_where_parameters_move_mass_or_an_end_beside_the_line_the_general_path_decides(
     name: str, stem: str, size: float
 ) -> None:

@@ -189,14 +189,11 @@ def test_limits_hold_in_steps_too(five_bar: hybridyn.CompiledRobot) -> None:
 def test_a_way_out_of_reach_ends_as_on_the_general_path(five_bar: hybridyn.CompiledRobot) -> None:
     """The general path takes over where dependent joints lose hold, and says what it says."""
     q, v, _ = pushed(five_bar)
-    fast = 200 * v / np.abs(v).max()
+    fast = 1000 * v / np.abs(v).max()
     ends = []
     for model in (five_bar, None):
-        try:
-            run = hybridyn.simulate(
-                five_bar.robot, q, fast, (0, 0.1), compiled=model, effects=five_bar.effects, **FRAME
-            )
-            ends.append((run.status, len(run.t)))
-        except hybridyn.AssemblyError as error:
-            ends.append((type(error).__name__, 0))
-    assert ends[0][0] == ends[1][0]
+        run = hybridyn.simulate(
+            five_bar.robot, q, fast, (0, 0.1), compiled=model, effects=five_bar.effects, **FRAME
+        )
+        ends.append(run.status)
+    assert ends == ["unreachable", "unreachable"]

@@ -39,6 +39,13 @@ def peer() -> Iterator[Peer]:
     out.end()
 
 
+@pytest.fixture
+def in_namespace() -> Iterator[Peer]:
+    out = Peer("left")
+    yield out
+    out.end()
+
+
 def test_a_node_that_was_killed_and_started_again_goes_on(tmp_path: Path, peer: Peer) -> None:
     """Started as its launch file does."""
     robot = hybridyn.load("five_bar")
@@ -51,6 +58,7 @@ def test_a_node_that_was_killed_and_started_again_goes_on(tmp_path: Path, peer: 
         node.process.wait()
 
 
+@pytest.mark.slow
 def test_robots_in_namespaces_end_as_they_are_told(tmp_path: Path) -> None:
     for name in ("stewart_ur5", "lx4"):
         (tmp_path / name).mkdir()
@@ -81,14 +89,16 @@ def test_a_rate_bounds_the_states_that_go_out(tmp_path: Path, peer: Peer) -> Non
     assert node.end() == 0
 
 
-def test_the_robot_may_come_from_a_topic(tmp_path: Path, peer: Peer) -> None:
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+def test_the_robot_may_come_from_a_topic(tmp_path: Path, in_namespace: Peer) -> None:
+    """In a namespace, where it ends as it is told."""
+    peer, latched = in_namespace, QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     describing = peer.node.create_publisher(String, "robot_description", latched)
     describing.publish(String(data=ankle_text()))
-    node = peer.start(tmp_path, "--motors", ",".join(MOTORS))
+    node = peer.start(tmp_path, "--motors", ",".join(MOTORS), "--ros-args", "-r", "__ns:=/left")
     found = peer.ask("motor_states", peer.state(1.0, MOTORS, [0.1, 0.1]), "joint_states")
     assert open_by(ankle(tmp_path), found.name, found.position) < CLOSED
-    assert node.end() == 0
+    assert node.end(signal.SIGTERM) == 0
+    assert not any("Error" in line for line in node.log)
 
 
 WRONG = {
