@@ -28,14 +28,15 @@ import numpy as np
 
 import hybridyn
 from benchmarks.cases import ROOT
+from benchmarks.results import today
 from hybridyn.compiled.code.kernels import kernel_graph
 from hybridyn.compiled.program import Call
 from hybridyn.warp_batch.functions import wp
 
 ROBOTS = ("five_bar", "gough_stewart", "lx4")
 FIELDS = (
-    "device", "engine", "robot", "model", "dtype", "samples", "per_second", "of_memory", "of_arithmetic",
-    "error", "seconds",
+    "device", "date", "engine", "robot", "model", "dtype", "samples", "per_second", "of_memory",
+    "of_arithmetic", "error", "seconds",
 )  # fmt: skip
 
 
@@ -51,7 +52,7 @@ def main() -> int:
     for name in ROBOTS:
         speeds = (*models(on, name, sizes), *mujoco_warp(on, name, sizes)) if measured else ()
         for one in (*builds(name), *speeds):
-            rows.append({"device": on.name} | one)
+            rows.append({"device": on.name, "date": today()} | one)
             print(", ".join(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
     if device != "cpu":
         with (ROOT / "benchmarks/results/batches.csv").open("w", newline="") as file:
@@ -80,14 +81,14 @@ def builds(name: str) -> Iterator[dict[str, Any]]:
             wp.compile_aot_module(
                 batch.made(model).kernel.module, arch=[80, 90], module_dir=folder, use_ptx=False
             )
-        yield dict(zip(FIELDS[1:5], ("NVRTC", name, model, "float64"), strict=True)) | {
+        yield dict(zip(FIELDS[2:6], ("NVRTC", name, model, "float64"), strict=True)) | {
             "seconds": perf_counter() - start
         }
 
 
 def row(engine: str, robot: str, model: str, dtype: str, samples: int, seconds: float) -> dict[str, Any]:
     """Return a row of the table, of the time of all samples."""
-    return dict(zip(FIELDS[1:7], (engine, robot, model, dtype, samples, samples / seconds), strict=True))
+    return dict(zip(FIELDS[2:8], (engine, robot, model, dtype, samples, samples / seconds), strict=True))
 
 
 def models(on: Any, name: str, sizes: tuple[int, ...]) -> Iterator[dict[str, Any]]:

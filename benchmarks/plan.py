@@ -143,7 +143,7 @@ def full() -> list[Task]:
 
 
 def fingerprint() -> str:
-    """Return a hash of everything that a measurement depends on, the machine's load apart."""
+    """Return a hash of everything that a measurement depends on, the machine's load and the day apart."""
     digest = hashlib.sha256()
     folders = (ROOT / "hybridyn", ROOT / "benchmarks", ROOT / "urdf")
     for path in sorted(p for folder in folders for p in folder.rglob("*") if p.is_file()):
@@ -151,7 +151,7 @@ def fingerprint() -> str:
             path.parent.name == "benchmarks" and path.name in OUTPUT
         ):
             digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
-    facts = {key: value for key, value in machine().items() if key not in ("commit", "load before")}
+    facts = {key: value for key, value in machine().items() if key not in ("commit", "date", "load before")}
     digest.update(repr(facts).encode())
     return digest.hexdigest()[:16]
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from benchmarks import texts
 from benchmarks.fronts import chosen, exponent, fastest, grouped, jacobians, ratios, standings
-from benchmarks.goals import reached
-from benchmarks.results import CHECK, NAN, SECTIONS, Row, read_machines, read_rows
+from benchmarks.goals import GOALS, reached
+from benchmarks.results import CHECK, NAN, SECTIONS, Row, measured_on, read_machines, read_rows
 from benchmarks.texts import number, table
 
 #: Folder of the rows of `benchmarks.batches`.
@@ -35,7 +35,7 @@ class Question(NamedTuple):
     Attributes:
         title: The question.
         words: What table and figure show.
-        files: The sections whose rows stand in full beside it.
+        files: The sections whose rows it quotes.
         table: Gives the table.
         figure: Name of the figure, empty for none.
     """
@@ -88,9 +88,8 @@ def report(results: Results, machines: dict[str, dict[str, str]], drawn: Sequenc
         if rows:
             parts.append(table(head, rows))
         if known:
-            parts.append(
-                f"Rows in full: {', '.join(f'[{name}.csv](results/{name}.csv)' for name in known)}.\n"
-            )
+            full = ", ".join(f"[{name}.csv](results/{name}.csv)" for name in known)
+            parts.append(f"Rows in full: {full}. Measured: {measured_on(machines, known)}.\n")
         if missing:
             parts.append(f"Not measured yet; `python -m benchmarks --full --only {missing}` does.\n")
     parts += [texts.LIMITS, table(*_files(results)), *_machines(machines)]
@@ -175,13 +174,14 @@ def batches(_: Results) -> Table:
         model = row["model"].partition("_")[0]
         ours, host = (best.get((engine, row["robot"] + model)) for engine in ("hybridyn.warp", "compile"))
         device = (
-            [ours["device"], number(float(ours["per_second"])), ours["samples"]]
+            [ours["device"], ours["date"], number(float(ours["per_second"])), ours["samples"]]
             if ours
-            else ["not measured", "", ""]
+            else ["not measured", "", "", ""]
         )
         beside = number(float(host["per_second"])) if ours and host else ""
-        lines.append([row["robot"], model, *device, beside, number(float(row["seconds"]))])
-    return ["robot", "model", "device", "samples a second", "of", "compile", "NVRTC [s]"], lines
+        lines.append([row["robot"], model, *device, beside, number(float(row["seconds"])), row["date"]])
+    head = ["robot", "model", "device", "date", "samples a second", "of", "compile"]
+    return [*head, "NVRTC [s]", "date"], lines
 
 
 def derivatives(results: Results) -> Table:
@@ -321,18 +321,18 @@ def _machines(machines: dict[str, dict[str, str]]) -> Iterator[str]:
     """Write the machines and versions with their sections."""
     where: dict[str, list[str]] = {}
     for section, facts in machines.items():
-        said = ", ".join(
-            f"{name} {value}" for name, value in facts.items() if name not in ("commit", "load before")
-        )
+        beside = ("commit", "date", "load before")
+        said = ", ".join(f"{name} {value}" for name, value in facts.items() if name not in beside)
         where.setdefault(said, []).append(section)
-    yield from (f"- {', '.join(sections)}: {said}." for said, sections in where.items())
-    yield "\nLoad and commit of each section: [machine.csv](results/machine.csv).\n"
+    for said, sections in where.items():
+        yield f"- {', '.join(sections)}: {said or 'not recorded'}."
+    yield "\nLoad, commit and date of each section: [machine.csv](results/machine.csv).\n"
 
 
 QUESTIONS = (
     Question("How fast and how exact, against whom?", texts.AGAINST, ("ddm", "idm"), against, "models"),
-    Question("Where does hybridyn lose?", texts.LOSSES, (), losses, "losses"),
-    Question("Which goals are missed?", texts.GOALS, (), missed),
+    Question("Where does hybridyn lose?", texts.LOSSES, ("ddm", "idm", "derivatives"), losses, "losses"),
+    Question("Which goals are missed?", texts.GOALS, tuple({goal.section: None for goal in GOALS}), missed),
     Question("What does an effect cost?", texts.EFFECTS, ("effects",), effects, "effects"),
     Question("What happens near singularities?", texts.SINGULAR, ("singular",), singular, "singular"),
     Question("What does a cold call cost?", texts.COLD, ("cold",), cold, "cold"),

@@ -1,4 +1,4 @@
-"""Results as rows of CSV files, one file a section, and the machine that each was measured on."""
+"""Results as rows of CSV files, one file a section, and the machine and the day of each measurement."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
@@ -117,7 +118,7 @@ def read_table(path: Path) -> list[dict[str, str]]:
 
 
 def machine() -> dict[str, str]:
-    """Describe the machine and the versions."""
+    """Describe the machine and the versions, and tell the day of the run (UTC)."""
     facts = {
         "processor": _processor(),
         "cores": str(os.cpu_count()),
@@ -132,7 +133,24 @@ def machine() -> dict[str, str]:
             facts[package] = "from this folder" if package == "hybridyn" else "not installed"
     facts["compiler"] = _first_line(["cc", "--version"])
     facts["commit"] = _first_line(["git", "describe", "--always", "--dirty"])
+    facts["date"] = today()
     return facts
+
+
+def today() -> str:
+    """Return the day of a run (UTC)."""
+    return datetime.now(UTC).date().isoformat()
+
+
+def measured_on(machines: dict[str, dict[str, str]], sections: Iterable[str]) -> str:
+    """Say on which day and machine the rows of some sections were measured."""
+    where: dict[str, list[str]] = {}
+    for section in sections:
+        facts = machines.get(section, {})
+        known = "processor" in facts
+        on = f"{facts['processor']}, {facts['cores']} cores" if known else "machine not recorded"
+        where.setdefault(f"{facts.get('date', 'day not recorded')}, {on}", []).append(section)
+    return "; ".join(f"{', '.join(names)}: {said}" for said, names in where.items())
 
 
 def write_machines(path: Path, machines: dict[str, dict[str, str]]) -> None:

@@ -24,7 +24,7 @@ from benchmarks.hard import page
 from benchmarks.history import changes
 from benchmarks.panels import Curve, Panel, draw
 from benchmarks.peers import rk4
-from benchmarks.plan import Cache, Task
+from benchmarks.plan import Cache, Task, fingerprint
 from benchmarks.reference import (
     DDM_LIMIT,
     Reference,
@@ -37,7 +37,17 @@ from benchmarks.reference import (
     relative,
 )  # fmt: skip
 from benchmarks.report import read_results, report
-from benchmarks.results import CHECK, SECTIONS, Row, read_machines, read_rows, read_table, write_rows
+from benchmarks.results import (
+    CHECK,
+    SECTIONS,
+    Row,
+    machine,
+    measured_on,
+    read_machines,
+    read_rows,
+    read_table,
+    write_rows,
+)  # fmt: skip
 from benchmarks.simulation import MOTIONS, start
 from benchmarks.singular import APPROACHES, load
 from benchmarks.timing import in_own_process, interleaved
@@ -431,6 +441,26 @@ def test_committed_report_is_that_of_the_committed_results() -> None:
     drawn = [path.stem for path in (COMMITTED / "figures").glob("*.svg")]
     expected = report(read_results(folder), read_machines(folder / "machine.csv"), drawn)
     assert (COMMITTED / "report.md").read_text() == expected, "run python -m benchmarks --report"
+
+
+def test_pages_name_machine_and_day_of_the_rows_that_they_show() -> None:
+    """Of those in the overview; machines and days of others stand in the report beside them."""
+    machines = read_machines(COMMITTED / "results" / "machine.csv")
+    said = f"Measured: {measured_on(machines, ['ddm', 'scaling'])}."
+    for shown in ("README.md", "docs/index.md"):
+        assert said in " ".join((ROOT / shown).read_text().split())
+    dated = {name for name, facts in machines.items() if "date" in facts}
+    assert {name for name, rows in read_results(COMMITTED / "results").items() if rows} <= dated
+
+
+def test_a_run_knows_its_day_and_its_jobs_are_remembered_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = fingerprint()
+    monkeypatch.setattr("benchmarks.results.today", lambda: "2031-02-03")
+    facts = machine() | {"processor": "P", "cores": "2"}
+    assert measured_on({"ddm": facts, "idm": facts}, ["ddm", "idm", "cold"]) == (
+        "ddm, idm: 2031-02-03, P, 2 cores; cold: day not recorded, machine not recorded"
+    )
+    assert fingerprint() == before
 
 
 def test_committed_hard_cases_name_tests_that_exist() -> None:
