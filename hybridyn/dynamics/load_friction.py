@@ -53,11 +53,11 @@ def settle(
     """
     D = law.directions(v)
     start = reactions_under(np.zeros_like(v))
-    _check_determined(law, start)
-    w = _wrenches(law, start)
+    check_determined(law, start)
+    w = wrenches_of(law, start)
     B = _unit_wrenches(robot, law, D, reactions_under, w, apart)
-    _check_jamming(law, B)
-    out: Array = np.einsum("tij,tj->ti", D, _solve(law, w, B))
+    check_jamming(law, B)
+    out: Array = np.einsum("tij,tj->ti", D, solve_friction(law, w, B))
     return out
 
 
@@ -80,13 +80,13 @@ def settle_moving(law: OnLoads, start: Reactions, modules: Sequence[Response], l
         ModelError: The motion does not determine a wrench on which friction depends.
         ActuationError: Joints may jam: several frictions, or none, satisfy the law.
     """
-    _check_determined(law, start)
-    w = _wrenches(law, start)
+    check_determined(law, start)
+    w = wrenches_of(law, start)
     ratio = feedback(law, modules, length)[0].max(initial=0.0)
     if ratio >= SURE:
         B = answer(modules, np.tile(np.eye(len(law.joints)), (len(w), 1, 1)))
-        _check_jamming(law, B)
-        return _solve(law, w, B)
+        check_jamming(law, B)
+        return solve_friction(law, w, B)
     n = law.sizes(w)
     for _ in range(int(np.ceil(np.log(FAR_DIGIT) / np.log(max(ratio, FAR_DIGIT))))):
         last, n = n, law.sizes(w + answer(modules, n[..., None])[..., 0])
@@ -95,7 +95,7 @@ def settle_moving(law: OnLoads, start: Reactions, modules: Sequence[Response], l
     return n
 
 
-def _wrenches(law: OnLoads, reactions: Reactions) -> Array:
+def wrenches_of(law: OnLoads, reactions: Reactions) -> Array:
     """Return the wrenches of the law's joints, shape (T, joints, 6)."""
     return np.stack([reactions.joints[name] for name in law.joints], axis=1)
 
@@ -114,7 +114,7 @@ def _unit_wrenches(
     out = np.zeros((*w.shape, len(law.joints)))
     for together in _turns(module):
         efforts = unit * D[:, :, together].sum(axis=2)
-        change = (_wrenches(law, reactions_under(efforts)) - w) / unit[..., None]
+        change = (wrenches_of(law, reactions_under(efforts)) - w) / unit[..., None]
         for j in together:
             mates = [i for i, k in enumerate(module) if k == module[j]]
             out[..., j][:, mates] = change[:, mates]
@@ -133,7 +133,7 @@ def _turns(module: Sequence[int]) -> list[list[int]]:
     return out
 
 
-def _check_determined(law: OnLoads, reactions: Reactions) -> None:
+def check_determined(law: OnLoads, reactions: Reactions) -> None:
     """Raise if a wrench on which friction depends is not determined.
 
     Raises:
@@ -152,7 +152,7 @@ def _check_determined(law: OnLoads, reactions: Reactions) -> None:
         )  # fmt: skip
 
 
-def _check_jamming(law: OnLoads, B: Array) -> None:
+def check_jamming(law: OnLoads, B: Array) -> None:
     """Raise if frictions feed on each other so much that joints may jam.
 
     Raises:
@@ -173,7 +173,7 @@ def _check_jamming(law: OnLoads, B: Array) -> None:
     )  # fmt: skip
 
 
-def _solve(law: OnLoads, w: Array, B: Array) -> Array:
+def solve_friction(law: OnLoads, w: Array, B: Array) -> Array:
     """Solve n = N(w + B n), shape (T, joints), by Newton's method, kept safe by the contraction.
 
     Raises:

@@ -3,8 +3,8 @@
 Read `terms` (gravity, inertia, the legs' inertia, velocity terms), `joints`, `joint_laws`, `springs` and
 `tendons` (efforts of joints), `link_effect`, `links`, `bodies`, `bushings` (wrenches on links), `inputs`
 (limits, a prescribed base), `load_friction` and `gears` (losses that grow with load), `others` (laws of other
-packages), `catalogue` (every effect by name), `choice` (the selection of effects for one call), `rebuild`
-(`hybridyn.with_effects`).
+packages), `catalogue` (every effect by name), `choice` (the selection of effects for one call),
+`dry_friction` (joints that stick), `rebuild` (`hybridyn.with_effects`).
 
 May import: `structure`, `tables` and below.
 """

@@ -1,5 +1,6 @@
 """Laws of joint efforts that depend on rates: rotors, friction and dampers."""
 
+from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -67,8 +68,12 @@ class Damper(_Viscous):
     symbols = ("d",)
 
 
-class _Dry(JointEffect):
-    """Dry friction whose sign changes over a width of rates [m/s or rad/s]."""
+class DryFriction(JointEffect):
+    """tau = -level tanh(v / width): friction whose direction alone is smoothed where the rate changes sign.
+
+    Attributes:
+        width: Where the sign is smoothed [m/s or rad/s].
+    """
 
     width: float
 
@@ -77,10 +82,19 @@ class _Dry(JointEffect):
         positive(self.name, "width", self.width)
         return super().numbers(robot)
 
+    @abstractmethod
+    def size(self, p: Numerals, v: Array, sign: Array) -> Array:
+        """Compute the size of friction, shape (T, k), at rates v and directions `sign` of them, (T, k)."""
+
+    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
+        """Compute the friction effort."""
+        sign = np.tanh(v / self.width)
+        return -self.size(p, v, sign) * sign
+
 
 @dataclass(frozen=True)
-class CoulombFriction(_Dry):
-    """tau = -f tanh(v / width): smoothed dry friction without stiction; a joint creeps under a load below f.
+class CoulombFriction(DryFriction):
+    """tau = -f tanh(v / width): smoothed dry friction; a joint creeps under a load below f, but for stiction.
 
     A ball joint has it about each of its three axes, as MuJoCo's frictionloss.
 
@@ -96,13 +110,13 @@ class CoulombFriction(_Dry):
     several = (JointKind.SPHERICAL,)
     from_files = "friction"
 
-    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Compute -f tanh(v / width)."""
-        return -p[0] * np.tanh(v / self.width)
+    def size(self, p: Numerals, v: Array, sign: Array) -> Array:
+        """Return f."""
+        return p[0]
 
 
 @dataclass(frozen=True)
-class StribeckFriction(_Dry):
+class StribeckFriction(DryFriction):
     """tau = -(f + (s - f) exp(-(v / v_s)^2)) tanh(v / width): dry friction that is larger near rest.
 
     `level`: f at speed, `static`: s near rest (s >= f), both [N or N m], `speed`: v_s [m/s or rad/s], by
@@ -130,13 +144,13 @@ class StribeckFriction(_Dry):
                 )
         return out
 
-    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Compute the friction effort."""
-        return -(p[0] + (p[1] - p[0]) * np.exp(-((v / p[2]) ** 2))) * np.tanh(v / self.width)
+    def size(self, p: Numerals, v: Array, sign: Array) -> Array:
+        """Compute f + (s - f) exp(-(v / v_s)^2)."""
+        return p[0] + (p[1] - p[0]) * np.exp(-((v / p[2]) ** 2))
 
 
 @dataclass(frozen=True)
-class DirectedFriction(_Dry):
+class DirectedFriction(DryFriction):
     """tau = -f tanh(v / width), with another level f for each direction: dry friction of seals and pawls.
 
     The level is (forward + backward) / 2 + (forward - backward) / 2 tanh(v / width).
@@ -151,7 +165,6 @@ class DirectedFriction(_Dry):
     name: ClassVar[str] = "directed_friction"
     by_joint = ("forward", "backward")
 
-    def effort(self, p: Numerals, x: Array, v: Array) -> Array:
-        """Compute the friction effort."""
-        sign = np.tanh(v / self.width)
-        return -sign * (p[0] + p[1] + (p[0] - p[1]) * sign) / 2
+    def size(self, p: Numerals, v: Array, sign: Array) -> Array:
+        """Compute the level of each direction."""
+        return (p[0] + p[1] + (p[0] - p[1]) * sign) / 2

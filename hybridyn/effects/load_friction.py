@@ -77,8 +77,13 @@ class OnLoads(NamedTuple):
         for i, at in enumerate(self.freedoms):
             speed = np.linalg.norm(v[:, at], axis=1, keepdims=True)
             slope = np.tanh(speed / self.effect.width) / np.where(speed > 0, speed, 1.0)
-            slope *= 1 + self.rise[i] * np.exp(-np.square(speed / self.speed[i]))
+            slope *= self.larger(i, speed)
             out[:, at, i] = -slope * v[:, at]
+        return out
+
+    def larger(self, joint: int, speed: Array) -> Array:
+        """Compute friction of a joint over that far from rest, at speeds of any shape."""
+        out: Array = 1 + self.rise[joint] * np.exp(-np.square(speed / self.speed[joint]))
         return out
 
     def sizes(self, wrenches: Array) -> Array:

@@ -132,6 +132,7 @@ class SolverTable(Schema):
     step: Positive | None = None
     rtol: Positive = 1e-8
     atol: Positive = 1e-10
+    stiction: bool = False
 
     @model_validator(mode="after")
     def _fits(self) -> SolverTable:

@@ -14,7 +14,9 @@ from ..compiled import Law
 from ..dynamics.direct import states_before, with_load_friction
 from ..dynamics.direct_recursion import accelerate, articulate
 from ..dynamics.loads import all_loads
+from ..dynamics.stiction import Free, free_of_friction, friction_of
 from ..effects.choice import Choice, choose
+from ..effects.dry_friction import on_sticking
 from ..errors import HybridynError, ModelError, TrajectoryError
 from ..spatial import LARGEST, Array
 from ..structure.robot import HybridRobot
@@ -39,6 +41,8 @@ class MotionLaw:
     Attributes:
         on: The effects that are computed.
         evaluations: Number of states at which the direct model was evaluated so far.
+        sticking: The joints that can stick, None without stiction.
+        signs: Directions in which these slide, 0 of those that stick, while states do not say so.
     """
 
     def __init__(
@@ -48,12 +52,15 @@ class MotionLaw:
         wrenches: Wrenches | Mapping[str, Array] | None = None,
         effects: Choice = None,
         compiled: CompiledRobot | None = None,
+        *,
+        stiction: bool = False,
     ) -> None:
         """Collect efforts, wrenches and effects; see `simulate` for the arguments.
 
         Raises:
-            ModelError: Effects that are unknown, lack numbers or contradict each other; no inertia;
-                compiled models of another robot or of other effects, or together with wrenches.
+            ModelError: Effects that are unknown, lack numbers or contradict each other; no inertia; no joint
+                that can stick; compiled models of another robot or of other effects, or together with
+                wrenches or stiction.
             TrajectoryError: Efforts of the wrong shape; a base motion that is missing, or given for a base
                 that does not move.
         """
@@ -62,6 +69,8 @@ class MotionLaw:
         if self.on.inertia is None:
             raise ModelError("nothing moves without the effect 'inertia'", element="inertia")
         self._wrenches, self._compiled = wrenches, compiled
+        self.sticking = on_sticking(self.on, robot) if stiction else None
+        self.signs = np.zeros(0 if self.sticking is None else len(self.sticking.joints))
         if compiled is not None:
             self._check_compiled(compiled)
         if (self.on.base is not None) != (robot.base == "moving"):
@@ -84,6 +93,8 @@ class MotionLaw:
             raise ModelError(f"compiled: these models are of another robot object, '{compiled.robot.name}'")
         if compiled.effects.names != self.on.names:
             raise ModelError("compiled: these models were compiled with other effects")
+        if self.sticking is not None:
+            raise ModelError("compiled: compiled models have no stiction; simulate without compiled=")
         if self._wrenches is not None:
             raise ModelError("compiled: compiled models take no wrenches; simulate without compiled=")
 
@@ -173,8 +184,12 @@ class MotionLaw:
             raise StepError(f"at t = {t[far[0]]:g} s the accelerations exceed {LARGEST:.0e}")
         return a
 
-    def driven(self, t: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        """Compute what `accelerations` does, and the efforts within their limits, shape (T, motors)."""
+    def driven(self, t: Array, q: Array, v: Array, signs: Array | None = None) -> tuple[Array, Array]:
+        """Compute what `accelerations` does, and the efforts within their limits, shape (T, motors).
+
+        Args:
+            signs: Directions of joints with stiction, shape (T, k); those of this law by default.
+        """
         base = np.array([self.place_base(*s) for s in zip(t, q, v, strict=True)])
         tau, fell_back = self._efforts(t, q, v)
         self.evaluations += len(t)
@@ -183,7 +198,16 @@ class MotionLaw:
             if quick is not None:
                 self._compiled.hand_over("simulate", len(t) if fell_back else 0)
                 return quick, tau
-        loads = all_loads(self.robot, self.on, q, v, t, self._gather(t, q, v))
+        on, dry = self.on, self.sticking
+        if dry is not None:
+            each = np.broadcast_to(self.signs if signs is None else signs, (len(t), len(dry.joints)))
+            if dry.loaded is not None or not each.all():
+                rows = zip(self._free(t, q, v, base, tau), each, strict=True)
+                return np.array([one.accelerations(friction_of(one, s).efforts) for one, s in rows]), tau
+            on = dry.besides
+        loads = all_loads(self.robot, on, q, v, t, self._gather(t, q, v))
+        if dry is not None:
+            loads.joints[:, dry.columns] += dry.sliding(v, each)
         a = np.zeros_like(v)
         if self.robot.base == "moving":
             a[:, :6] = base
@@ -192,6 +216,26 @@ class MotionLaw:
         loads = with_load_friction(self.robot, states, q, v, a, joint_side, loads, passing=True)
         accelerate(self.robot, articulate(self.robot, states, loads, joint_side, None, passing=True), v, a)
         return a, tau
+
+    def free(self, t: float, q: Array, v: Array) -> Free:
+        """Compute one state without dry friction, and how it answers to that, after placing a base."""
+        time, q, v = np.array([t]), q[None].copy(), v[None].copy()
+        base = self.place_base(t, q[0], v[0])
+        self.evaluations += 1
+        return next(self._free(time, q, v, base[None], self._efforts(time, q, v)[0]))
+
+    def _free(self, t: Array, q: Array, v: Array, base: Array, tau: Array) -> Iterator[Free]:
+        """Yield each state without dry friction."""
+        assert self.sticking is not None
+        on, joint_side = self.sticking.besides, tau
+        if on.gears is not None:
+            joint_side = on.gears.behind(self.robot, tau, v)
+        for k in range(len(t)):
+            one = slice(k, k + 1)
+            loads = all_loads(self.robot, on, q[one], v[one], t[one], self._gather(t[one], q[one], v[one]))
+            yield free_of_friction(
+                self.robot, self.sticking, q[one], v[one], base[k], joint_side[one], loads
+            )  # fmt: skip
 
     def _efforts(self, t: Array, q: Array, v: Array) -> tuple[Array, bool]:
         """Compute the motor efforts within their limits, (T, motors), and whether C left them to Python."""

@@ -24,7 +24,7 @@ from .events import Found
 from .system import State
 
 #: Layout of the file that `SimulationResult.save` writes.
-FORMAT = 4
+FORMAT = 5
 
 
 @dataclass

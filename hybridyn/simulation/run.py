@@ -16,6 +16,7 @@ from .events import Event, Found, StepInterpolation, occurrences
 from .motion_law import StepError
 from .result import Counters, Origin, SimulationResult, joined
 from .stepping import Leap, Stepper
+from .sticking import Sticking
 from .system import State, System
 
 #: Number of steps between two checkpoints.
@@ -31,12 +32,13 @@ class Run:
 
     def __init__(
         self, system: System, stepper: Stepper, origin: Origin, events: tuple[Event, ...],
-        wanted: Array | None, state: State, earlier: SimulationResult | None,
+        wanted: Array | None, state: State, earlier: SimulationResult | None, sticking: Sticking | None,
     ) -> None:  # fmt: skip
         self._system, self._stepper, self._origin = system, stepper, origin
         self._events, self._wanted, self._state = events, wanted, state
         self._done = earlier
-        self._samples: list[tuple[float, Array, Array]] = []
+        self._sticking = sticking
+        self._samples: list[tuple[float, Array, Array, Array]] = []
         self._latest = np.nan if earlier is None or not len(earlier.t) else float(earlier.t[-1])
         self._parts: list[dict[str, Array]] = []
         self._progress: Progress | None = None
@@ -49,7 +51,7 @@ class Run:
         if earlier is None and (
             wanted is None or (self._next < len(wanted) and wanted[self._next] == state.t)
         ):
-            self._add(state.t, state.q, state.v)
+            self._add(state.t, state.q, state.v, state.signs)
             self._next += 1
         self._values = [e.function(state.t, state.q, state.v) for e in events]
 
@@ -84,8 +86,11 @@ class Run:
 
     def _step(self, most: int) -> bool:
         """Take steps, up to `most`, with their events and outputs; return whether an event ends the run."""
-        before, last = self._state, None
-        leap = self._stepper.advance(before, 1 if self._events else most)
+        before, last, taken = self._state, None, None
+        if self._sticking is not None:
+            before, leap, _ = taken = self._sticking.take(self._stepper, before)
+        else:
+            leap = self._stepper.advance(before, 1 if self._events else most)
         values: list[float] = []
         if self._events:
             after = leap.state(0)
@@ -98,11 +103,14 @@ class Run:
         leap, interrupt = self._shown(leap) if several else (leap, None)
         self._add_outputs(before, leap)
         if last is not None and self._wanted is not None and self._latest != last.t:
-            self._add(last.t, last.q, last.v)
+            self._add(last.t, last.q, last.v, before.signs)
         if self._events:
             self._found += found
         self._pivots += leap.pivot.tolist()
         self._state, self._values = self._stepper.accept(leap), values
+        if self._sticking is not None and taken is not None:
+            ended = replace(self._state, signs=before.signs)
+            self._state = ended if last is not None else self._sticking.after(taken, self._state)
         if interrupt is not None:
             raise interrupt
         if self._progress is not None and not several and last is None:
@@ -127,7 +135,7 @@ class Run:
     def _add_outputs(self, before: State, leap: Leap) -> None:
         if self._wanted is None:
             for t, q, v in zip(leap.t.tolist(), leap.q, leap.v, strict=True):
-                self._add(t, q, v)
+                self._add(t, q, v, before.signs)
             return
         sign, at, between = self._stepper.sign, -1, None
         reached = sign * leap.t
@@ -136,16 +144,16 @@ class Run:
         steps = np.searchsorted(reached, ahead).tolist()
         for t, k in zip((sign * ahead).tolist(), steps, strict=True):
             if t == leap.t[k]:
-                self._add(t, leap.q[k], leap.v[k])
+                self._add(t, leap.q[k], leap.v[k], before.signs)
             else:
                 if k != at or between is None:
                     between = self._between(leap.state(k - 1) if k else before, leap.state(k))
                     at = k
-                self._add(t, *between.at(t))
+                self._add(t, *between.at(t), before.signs)
             self._next += 1
 
-    def _add(self, t: float, q: Array, v: Array) -> None:
-        self._samples.append((t, q.copy(), v.copy()))
+    def _add(self, t: float, q: Array, v: Array, signs: Array) -> None:
+        self._samples.append((t, q.copy(), v.copy(), signs))
         self._latest = t
         if len(self._samples) == BLOCK:
             self._complete_block()
@@ -194,14 +202,14 @@ class Run:
         """Evaluate the direct model at the pending samples."""
         law = self._system.law
         robot, spent = law.robot, law.evaluations
-        t, q, v = (
-            np.array([row[i] for row in self._samples]).reshape(-1, *shape)
-            for i, shape in enumerate(((), (robot.nq,), (robot.nv,)))
+        t, q, v, signs = (
+            np.array([row[i] for row in self._samples]).reshape(len(self._samples), *shape)
+            for i, shape in enumerate(((), (robot.nq,), (robot.nv,), self._state.signs.shape))
         )
         self._samples = []
         # One sample alone is evaluated twice: NumPy adds its terms in another order than those of several,
         # and a run that stopped and went on must have the bits of one run.
-        twice = [np.repeat(x, 2, axis=0) if len(t) == 1 else x for x in (t, q, v)]
+        twice = [np.repeat(x, 2, axis=0) if len(t) == 1 else x for x in (t, q, v, signs)]
         a, tau = np.zeros((0, robot.nv)), np.zeros((0, len(robot.motors)))
         if len(t):
             a, tau = (x[: len(t)] for x in law.driven(*twice))

@@ -25,6 +25,7 @@ from .result import Origin, SimulationResult, digest
 from .run import Progress, Run
 from .solver import Solver, SolverOptions, build_method, solver_of
 from .stepping import Stepper
+from .sticking import Sticking
 from .system import State, System
 
 if TYPE_CHECKING:
@@ -102,8 +103,9 @@ def simulate(
         TrajectoryError: Wrong arguments, more steps than fit in memory, or a run to resume that does not
             match.
         ModelError: Effects are unknown, lack parameters or contradict each other, or "inertia" is missing;
-            `compiled` is of another robot or other effects; the method does not support this robot; or the
-            motion does not determine a load on which friction depends.
+            `compiled` is of another robot or other effects; the method does not support this robot; no
+            joint can stick where stiction is asked for; or the motion does not determine a load on which
+            friction depends.
 
     Example:
         >>> robot = hybridyn.load("five_bar")
@@ -116,15 +118,20 @@ def simulate(
     solver = solver_of(options)
     one_of("initial_velocity", initial_velocity, "refuse", "project")
     times, wanted = _sampled(robot, solver, times, output_times)
-    law = MotionLaw(robot, effort, wrenches, effects, compiled)
+    law = MotionLaw(robot, effort, wrenches, effects, compiled, stiction=solver.stiction)
+    if solver.stiction and times[-1] < times[0]:
+        raise TrajectoryError("stiction: time must rise, since what joints at rest did before is not known")
     system = System(Manifold(robot), law)
     origin = Origin(robot.name, solver.method, digest(robot), scene)
     earlier = _earlier(resume, origin, times)
     state = earlier.state if earlier else _start(system, q0, v0, float(times[0]), initial_velocity)
+    sticking = None if law.sticking is None else Sticking(system)
+    if sticking is not None and earlier is None:
+        state = sticking.begin(state)
     stepper = Stepper(system, build_method(solver.method, system), solver, float(times[-1]), state)
     if earlier is not None:
         stepper.resume(earlier.next_step, earlier.on_grid, earlier.start)
-    run = Run(system, stepper, origin, tuple(events), wanted, state, earlier)
+    run = Run(system, stepper, origin, tuple(events), wanted, state, earlier, sticking)
     return run.to(float(times[-1]), progress, checkpoint)
 
 

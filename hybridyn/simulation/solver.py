@@ -39,12 +39,15 @@ class Solver:
         rtol: Tolerance of one step's error (adaptive methods): of rates relative to the largest scaled rate,
             of positions per radian or module length.
         atol: Absolute tolerance, added to it, in radians and module lengths, and those per second.
+        stiction: Whether joints with dry friction stick: they hold still until the load exceeds what they
+            hold, and slide with friction whose sign is not smoothed.
     """
 
     method: str = "dopri5"
     step: float | None = None
     rtol: float = 1e-8
     atol: float = 1e-10
+    stiction: bool = False
 
     def __post_init__(self) -> None:
         """Check the options.
@@ -60,6 +63,8 @@ class Solver:
                 raise TrajectoryError(f"{name} must be positive, not {x}")
         if self.method in ("rk4", "conserving") and self.step is None:
             raise TrajectoryError(f"method '{self.method}' takes fixed steps: give step [s]")
+        if self.stiction and self.method == "conserving":
+            raise TrajectoryError("method 'conserving' has no stiction: choose 'dopri5', 'rk4' or 'implicit'")
 
     @property
     def fixed(self) -> float | None:
@@ -79,6 +84,7 @@ class SolverOptions(TypedDict, total=False):
     step: float | None
     rtol: float
     atol: float
+    stiction: bool
 
 
 def solver_of(options: SolverOptions) -> Solver:

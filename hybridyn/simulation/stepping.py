@@ -82,6 +82,11 @@ class Stepper:
         self._reached: State | None = None
         self._refused: tuple[State, float] | None = None  # a step that the compiled path has just refused
 
+    @property
+    def fixed(self) -> bool:
+        """Whether steps have a fixed length."""
+        return self._solver.fixed is not None
+
     def resume(self, next_step: float, on_grid: int, start: float) -> None:
         """Continue with the next step and the grid of an earlier run."""
         self.next_step = next_step

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -31,12 +31,14 @@ class State:
         q: Positions, shape (nq,), assembled.
         v: Rates, shape (nv,).
         a: Accelerations, shape (nv,).
+        signs: Directions of joints with stiction, 0 of those that stick, shape (k,); empty without it.
     """
 
     t: float
     q: Array
     v: Array
     a: Array
+    signs: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
