@@ -152,7 +152,7 @@ def test_samples_by_the_general_path_are_counted_in_every_process(
         table = open_loops.table(tmp_path / "states.csv", "position", "velocity", efforts=tau)
     assert 4 <= compiled.recomputed < len(q) / 4
     monkeypatch.setattr(blocks, "MOST_ROWS", 25)
-    tables = [tmp_path / f"{jobs}.csv" for jobs in ("12" if command == "idm" else "1")]
+    tables = [tmp_path / f"{jobs}.csv" for jobs in ("12" if command == "ddm" else "1")]
     for output in tables:
         jobs = output.stem
         said = run(command, "five_bar", table, "--engine", "compiled", "-j", jobs, "-o", output).err

@@ -15,7 +15,7 @@ from tests.support.extras import needs
 from tests.support.files import save
 from tests.support.waiting import PATIENCE
 
-SCENE = f"""duration = 0.12
+SCENE = f"""duration = 0.06
 [robot]
 file = "{ROOT}/urdf/five_bar.urdf.xacro"
 [initial]
@@ -24,7 +24,7 @@ joints = {{ m1_left_drive = 0.3 }}
 kind = "efforts"
 efforts = {{ m1_left_drive = 0.5 }}
 [output]
-rate = 100.0
+rate = 200.0
 """
 EFFORTS = (
     1e-6  # efforts of the run against those of the inverse model, of the largest: closed loops, twice solved
@@ -36,6 +36,10 @@ def scene(tmp_path: Path) -> Path:
     return save(tmp_path, SCENE, "scene.toml")
 
 
+#: No engine is weighed, which takes a short run by itself.
+GENERAL = "--engine", "general"
+
+
 def table(path: Path) -> dict[str, np.ndarray]:
     return read_table(path.read_text())
 
@@ -44,7 +48,7 @@ def test_a_run_and_the_same_run_again(run, scene: Path, tmp_path: Path) -> None:
     first, second = tmp_path / "a.csv", tmp_path / "b.csv"
     said = run("simulate", scene, "-o", first)
     assert said.out == ""
-    assert run("simulate", scene, "-o", second, "-q") == (0, "", "")
+    assert run("simulate", scene, "-o", second, "-q", *GENERAL) == (0, "", "")
     assert first.read_bytes() == second.read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "b.csv", "scene.toml"]
     columns = table(first)
@@ -55,10 +59,10 @@ def test_a_run_and_the_same_run_again(run, scene: Path, tmp_path: Path) -> None:
     ]
     expected += ["m1_left_drive/effort", "m1_right_drive/effort"]
     assert list(columns) == [*expected, "energy/kinetic", "energy/potential", "energy/total", "residual"]
-    assert columns["time"] == pytest.approx(np.arange(13) / 100)
+    assert columns["time"] == pytest.approx(np.arange(13) / 200)
     assert columns["energy/total"] == pytest.approx(columns["energy/kinetic"] + columns["energy/potential"])
     for word in (
-        "five_bar, base fixed: 0.12 s by dopri5",
+        "five_bar, base fixed: 0.06 s by dopri5",
         "peak kinetic",
         "worst closure residual",
         "steps",
@@ -74,7 +78,7 @@ def test_a_run_is_read_back_as_a_trajectory(run, scene: Path, tmp_path: Path, en
     target = tmp_path / f"run.{ending}"
     if ending == "parquet":
         needs("io")
-    run("simulate", scene, "-o", target, "-q")
+    run("simulate", scene, "-o", target, "-q", *GENERAL)
     said = run("idm", ROOT / "urdf/five_bar.urdf.xacro", target)
     assert "spline" not in said.err
     efforts = read_table(said.out)
@@ -86,11 +90,11 @@ def test_a_run_is_read_back_as_a_trajectory(run, scene: Path, tmp_path: Path, en
 
 def test_stopped_and_resumed_is_never_stopped(run, scene: Path, tmp_path: Path) -> None:
     whole, target = tmp_path / "whole.csv", tmp_path / "run.csv"
-    run("simulate", scene, "-o", whole, "-q")
-    said = run("simulate", scene, "-o", target, "--until", 0.04)
+    run("simulate", scene, "-o", whole, "-q", *GENERAL)
+    said = run("simulate", scene, "-o", target, "--until", 0.02, *GENERAL)
     assert f"go on with: hybridyn simulate {scene} --resume -o {target}" in said.err
-    assert 0.04 <= table(target)["time"][-1] + 0.01 < 0.12
-    said = run("simulate", scene, "--resume", "-o", target, "-q")
+    assert 0.02 <= table(target)["time"][-1] + 0.005 < 0.06
+    said = run("simulate", scene, "--resume", "-o", target, "-q", *GENERAL)
     assert (said.status, said.err) == (0, "")
     assert target.read_bytes() == whole.read_bytes()
     assert not (tmp_path / "run.csv.state").exists()
@@ -108,7 +112,7 @@ from pathlib import Path
 def controller(robot):
     def law(t, q, v):
         mark = Path(__file__).with_name("stop")
-        if t > 0.04 and mark.exists():
+        if t > 0.02 and mark.exists():
             mark.unlink()
             os.kill(os.getpid(), signal.SIGINT)
         return [0.5, 0.0]
@@ -123,20 +127,20 @@ def test_ctrl_c_keeps_what_was_computed(run, scene: Path, tmp_path: Path) -> Non
         SCENE.replace('kind = "efforts"', 'kind = "python"\nfile = "law.py"').replace("efforts = {", "#")
     )
     target, whole = tmp_path / "run.csv", tmp_path / "whole.csv"
-    run("simulate", scene, "-o", whole, "--allow-python")
+    run("simulate", scene, "-o", whole, "--allow-python", *GENERAL)
     (tmp_path / "stop").touch()
-    status, err = told(program("simulate", scene, "-o", target, "--allow-python"))
+    status, err = told(program("simulate", scene, "-o", target, "--allow-python", *GENERAL))
     assert status == 130, err
     assert "stopped at t = 0.0" in err
     assert "Traceback" not in err
     assert 0 < len(table(target)["time"]) < 13
-    run("simulate", scene, "--resume", "-o", target, "--allow-python")
+    run("simulate", scene, "--resume", "-o", target, "--allow-python", *GENERAL)
     assert target.read_bytes() == whole.read_bytes()
 
 
 def test_what_cannot_be_resumed(run, scene: Path, tmp_path: Path) -> None:
     target = tmp_path / "run.csv"
-    run("simulate", scene, "-o", target, "--until", 0.04, "-q")
+    run("simulate", scene, "-o", target, "--until", 0.02, "-q", *GENERAL)
     other = save(
         tmp_path,
         SCENE.replace("efforts = { m1_left_drive = 0.5 }", "efforts = { m1_left_drive = 0.6 }"),
@@ -154,7 +158,7 @@ def test_what_cannot_be_resumed(run, scene: Path, tmp_path: Path) -> None:
     )
     run("simulate", scene, "-o", target, status=2, says="--resume continues it, --overwrite begins anew")
     assert target.read_bytes() == begun
-    run("simulate", scene, "-o", target, "--until", 0.04, "-q", "--overwrite")
+    run("simulate", scene, "-o", target, "--until", 0.02, "-q", "--overwrite", *GENERAL)
     assert target.read_bytes() == begun
     (tmp_path / "run.csv.state").unlink()
     run("simulate", scene, "--resume", "-o", target, status=1, says="no '.state' file")
@@ -175,7 +179,7 @@ def test_a_run_that_an_error_ended_is_not_one_to_continue(
         """Play the scene, which an error ends."""
         return replace(played(*given, **options), status=status, message="at t = 0.02 s")
 
-    words = ("simulate", scene, "--until", 0.02, "-q", "-o", target)
+    words = ("simulate", scene, "--until", 0.01, "-q", "-o", target, *GENERAL)
     with monkeypatch.context() as patch:
         patch.setattr(simulate, "play", failing)
         run(*words, status=1, says=f"{status} at t = 0.02 s")
@@ -187,7 +191,7 @@ def test_a_run_that_an_error_ended_is_not_one_to_continue(
 
 def test_columns_and_file_of_the_scene(run, tmp_path: Path) -> None:
     path = save(tmp_path, SCENE + 'columns = ["*/effort", "energy/total"]\nfile = "mine.csv"\n', "scene.toml")
-    assert run("simulate", path, "-q", "--until", 0.05)[0] == 0
+    assert run("simulate", path, "-q", "--until", 0.02, *GENERAL)[0] == 0
     assert list(table(tmp_path / "mine.csv")) == [
         "time",
         "m1_left_drive/effort",
@@ -200,7 +204,7 @@ def test_columns_and_file_of_the_scene(run, tmp_path: Path) -> None:
 
 
 def test_standard_output_and_mistakes(run, scene: Path) -> None:
-    said = run("simulate", scene, "--until", 0.02)
+    said = run("simulate", scene, "--until", 0.02, *GENERAL)
     assert said.out.startswith("time,m1_left_drive/position,")
     assert "give a result file" in said.err
     scene.write_text(SCENE.replace("efforts = {", "effort = {"))
@@ -216,11 +220,8 @@ def test_standard_output_and_mistakes(run, scene: Path) -> None:
 
 def test_a_run_that_an_event_ends_is_whole(run, scene: Path, tmp_path: Path) -> None:
     """It swings towards a singularity of its loop."""
-    scene.write_text(
-        SCENE.replace("duration = 0.12", "duration = 3.0")
-        + '[[events]]\nsingularity = "closures"\nat = 0.2\n'
-    )
+    scene.write_text(SCENE + '[[events]]\nsingularity = "closures"\nat = 0.4\n')
     target = tmp_path / "run.csv"
-    said = run("simulate", scene, "-o", target)
+    said = run("simulate", scene, "-o", target, *GENERAL)
     assert "event: singularity of the closures at " in said.err
-    assert table(target)["time"][-1] < 3.0
+    assert 0.0 < table(target)["time"][-1] < 0.06

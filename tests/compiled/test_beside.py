@@ -38,8 +38,9 @@ TOY = toy(4, 2)
 #: A program that ends while its optimised library is built.
 PROGRAM = f"""
 import os, signal, sys
-from {__name__} import Model
-model = Model()
+from functools import partial
+from {__name__} import Model, numbered
+model = Model(None, "a toy", partial(numbered, 1))
 if "kill" in sys.argv:
     os.kill(os.getpid(), signal.SIGKILL)
 """

@@ -172,16 +172,21 @@ def test_many_steps_are_those_of_the_general_path(name: str, link: str, names: s
     walk(stepper(robot, tmp_path, *task.columns), task, MANY, judged=25)
 
 
-def test_the_header_lists_what_is_given_and_the_exported_test_runs(tmp_path: Path) -> None:
-    """A lone angle, where an axis points, a distance from a point, and a joint."""
-    robot = arm(tmp_path, "zyyzy")
-    given = ["j4/position", "l1/pose/yaw", "l3/pose/distance", "l3/pose/cx", "l3/pose/cy", "l3/pose/cz"]
-    export(robot, tmp_path / "made", name="m", given=[*given, "l3/pose/xx", "l3/pose/xy", "l3/pose/xz"])
+@pytest.mark.parametrize(
+    ("axes", "lone", "link"), [("zyy", [], "l2"), slow("zyyzy", ["j4/position", "l1/pose/yaw"], "l3")]
+)
+def test_the_header_lists_what_is_given_and_the_exported_test_runs(
+    axes: str, lone: list[str], link: str, tmp_path: Path
+) -> None:
+    """Where an axis points, and a distance from a point; of a longer arm a lone angle and a joint, too."""
+    robot = arm(tmp_path, axes)
+    given = [*lone, *(f"{link}/pose/{x}" for x in ("distance", "cx", "cy", "cz", "xx", "xy", "xz"))]
+    export(robot, tmp_path / "made", name="m", given=given)
     text = (tmp_path / "made" / "m.h").read_text()
-    places = ["j4/position", "l1@root/pose/yaw", *(f"l3@root/pose/x{x}" for x in "xyz")]
-    places.append("l3@root/pose/distance")
+    places = [x.replace("/pose", "@root/pose") for x in lone]
+    places += [f"{link}@root/pose/{x}" for x in ("xx", "xy", "xz", "distance")]
     assert "   given\n" + "".join(f"     {i}  {x}\n" for i, x in enumerate(places)) in text
-    assert text.count("l3@root/velocity/cz") == 1
+    assert text.count(f"{link}@root/velocity/cz") == 1
     assert run_test(tmp_path / "made", "m", "-O0").count("idm_from_given") == 5
 
 
