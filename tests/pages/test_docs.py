@@ -43,7 +43,7 @@ LONG = {
     "quantities.md", "optimisation.md", "batches.md",
 }  # fmt: skip
 #: Extras that the Python of a page needs.
-EXTRAS = {"optimisation.md": "search", "batches.md": "gpu"}
+EXTRAS = {"optimisation.md": "search", "batches.md": "gpu", "losses.md": "plot"}
 RUN = [page for page in PAGES[1:] if page.name not in TOLD_IN_ORDER and blocks(page, "python")]
 
 
@@ -214,9 +214,11 @@ def test_a_page_has_its_three_tables(page: str) -> None:
     assert any(head.startswith("lost") for head in heads)
 
 
-@pytest.mark.parametrize("name", ["view.jpg", "lx4.png", "efforts.svg", "structure.svg", "cost.png"])
+@pytest.mark.parametrize(
+    "name", ["view.jpg", "lx4.png", "efforts.svg", "structure.svg", "cost.png", "losses.svg"]
+)
 def test_pictures_of_pages_are_small(name: str) -> None:
-    page = "cost.md" if name == "cost.png" else "view-and-plot.md"
+    page = {"cost.png": "cost.md", "losses.svg": "losses.md"}.get(name, "view-and-plot.md")
     assert f"(pictures/{name})" in (DOCS / page).read_text()
     assert (DOCS / "pictures" / name).stat().st_size < 150_000
 

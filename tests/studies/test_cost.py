@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.effects import choose
+from hybridyn.effects import LoadFriction, choose
 from hybridyn.effects.catalogue import FROM_FILES
 from hybridyn.scenes.stage import SceneStage, stage
 from hybridyn.studies.cost import measured as measuring
@@ -492,7 +492,7 @@ def test_effects_that_act_on_nothing_have_no_line(tmp_path: Path) -> None:
             """Return a change that no effect causes by itself."""
             return float(np.abs(solve(*at[:3])).max() < 0.0), 0.0
 
-        run = SimpleNamespace(quantity="idm", robot=robot, effects=on, errors=off, study=study)
+        run = SimpleNamespace(motions=[()], quantity="idm", robot=robot, effects=on, errors=off, study=study)
         found = {one.effect for one in spared.by_effects(run, -1.0) if isinstance(one, Worth)}
         assert found & {*FROM_FILES} == names
         scene = SimpleNamespace(robot=robot, effects=on)
@@ -634,3 +634,20 @@ def test_a_table_with_wrenches_is_refused(tmp_path: Path, capsys: pytest.Capture
         status=1,
         says="held.csv: has wrenches ('m1_tool'), which 'cost' does not measure",
     )
+
+
+def test_losses_that_grow_with_load_are_ranked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their error is what they change of efforts; what they take is timed, since nothing is counted."""
+    monkeypatch.setattr(points, "LONG", 0.0)
+    robot = hybridyn.load("five_bar")
+    motors = {name: (np.linspace(0, 0.2, 6), np.full(6, 1.0), np.zeros(6)) for name in robot.motors}
+    state = hybridyn.assemble(robot, motors=motors)
+    friction = LoadFriction(radial={"m1_left_drive": 0.01, "m1_right_elbow": 0.02})
+    on = choose(robot, ["default", friction])
+    run = Measured(CostStudy("", "per sample"), robot, Trajectory(*state, None), on, "idm")
+    worth = {one.effect: one for one in spared.by_effects(run, EXACT) if isinstance(one, Worth)}
+    exact, bare = (hybridyn.idm(robot, *state, effects=effects) for effects in (on, "default"))
+    change = (np.abs(exact - bare).max(axis=0) / np.abs(exact).max(axis=0)).max()
+    assert abs(worth["load_friction"].error - change) < EXACT
+    assert worth["load_friction"].error > 1e-3
+    assert {"gravity", "load_friction"} - {*worth} == {"gravity"}

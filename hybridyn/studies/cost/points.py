@@ -88,7 +88,7 @@ class Worth(NamedTuple):
     Attributes:
         effect: Its name.
         error: Error without it; for an effect that is not computed, the change that it causes.
-        share: The part of the model's operations that it takes.
+        share: The part of the model's operations that it takes, or of its time, as `share_left_out` says.
         computed: Whether the motion's model or the scene computes it.
     """
 

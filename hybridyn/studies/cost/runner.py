@@ -48,6 +48,7 @@ class Runner:
         duration: Time to simulate [s].
         start: Positions and rates at the start.
         compiled: Whether there are compiled models.
+        sticks: Whether joints of the scene stick.
         came: How far the last run came [s].
         reference, exact, own_error: Setting and run of the reference, and its error.
         near: The looser settings that led to the reference, with their runs, until they are measured.
@@ -55,6 +56,7 @@ class Runner:
 
     def __init__(self, ready: SceneStage, duration: float) -> None:
         self.ready, self.duration, self.start, self.compiled = ready, duration, (ready.q0, ready.v0), True
+        self.sticks = ready.source.scene.solver.stiction
         self.near = dict[str, tuple[Setting, Run]]()
 
     def run(
@@ -106,7 +108,9 @@ class Runner:
             HybridynError: The run fails, or takes too long.
         """
         with untold("hybridyn.compiled"):  # of models that nobody asked for
-            found, _ = self.run(setting_of("dopri5", OF_EFFECTS, self.compiled), limit, effects=effects)
+            found, _ = self.run(
+                setting_of("dopri5", OF_EFFECTS, self.compiled, self.sticks), limit, effects=effects
+            )
         if found.status == "interrupted":
             raise HybridynError(
                 f"a run came to {self.came:.2g} s of {self.duration:.2g} s in {limit:.2g} s of computing: "
@@ -135,9 +139,13 @@ class Runner:
             found: list[tuple[Setting, Run]] = []
             try:
                 self.duration = BEGINNING * whole
-                self.run(setting_of(method, FIRST, self.compiled), np.inf)  # builds and loads what it needs
+                self.run(
+                    setting_of(method, FIRST, self.compiled, self.sticks), np.inf
+                )  # builds and loads what it needs
                 self.duration = whole
-                first, _ = self.run(setting_of(method, FIRST, self.compiled), limit / SHORTER, watch=True)
+                first, _ = self.run(
+                    setting_of(method, FIRST, self.compiled, self.sticks), limit / SHORTER, watch=True
+                )
                 self.duration = float(first.state.t) / (1.0 if first.status != "interrupted" else SHORTER)
                 for one in self._tighter(method, limit):
                     found.append(one)
@@ -157,7 +165,7 @@ class Runner:
     def _tighter(self, method: str, limit: float) -> Iterator[tuple[Setting, Run]]:
         """Yield the runs of tighter and tighter tolerances that end in time, two if any takes long."""
         for number, rtol in enumerate(LADDER):
-            setting = setting_of(method, rtol, self.compiled)
+            setting = setting_of(method, rtol, self.compiled, self.sticks)
             run, seconds = self.run(setting, limit)
             if run.status == "interrupted":
                 return

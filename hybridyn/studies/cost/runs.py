@@ -41,9 +41,11 @@ ONE_FAMILY, REFERENCE, ONE_EFFECT = 1 / 16, 1 / 10, 1 / 20
 
 def states_of(ready: SceneStage, duration: float, effects: Effects) -> Trajectory:
     """Return the states of a scene, and the accelerations there under its efforts with some effects."""
+    on, sticks = ready.effects, ready.source.scene.solver.stiction
     run = simulate(
-        ready.robot, ready.q0, ready.v0, (0.0, duration), effort=ready.effort, effects=ready.effects,
-        compiled=compile(ready.robot, ready.effects, wait=True), events=ready.events, rtol=OF_EFFECTS,
+        ready.robot, ready.q0, ready.v0, (0.0, duration), effort=ready.effort, effects=on,
+        compiled=None if on.losses or sticks else compile(ready.robot, on, wait=True), events=ready.events,
+        rtol=OF_EFFECTS, stiction=sticks,
     )  # fmt: skip
     return Trajectory(run.q, run.v, ddm(ready.robot, run.q, run.v, run.tau, effects=effects), run.t)
 
@@ -72,8 +74,10 @@ def study_runs(
     study.subject = "the last posture"
     runner, limit = Runner(ready, duration), seconds * ONE_FAMILY
     try:
+        if runner.sticks:
+            raise HybridynError("joints that stick are simulated on the general path")
         compile(ready.robot, ready.effects, wait=True)
-    except HybridynError as error:  # effects of time and of contact cannot be compiled
+    except HybridynError as error:  # nor can effects of time, of contact, and losses that grow with load
         runner.compiled = False
         study.remarks.append(f"no compiled models: {error}")
     first = runner.find_reference(seconds * REFERENCE)
@@ -123,8 +127,11 @@ def _families(runner: Runner, first: SimulationResult) -> list[list[Setting]]:
     step = (options["method"] != "dopri5" and options.get("step")) or float(f"{mean:.1g}")
     paces = [float(f"{factor * step:g}") for factor in FACTORS]
     quick, *others = (
-        [setting_of(method, pace, runner.compiled) for pace in (paces if method in FIXED else TOLERANCES)]
-        for method in ("dopri5", "rk4", "conserving", "implicit")
+        [
+            setting_of(method, pace, runner.compiled, runner.sticks)
+            for pace in (paces if method in FIXED else TOLERANCES)
+        ]
+        for method in ("dopri5", "rk4", *["conserving"] * (not runner.sticks), "implicit")
     )
     near, general = [one for one, _ in runner.near.values()], Setting(options, "general path", compiled=False)
     return [near, quick, [usual], [general], *others]

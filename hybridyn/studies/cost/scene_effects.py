@@ -13,17 +13,20 @@ from ...effects.choice import Effects, choose, stated_names
 from ...errors import HybridynError
 from ...scenes.scene_file import SceneFile
 from ...scenes.stage import SceneStage
+from ...spatial import Array
 from .points import SECOND, SLOWER, CostStudy, Worth
 from .runner import Runner, errors
 from .spared import spared, worded
-from .ways import requested
+from .ways import requested, share_left_out
 
 #: Effects that a scene requests only by tables of their own.
 TABLES = ("payload", "wrench", "base_motion")
+#: Samples by which the general path is timed.
+TIMED = 8
 #: Effects that can be left out without changing the task of a scene.
 DROPPABLE = (
     "leg_inertia", "velocity", "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
-    "directed_friction",
+    "directed_friction", "load_friction", "gear_efficiency",
 )  # fmt: skip
 
 
@@ -46,16 +49,22 @@ def worth_at_end(runner: Runner, every: Effects, limit: float) -> Iterator[Worth
         HybridynError: The scene takes longer.
     """
     robot, on = runner.ready.robot, runner.ready.effects
-    exact, whole = runner.whole(limit, on), operations(robot, on, "ddm")
+    exact = runner.whole(limit, on)
     for name in (name for name in DROPPABLE if name in every.names):
         computed = name in on.names
         other = on.without(name) if computed else every.only([*on.names, name])
-        share = operations(robot, other, "ddm") / whole - 1.0
+        spares = share_left_out(robot, on, other, "ddm", _start(runner))
         try:
             change = errors(robot, runner.whole(2.0 * limit, other), exact)["error"]
         except HybridynError:  # a motion without mass
             change = np.inf
-        yield Worth(name, change, -share if computed else share, computed)
+        yield Worth(name, change, spares if computed else -spares, computed)
+
+
+def _start(runner: Runner) -> tuple[Array, Array, Array]:
+    """Return the start of a run, and no efforts, as many samples of `ddm`."""
+    q, v = (np.tile(x, (TIMED, 1)) for x in runner.start)
+    return q, v, np.zeros((TIMED, len(runner.ready.robot.motors)))
 
 
 def checked_together(
@@ -107,9 +116,10 @@ def every_effect(ready: SceneStage) -> Effects:
         joints=(*on.joints, *more.joints), rotors=(*on.rotors, *more.rotors),
     )  # fmt: skip
     every = replace(every, names=every.named({*on.names, *more.names}))
-    whole = operations(robot, every, "ddm")
-    some = [name for name in DROPPABLE if name in every.names]
-    return every.without(*(name for name in some if operations(robot, every.without(name), "ddm") == whole))
+    counted = every.without(*every.losses)
+    whole = operations(robot, counted, "ddm")
+    some = [name for name in DROPPABLE if name in counted.names]
+    return every.without(*(name for name in some if operations(robot, counted.without(name), "ddm") == whole))
 
 
 def needed_effects(study: CostStudy, ready: SceneStage, every: Effects, target: float) -> list[str]:

@@ -37,12 +37,14 @@ class Setting(NamedTuple):
     def fragment(self) -> str:
         """The table [solver] that replaces the scene's own, and the option of the command."""
         engine = "compiled" if self.compiled else "general"
-        numbers = [f"{name} = {x:g}" for name, x in self.options.items() if name != "method"]
+        said = {name: x for name, x in self.options.items() if name not in ("method", "stiction")}
+        numbers = [f"{name} = {x:g}" for name, x in said.items()]
+        numbers += ["stiction = true"] * bool(self.options.get("stiction"))
         lines = ["[solver]", f'method = "{self.options["method"]}"', *numbers]
         return "\n".join([*lines, f"# hybridyn simulate --engine {engine}"])
 
 
-def setting_of(method: str, pace: float, compiled: bool) -> Setting:
+def setting_of(method: str, pace: float, compiled: bool, stiction: bool) -> Setting:
     """Return the setting of a method at a step [s] or at a relative tolerance."""
     paces = {"step": pace} if method in FIXED else {"rtol": pace, "atol": pace * 1e-2}
-    return Setting({"method": method} | paces, method, compiled=compiled)
+    return Setting({"method": method, "stiction": stiction} | paces, method, compiled=compiled)

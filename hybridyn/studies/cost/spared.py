@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-from ...compiled import operations
 from ...description.names import listed
 from ...errors import HybridynError
 from ..compare.methods import Method
 from .measured import Measured
 from .points import CostPoint, Worth
-from .ways import IN_C, Way, model_fragment, set_up, solver
+from .ways import GENERAL, IN_C, Way, model_fragment, set_up, share_left_out, solver
 
 #: Effects that are never omitted: those of platforms and serial links.
 KEPT = ("gravity", "inertia", "massless_legs")
@@ -39,11 +38,10 @@ def worded(names: Sequence[str]) -> str:
 def by_effects(run: Measured, target: float) -> Iterator[Worth | CostPoint]:
     """Measure what each effect is worth; then build and run the set that suffices for an error.
 
-    Errors without an effect are those of the general path; its time follows from the operations of the
-    compiled model.
+    Errors without an effect are those of the general path; `share_left_out` says what it takes.
     """
     quantity, robot, on = run.quantity, run.robot, run.effects
-    every, worth = operations(robot, on, quantity), list[Worth]()
+    worth = list[Worth]()
 
     def error(gone: Sequence[str]) -> float:
         """Return the error without some effects, infinite for a motion without mass."""
@@ -53,14 +51,15 @@ def by_effects(run: Measured, target: float) -> Iterator[Worth | CostPoint]:
             return float("inf")
 
     for name in (name for name in on.names if name not in KEPT):
-        share = 1.0 - operations(robot, on.without(name), quantity) / every
+        share = share_left_out(robot, on, on.without(name), quantity, run.motions[0])
         change = error([name])
         if change or share:  # else it acts on nothing, as rotors of a robot without
             worth.append(Worth(name, change, share, computed=True))
             yield worth[-1]
     if gone := spared(worth, target, error):
         left = on.without(*gone)
-        method = Method(IN_C, quantity, partial(set_up, quantity, left, "float64"), batches=True)
-        what = f"drop {worded(gone)} and compute in C"
-        lines = model_fragment(left.names, "compiled", quantity)
+        name, engine, dtype = (GENERAL, "general", "") if left.losses else (IN_C, "compiled", "float64")
+        method = Method(name, quantity, partial(set_up, quantity, left, dtype), batches=True)
+        what = f"drop {worded(gone)}" + " and compute in C" * (not left.losses)
+        lines = model_fragment(left.names, engine, quantity)
         yield from run.by_way(Way(method, "command", what, lines, f"without {worded(gone)}"))

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...assembly.assemble import assemble
-from ...compiled import CompiledRobot, Derivatives, compile
+from ...compiled import CompiledRobot, Derivatives, compile, operations
 from ...dynamics.direct import ddm
 from ...dynamics.inverse import idm
 from ...effects.choice import Effects
@@ -17,7 +17,7 @@ from ...scenes.references import MotorAxes
 from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..compare.methods import Method, Setting, State, grid
-from .points import Use
+from .points import Use, timed
 
 GENERAL, IN_C, SINGLE, DIFFERENCES = "general path", "compiled", "compiled, float32", "central differences"
 #: The setting that leaves no effect out.
@@ -111,6 +111,25 @@ def solver(quantity: str, robot: HybridRobot, effects: Effects, model: CompiledR
     if model:
         return getattr(model, quantity)
     return partial(idm if quantity == "idm" else ddm, robot, effects=effects)
+
+
+def share_left_out(
+    robot: HybridRobot, every: Effects, left: Effects, quantity: str, state: tuple[Array, ...]
+) -> float:
+    """Compute the part of a model's work that some effects spare.
+
+    It follows from the operations of the compiled models; from times of the general path where losses grow
+    with load, which no compiled model has.
+
+    Args:
+        every: The effects that are computed.
+        left: Those that are left.
+        state: Many samples, as the quantity takes them.
+    """
+    if every.losses or left.losses:
+        whole, rest = timed(*(partial(solver(quantity, robot, on), *state) for on in (every, left)))
+        return 1.0 - rest / whole
+    return 1.0 - operations(robot, left, quantity) / operations(robot, every, quantity)
 
 
 def set_up(quantity: str, effects: Effects, dtype: str, robot: HybridRobot, threads: int = 1) -> Any:
