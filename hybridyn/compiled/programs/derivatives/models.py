@@ -41,6 +41,7 @@ from .columns import (
     coordinates_of_freedoms,
 )
 from .connected import JOINED, ConnectedModules, groups_of
+from .matrix_names import MORE, MOTIONS, WRENCH, MatrixName
 from .motor_motion import MotorMotion, motion_nodes, spins_in_v
 from .nodes import nodes_of
 from .relations import Relations
@@ -80,24 +81,26 @@ class Results:
         for y in self._relations.values():
             place = w.result(f"d_{name}", y.rows * self._widths[name] + index[:, None])
             terms = self._terms(x.group, ends, y.group) if y.motions else []
-            motions = [ends["motions"]] if y is x and y.motions else []
-            more = [ends["more"]] if y is x and "more" in ends else []
+            motions = [ends[MOTIONS]] if y is x and y.motions else []
+            more = [ends[MORE]] if y is x and MORE in ends else []
             mapped = (y.Psi, y.pattern) if y.pattern is not None and (terms or motions) else None
             add_terms(w, len(index), len(y.rows), terms, motions, place, mapped, more)
 
-    def _terms(self, source: ConnectedModules, ends: dict[str, Own], group: ConnectedModules) -> list[Term]:
+    def _terms(
+        self, source: ConnectedModules, ends: dict[MatrixName, Own], group: ConnectedModules
+    ) -> list[Term]:
         """Return the motions of a group that changes in another, or at its own base, bring about."""
         responses = self._responses
         for k, output in enumerate(source.children):
             if group in responses.to_motion[output]:
-                known, V = responses.to_motion[output][group], ends.get(f"V {k}")
+                known, V = responses.to_motion[output][group], ends.get(MatrixName("V", k))
                 twist = [(by_columns(known, 6, V.size), V)] if V else []
-                return [(by_columns(known, 0, 6), ends[f"A {k}"]), *twist]
-        if "wrench" not in ends:
+                return [(by_columns(known, 0, 6), ends[MatrixName("A", k)]), *twist]
+        if WRENCH not in ends:
             return []
         known_of = responses.own if source is group else responses.to_wrench.get(source.base, {})
         found = known_of.get(group)
-        return [(by_columns(found, 0, 6), ends["wrench"])] if found else []
+        return [(by_columns(found, 0, 6), ends[WRENCH])] if found else []
 
 
 def inverse_derivatives(request: Request, *, order: Index | None = None) -> Program:

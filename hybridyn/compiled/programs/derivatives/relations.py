@@ -28,6 +28,7 @@ from ..module_calls import ModuleCalls
 from ..writer import Writer
 from .columns import by_columns, factors, matrix, solved
 from .connected import ConnectedModules, Place
+from .matrix_names import FACTORS, FORCES, MORE, MOTIONS, OVER_U, WRENCH, MatrixName, S
 from .motor_motion import MotorMotion, motions_at, moved_by_spins
 from .sweeps import PART, Block, ProgramGraph, Reading, Sweep
 
@@ -41,8 +42,8 @@ class Relations:
     Attributes:
         motions: Number of its motions.
         unit: Number of unit columns: wrenches on its outputs, then accelerations and twists of its base.
-        of_units: What they cause, one column after the other: "motions", "wrench" on the base if the group
-            has one, and "A 0", "V 0", ... of its outputs.
+        of_units: What they cause, one column after the other: MOTIONS, WRENCH on the base if the group has
+            one, and "A" and "V" of its outputs.
         Psi: Accelerations over the motions.
     """
 
@@ -72,10 +73,10 @@ class Relations:
         outputs = [group.output(place) for place in group.children]
         self._sizes = [size for A, V, _ in outputs for size in (A.size, V.size)]
         self._rows = group.mobility + (6 if group.parent else 0)
-        names = [f"{x} {k}" for k in range(len(outputs)) for x in "AV"]
+        names = [MatrixName(x, k) for k in range(len(outputs)) for x in "AV"]
         self.rows = np.concatenate([part.motors for part in parts]) if parts else group.at.v
         self.motions = len(self.rows) if parts else group.mobility
-        self._caused = {"motions": self.motions} | ({"wrench": 6} if group.parent else {})
+        self._caused = {MOTIONS: self.motions} | ({WRENCH: 6} if group.parent else {})
         self._caused |= dict(zip(names, self._sizes, strict=True))
         at = [x for part in parts for x in part.accelerations] or a.numbers(0)
         self._ends = [x for end in group.results for x in end.numbers(0)] + at
@@ -83,7 +84,7 @@ class Relations:
         self.onto = {place: writer.each(6, self._rows) for place in group.children}
         wrenches = [self.unit_changes(W) for *_, W in outputs]
         for reading, end in zip(wrenches, self.onto.values(), strict=True):
-            self._add(reading, 6, {"forces": end})
+            self._add(reading, 6, {FORCES: end})
         self._eliminate()
         self._add_units(wrenches)
 
@@ -129,12 +130,12 @@ class Relations:
     @property
     def H(self) -> Shared:
         """The wrench on the base over the base's motion, column by column."""
-        return by_columns(self.of_units["wrench"], *self.moved)
+        return by_columns(self.of_units[WRENCH], *self.moved)
 
     def through(self, place: Place) -> tuple[Each, Each]:
         """Return the acceleration and the twist of an output that unit columns cause."""
         k = list(self.group.children).index(place)
-        return self.of_units[f"A {k}"], self.of_units[f"V {k}"]
+        return self.of_units[MatrixName("A", k)], self.of_units[MatrixName("V", k)]
 
     def reading(self, seeds: Sequence[tuple[Source, Block]], count: int) -> Reading:
         """Add the changes that columns cause at given motions, and return what reads them."""
@@ -166,11 +167,10 @@ class Relations:
             yield "a" if self.held else "tau", part.motors, efforts.reading(self._ends)
             first += n
 
-    def caused(self, reading: Reading, count: int, onwards: Sequence[Shared]) -> dict[str, Own]:
+    def caused(self, reading: Reading, count: int, onwards: Sequence[Shared]) -> dict[MatrixName, Own]:
         """Add what columns cause, one in each lane, and return it by the names of `of_units`.
 
-        Motions are those without what the wrench on the base causes. Twists that stay are left out; "more"
-        are further changes of the accelerations.
+        Motions are those without what the wrench on the base causes. Twists that stay are left out.
 
         Args:
             reading: What reads the changes that they cause at given motions.
@@ -179,10 +179,10 @@ class Relations:
         """
         changed = np.array([bool(parts) for parts in reading.pattern])
         *outputs, a = np.split(changed[self._rows :], np.cumsum(self._sizes, dtype=int))
-        stay = {f"V {k}" for k, part in enumerate(outputs[1::2]) if not part.any()}
+        stay = {MatrixName("V", k) for k, part in enumerate(outputs[1::2]) if not part.any()}
         wanted = {name: size for name, size in self._caused.items() if name not in stay}
         if not self.parts and a.any():
-            wanted["more"] = len(self.rows)
+            wanted[MORE] = len(self.rows)
         ends = {name: self.writer.own(count, size) for name, size in wanted.items()}
         self._add(reading, count, dict(ends), onwards)
         return ends
@@ -204,7 +204,7 @@ class Relations:
             if self.parts:
                 self.parts[i].close(over_u, self._graphs[0])
             over_u.through(self._graphs[1])
-            targets = dict(zip(("forces", "S", "more"), [x.part(first) for x in blocks], strict=True))
+            targets = dict(zip((FORCES, S, MORE), [x.part(first) for x in blocks], strict=True))
             self._add(over_u.reading(self._ends), count, dict(targets))
             first += count
         if n and not self.held:
@@ -212,11 +212,11 @@ class Relations:
             w.call(kernel, 1, [Shared(self._over_u.start, n * self._rows)], [self._factors])
 
     def _add(
-        self, reading: Reading, count: int, targets: dict[str, Target], onwards: Sequence[Shared] = ()
+        self, reading: Reading, count: int, targets: dict[MatrixName, Target], onwards: Sequence[Shared] = ()
     ) -> None:
-        """Add the call that computes what columns cause; "forces" and "S" are those at given motions."""
-        w, given = self.writer, self._given(reading, "forces" in targets)
-        given |= {f"onwards {k}": (end, 6, 6) for k, end in enumerate(onwards)}
+        """Add the call that computes what columns cause; FORCES and S are those at given motions."""
+        w, given = self.writer, self._given(reading, FORCES in targets)
+        given |= {MatrixName("onwards", k): (end, 6, 6) for k, end in enumerate(onwards)}
 
         def function() -> ca.Function:
             """Return one column."""
@@ -239,53 +239,54 @@ class Relations:
         kernel = w.kernel(("relations", reading.key, shapes, mode, tuple(targets)), function, PART)
         w.call(kernel, count, [*reading.blocks, *(end for end, *_ in given.values())], list(targets.values()))
 
-    def _given(self, reading: Reading, raw: bool) -> dict[str, tuple[Source, int, int]]:
+    def _given(self, reading: Reading, raw: bool) -> dict[MatrixName, tuple[Source, int, int]]:
         """Return the matrices that a call reads, with their numbers of rows and columns."""
         n, rows, last = self.group.mobility, self._rows, self._rows + sum(self._sizes)
-        given: dict[str, tuple[Source, int, int]] = {}
+        given: dict[MatrixName, tuple[Source, int, int]] = {}
         for k, (place, onto) in enumerate(self.onto.items() if any(reading.pattern[rows:last]) else ()):
-            given |= {f"H {k} {i}": (H, H.size // 6, 6) for i, H in enumerate(self._carried[place])}
-            given[f"onto {k}"] = Shared(onto.start, 6 * rows), 6, rows
+            given |= {MatrixName("H", k, i): (H, H.size // 6, 6) for i, H in enumerate(self._carried[place])}
+            given[MatrixName("onto", k)] = Shared(onto.start, 6 * rows), 6, rows
         if raw or not n:
             return given
-        ends = {"over_u": self._over_u, "S": self._S} if not self.held or any(reading.pattern[last:]) else {}
+        ends = {OVER_U: self._over_u, S: self._S} if not self.held or any(reading.pattern[last:]) else {}
         for k, part in enumerate(self.parts):
             if part.inverse and part.Psi:
                 name, end = ("inverse", part.inverse) if self.held else ("Psi", part.Psi)
-                given[f"{name} {k}"] = end, len(part.motors), len(part.motors)
+                given[MatrixName(name, k)] = end, len(part.motors), len(part.motors)
         if not self.held:
-            given["factors"] = self._factors, 1, self._factors.size
+            given[FACTORS] = self._factors, 1, self._factors.size
         return given | {name: (Shared(x.start, n * x.size), n, x.size) for name, x in ends.items()}
 
-    def _column(self, x: Expression, given: dict[str, Expression]) -> dict[str, Expression]:
+    def _column(self, x: Expression, given: dict[MatrixName, Expression]) -> dict[MatrixName, Expression]:
         """Return what one column causes, from its changes at given motions and the matrices that are read."""
         n, rows, sizes = self.group.mobility, self._rows, self._sizes
         forces, a = x[:rows], x[rows + sum(sizes) :]
         moved = np.split(x[rows:], np.cumsum(sizes))[:-1]
         for k in range(len(self.onto)):
-            wrenches = [H for name, H in given.items() if name.startswith(f"H {k} ")]
+            wrenches = [H for name, H in given.items() if name[:2] == ("H", k)]
             if wrenches:
                 wrench = dot(sum(wrenches[1:], wrenches[0]).T, np.concatenate(moved[2 * k : 2 * k + 2]))
-                forces = forces + dot(given[f"onto {k}"].T, wrench)
-        out = {"forces": forces, "S": np.concatenate([x[:0], *moved[::2]]), "more": a}
+                forces = forces + dot(given[MatrixName("onto", k)].T, wrench)
+        out = {FORCES: forces, S: np.concatenate([x[:0], *moved[::2]]), MORE: a}
         u: Any = np.zeros(n).astype(object)
-        if "factors" in given:
-            u = solved(given["factors"][0], forces[:n])
-        elif "over_u" in given:
+        if FACTORS in given:
+            u = solved(given[FACTORS][0], forces[:n])
+        elif OVER_U in given:
             u = -self._mapped(given, "inverse", a, turned=True)
-        if "over_u" in given:
-            forces = forces + dot(given["over_u"].T, u)
-            ends = np.split(dot(given["S"].T, u), np.cumsum(sizes[::2]))
+        if OVER_U in given:
+            forces = forces + dot(given[OVER_U].T, u)
+            ends = np.split(dot(given[S].T, u), np.cumsum(sizes[::2]))
             moved[::2] = [A + more for A, more in zip(moved[::2], ends, strict=False)]
         motions = u
         if self.held:
             motions = self._mapped(given, "inverse", forces)
-        elif self.parts and "factors" in given:
+        elif self.parts and FACTORS in given:
             motions = self._mapped(given, "Psi", u[self._driven()], turned=True) + a
-        out |= {"motions": motions, "wrench": forces[n:]}
+        out |= {MOTIONS: motions, WRENCH: forces[n:]}
         for k, A in enumerate(moved[::2]):
-            onwards = dot(given[f"onwards {k}"].T, forces[n:]) if "onwards 0" in given else 0.0
-            out |= {f"A {k}": A + onwards, f"V {k}": moved[2 * k + 1]}
+            own = MatrixName("onwards", k)
+            onwards = dot(given[own].T, forces[n:]) if own in given else 0.0
+            out |= {MatrixName("A", k): A + onwards, MatrixName("V", k): moved[2 * k + 1]}
         return out
 
     def _driven(self) -> list[int]:
@@ -294,14 +295,14 @@ class Relations:
         return [k for k, idle in enumerate(spins) if not idle]
 
     def _mapped(
-        self, given: dict[str, Expression], name: str, x: Expression, *, turned: bool = False
+        self, given: dict[MatrixName, Expression], name: str, x: Expression, *, turned: bool = False
     ) -> Expression:
         """Return matrices of the runs times x; where each joint has a motor, they are the identity."""
         first, out = 0, x.copy()[: self.motions]
         for k, part in enumerate(self.parts):
             own = slice(first, first + len(part.motors))
             first = own.stop
-            if f"{name} {k}" in given:
-                block = given[f"{name} {k}"]
+            if (key := MatrixName(name, k)) in given:
+                block = given[key]
                 out[own] = dot(block.T if turned else block, x[own])
         return out

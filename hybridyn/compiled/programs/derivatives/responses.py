@@ -11,6 +11,7 @@ from ..module_calls import ModuleCalls
 from ..writer import Writer
 from .columns import Term, add_terms, by_columns
 from .connected import ConnectedModules, Place
+from .matrix_names import MOTIONS, WRENCH
 from .relations import Relations
 
 
@@ -52,7 +53,7 @@ class Responses:
         """Add the responses of a group and all that it carries to the motion of its base."""
         x = self.relations[child]
         first, count = x.moved
-        self.to_motion[place][child] = x.of_units["motions"].part(first)
+        self.to_motion[place][child] = x.of_units[MOTIONS].part(first)
         for output in child.children:
             A, V = (end.part(first) for end in x.through(output))
             for group, known in self.to_motion[output].items():
@@ -62,8 +63,8 @@ class Responses:
     def _to_wrench(self, group: ConnectedModules, place: Place) -> None:
         """Add the responses of all groups to a wrench on an output."""
         x, at = self.relations[group], self.relations[group].wrench_at(place)
-        out = {group: x.of_units["motions"].part(at)}
-        passed = x.of_units["wrench"].part(at) if group.parent else None
+        out = {group: x.of_units[MOTIONS].part(at)}
+        passed = x.of_units[WRENCH].part(at) if group.parent else None
         if passed is not None:
             for other, known in self.to_wrench[group.base].items():
                 if other not in group.subtree():
@@ -90,7 +91,7 @@ class Responses:
         if below is None:
             return
         first = x.moved[0]
-        K = by_columns(x.of_units["motions"], first, 6)
+        K = by_columns(x.of_units[MOTIONS], first, 6)
         self.own[group] = self._product(6, [(K, below)], [], x.motions)
         for place in group.children:
             over_A = by_columns(x.through(place)[0], first, 6)
