@@ -1,6 +1,7 @@
 """New code that differs from the general path is refused, whatever it computes."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,9 @@ from hybridyn.effects.choice import choose
 from hybridyn.identification.compiled_rows import CompiledRows
 from hybridyn.identification.parameters import standard_parameters
 from hybridyn.spatial import Array
+from hybridyn.structure.building import build_robot
 from tests.robots.locked import with_truss
+from tests.robots.robot_texts import door, read_text
 from tests.support.comparing import refused
 from tests.support.samples import some
 
@@ -107,6 +110,6 @@ def test_a_robot_in_which_nothing_moves_is_verified() -> None:
     verify(Interpreted([*programs(robot, None).values()]), robot, choose(robot, None))
 
 
-def test_derivatives_of_a_robot_without_motors_are_compared(empty_cache: Path) -> None:
-    robot = hybridyn.load("five_bar", motors=[])
+def test_derivatives_of_a_robot_without_motors_are_compared(tmp_path: Path, empty_cache: Path) -> None:
+    robot = build_robot(replace(read_text(tmp_path, door(2)), motors=()))
     assert Derivatives(robot, "ddm").library

@@ -132,7 +132,11 @@ def test_the_exported_test_can_fail(bar: Path) -> None:
     refused(lambda: run_test(bar, "bar", "-O0"), AssertionError, "largest difference")
 
 
-def test_the_exported_test_fails_where_nothing_is_compared(bar: Path) -> None:
+def test_the_exported_test_fails_where_nothing_is_compared(
+    leaf: hybridyn.HybridRobot, tmp_path: Path
+) -> None:
+    bar = tmp_path / "bar"
+    export(leaf, bar, name="bar")
     file = bar / "bar.c"
     text = file.read_text()
     assert text.count("return guard;") == 11  # of five functions, of the program "turning", and of the walk

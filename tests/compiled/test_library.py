@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -14,29 +15,53 @@ from hybridyn.compiled.code import drivers
 from hybridyn.compiled.code.rules import check
 from hybridyn.compiled.library.calls import BLOCK, Library, load
 from hybridyn.compiled.library.direct_calls import REFUSED
-from hybridyn.compiled.program import Add, GivenPlace, Own, ResultPlace, Shared
+from hybridyn.compiled.program import Add, GivenPlace, Own, Program, ResultPlace, Shared
 from hybridyn.compiled.programs.whole_robot import function_of
 from tests import ROOT
 from tests.compiled.toys import inputs, single, toy
 from tests.support.comparing import refused, same_bits
+from tests.support.samples import some
 
 ROUNDING = 1e-12  # some hundred operations on numbers around one, some of them quotients
 
 PROGRAMS = [toy(seed, copies) for seed, copies in enumerate([1, 2, 3, 5, 6, 8, 9, 16, 17, 6, 6, 24])]
 NAMES = [program.name for program in PROGRAMS]
+#: One copy, fewer than lanes, and two rounds of lanes and one more.
+FEW = ("toy0_1", "toy4_6", "toy8_17")
+CASES = some(NAMES, FEW)
+
+
+def loaded(names: Iterable[str]) -> Library:
+    """Return some programs; in batches, their legs add sums in place, however few they are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drivers, "SUMMED", 0.0)
+        assert drivers.summed(PROGRAMS[4]) == {0: {1}}
+        return load([PROGRAMS[NAMES.index(name)] for name in names])
 
 
 @pytest.fixture(scope="module")
 def library() -> Library:
-    """Return the programs; in batches, their legs add sums in place, however few they are."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drivers, "SUMMED", 0.0)
-        assert drivers.summed(PROGRAMS[4]) == {0: {1}}
-        return load(PROGRAMS)
+    return loaded(FEW)
 
 
-@pytest.mark.parametrize("program", PROGRAMS, ids=NAMES)
-def test_results_are_casadis(library: Library, program) -> None:
+@pytest.fixture(scope="module")
+def others() -> Library:
+    return loaded(name for name in NAMES if name not in FEW)
+
+
+Case = tuple[Library, Program]
+
+
+@pytest.fixture
+def case(request: pytest.FixtureRequest) -> Case:
+    """Return a library, and one of its programs."""
+    library = request.getfixturevalue("library" if request.param in FEW else "others")
+    return library, PROGRAMS[NAMES.index(request.param)]
+
+
+@pytest.mark.parametrize("case", CASES, indirect=True)
+def test_results_are_casadis(case: Case) -> None:
+    library, program = case
     q, v = inputs(program, 20)
     outputs, guard = library.batch(program.name, q, v)
     *wanted, worst = (np.array(x).T for x in function_of(program).map(20)(q.T, v.T))
@@ -45,8 +70,9 @@ def test_results_are_casadis(library: Library, program) -> None:
     np.testing.assert_allclose(guard, worst[:, 0], rtol=ROUNDING, atol=ROUNDING)
 
 
-@pytest.mark.parametrize("program", PROGRAMS, ids=NAMES)
-def test_a_sample_has_the_same_bits_alone_and_in_any_batch(library: Library, program) -> None:
+@pytest.mark.parametrize("case", CASES, indirect=True)
+def test_a_sample_has_the_same_bits_alone_and_in_any_batch(case: Case) -> None:
+    library, program = case
     q, v = inputs(program, 37)
     (a, b), guard = library.batch(program.name, q, v)
     for size in (1, 2, 7, 8, 9, 31):
