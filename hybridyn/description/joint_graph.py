@@ -11,24 +11,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from ..joints.kinds import JointKind
-from ..spatial import quaternion_from_rotation
 from .closure_forms import closure_of
 from .groups import Groups
+from .joint_chains import add_chain, pose_coordinates, step
 from .names import unique
 from .placement import inverse
 from .records import Array, Closure, Joint, RobotFile, massless
 
 #: Key of the world among those of bodies.
 WORLD = ""
-
-#: The axis of a joint that has none.
-NO_AXIS = np.array([1.0, 0.0, 0.0])
 
 #: Largest distance from a body's origin at which an axis still passes through it, relative to its offset.
 ON_AXIS = 4 * np.finfo(float).eps
@@ -137,32 +133,6 @@ def outwards(bodies: Iterable[str], joints: Iterable[J]) -> Iterator[tuple[str, 
 #: Joints from a parent link to a child link, without links, whose axes are in the frame of the stated joint
 #: (any axis where a joint has none), and this frame in both links, shapes (4, 4).
 Chain = tuple[Sequence[Joint], tuple[Array, Array]]
-
-
-def step(name: str, kind: JointKind, axis: Array | None = None, /, **numbers: Any) -> Joint:
-    """Return a joint of a chain, without links.
-
-    Args:
-        name: Its name.
-        kind: Its kind.
-        axis: Unit vector, shape (3,), where it has one.
-        numbers: Limits, friction and rotor, as in `records.Joint`.
-    """
-    return Joint(name, kind, "", "", np.eye(4), NO_AXIS if axis is None else axis, **numbers)
-
-
-def add_chain(robot: RobotFile, chain: Sequence[Joint], links: Sequence[str]) -> None:
-    """Add joints one behind the other to a robot, and the massless links between them.
-
-    Args:
-        robot: The robot.
-        chain: The joints, without links.
-        links: Names of the links that they join; the first and the last are not added.
-    """
-    between = zip(links[1:-1], chain, strict=False)
-    robot.links += [massless(name, joint.line, between=True) for name, joint in between]
-    pairs = zip(chain, pairwise(links), strict=True)
-    robot.joints += [replace(joint, parent=above, child=below) for joint, (above, below) in pairs]
 
 
 @dataclass
@@ -291,11 +261,6 @@ class JointGraph:
     def joint_name(self, name: str) -> str:
         """Return a name for a joint that none has, and take it."""
         return unique(name, self.joints)
-
-
-def pose_coordinates(frame: Array) -> tuple[float, ...]:
-    """Return x, y, z [m] and the quaternion x, y, z, w of a placement (4, 4), shape (7,)."""
-    return tuple(float(x) for x in (*frame[:3, 3], *quaternion_from_rotation(frame[:3, :3])))
 
 
 def _misses(step: Joint, far: Array) -> bool:

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from ..errors import ModelError
 from ..joints.kinds import JointKind
-from .joint_graph import add_chain, step
+from .joint_chains import add_chain, step
 from .joint_words import PINOCCHIO_CHAINS, WORDS
 from .names import counted, listed, noted, unique
 from .pin_constraints import closures_of, is_finite, is_placement, notes_on, plain_constraints

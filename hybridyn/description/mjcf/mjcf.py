@@ -15,7 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...joints.kinds import JointKind
-from ..joint_graph import NO_AXIS, ON_AXIS, add_chain
+from ..joint_chains import NO_AXIS, add_chain
+from ..joint_graph import ON_AXIS
 from ..joint_words import called
 from ..names import listed, unique
 from ..placement import motion_of, placement_from

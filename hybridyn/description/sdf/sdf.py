@@ -15,7 +15,8 @@ import numpy as np
 from ...joints.kinds import JointKind
 from ..closure_forms import FORMS, closure_of
 from ..gearboxes import Gearbox, coupling_of
-from ..joint_graph import WORLD, Chain, JointGraph, span, starts, step
+from ..joint_chains import step
+from ..joint_graph import WORLD, Chain, JointGraph, span, starts
 from ..names import noted, unique
 from ..placement import inverse, placement_from, rotation_to_axis
 from ..plugins import refuse_holding, weld_of

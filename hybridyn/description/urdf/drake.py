@@ -18,7 +18,7 @@ import numpy as np
 from ...joints.kinds import JointKind
 from ...spatial import rotation_from_axis_angle
 from ..closure_forms import Side, closure_of
-from ..joint_graph import add_chain, step
+from ..joint_chains import add_chain, step
 from ..joint_words import HINGE, WORDS, called
 from ..names import did_you_mean, listed, unique
 from ..placement import placement_from

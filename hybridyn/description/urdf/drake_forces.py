@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..joint_graph import pose_coordinates
+from ..joint_chains import pose_coordinates
 from ..names import did_you_mean, unique
 from ..records import Array, RobotFile
 from .drake import Named, as_stated, constraint_name, point, sides_of

@@ -6,18 +6,11 @@ zero. Mimic plugins and `<param name="mimic">` couple joints.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-
-from ..closure_forms import closure_of
 from ..loop_signs import ACCEPTED_FORMS
-from ..names import DROPS, did_you_mean, unique
-from ..placement import poses_at_zero, relative
+from ..names import DROPS, did_you_mean
 from ..plugins import Follower, followers, refuse_holding, weld_of
-from ..records import Array, Coupling, RobotFile, StatedSpring
+from ..records import Coupling, RobotFile, StatedSpring
 from .control import followers_of_control
-from .gazebo_joints import MODEL, link_of, read_gazebo_joints
 from .xml_node import XmlNode
 
 
@@ -36,26 +29,16 @@ def read_gazebo(root: XmlNode, robot: RobotFile) -> None:
         plugin for block in (root, *blocks) for plugin in block.children("plugin")
     ]  # those of sensors measure
     welds = [(plugin, ends) for plugin in plugins if (ends := weld_of(plugin, robot.name))]
-    poses = poses_at_zero(robot.joints) | {MODEL: np.eye(4)} if nodes or welds else {}
-    read_gazebo_joints(nodes, robot, poses)
-    for plugin, ends in welds:
-        _weld(plugin, ends, poses, robot)
+    if nodes or welds:
+        from .gazebo_joints import read_gazebo_joints  # it takes the reader of SDF, as few URDFs do
+
+        read_gazebo_joints(nodes, welds, robot)
     for plugin in plugins:
         if weld_of(plugin, robot.name) is None:
             refuse_holding(plugin, links, f"a{ACCEPTED_FORMS[1:]}")
     for follower in (*(one for plugin in plugins for one in followers(plugin)), *followers_of_control(root)):
         _couple(follower, robot)
     _read_springs(blocks, robot)
-
-
-def _weld(
-    plugin: XmlNode, ends: tuple[XmlNode, XmlNode], poses: Mapping[str, Array], robot: RobotFile
-) -> None:
-    """Add the weld of a DetachableJoint: the two links keep the place that they have at zero."""
-    parent, child = (link_of(end, poses) for end in ends)
-    name = unique(f"weld_{parent}_{child}", {closure.name for closure in robot.closures})
-    sides = (parent, relative(poses[parent], poses[child])), (child, np.eye(4))
-    robot.closures.append(closure_of(name, "fixed", sides, line=plugin.line))
 
 
 def _couple(follower: Follower, robot: RobotFile) -> None:

@@ -8,7 +8,7 @@ link in the world, a link `world` becomes the root: it is the base, or the robot
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,10 +16,10 @@ import numpy as np
 from ...joints.kinds import JointKind
 from ..closure_forms import FORMS, LARGEST_COSINE, closure_of
 from ..gearboxes import Gearbox, coupling_of
-from ..joint_graph import add_chain, pose_coordinates, step
+from ..joint_chains import add_chain, pose_coordinates, step
 from ..joint_words import UNIVERSAL
 from ..names import DROPS, did_you_mean, unique
-from ..placement import placement_from, relative, rotation_from_rpy, rotation_to_axis
+from ..placement import placement_from, poses_at_zero, relative, rotation_from_rpy, rotation_to_axis
 from ..records import Array, Coupling, RobotFile, massless
 from ..sdf.elements import flag, numbers, screw_pitch
 from ..sdf.stated import SCREW, SDF
@@ -41,23 +41,38 @@ PARTS = (
 )  # fmt: skip
 
 
-def read_gazebo_joints(nodes: list[XmlNode], robot: RobotFile, poses: dict[str, Array]) -> None:
-    """Add the joints of the blocks to the robot.
+def read_gazebo_joints(
+    nodes: list[XmlNode], welds: Iterable[tuple[XmlNode, tuple[XmlNode, XmlNode]]], robot: RobotFile
+) -> None:
+    """Add the joints of the blocks to the robot, and the welds of its plugins.
 
     Args:
-        nodes: The elements.
+        nodes: The elements of joints.
+        welds: Plugins that weld two links, and the elements that name these.
         robot: The robot.
-        poses: Pose of each link where all joints are at zero, and of the model, shapes (4, 4).
 
     Raises:
         ModelError: A joint has another type, or names what does not exist.
     """
+    poses = poses_at_zero(robot.joints) | {MODEL: np.eye(4)}  # of links and model, shapes (4, 4)
     held = [node for node in nodes if WORLD not in poses and WORLD in _end_names(node)]
     if held:
         carrier = _add_world(held, robot, poses)
         nodes = [node for node in nodes if node is not carrier]
     for node in sorted(nodes, key=lambda node: node.xml.get("type") == "gearbox"):
         _read_joint(node, poses, robot)
+    for plugin, ends in welds:
+        _weld(plugin, ends, poses, robot)
+
+
+def _weld(
+    plugin: XmlNode, ends: tuple[XmlNode, XmlNode], poses: Mapping[str, Array], robot: RobotFile
+) -> None:
+    """Add the weld of a DetachableJoint: the two links keep the place that they have at zero."""
+    parent, child = (link_of(end, poses) for end in ends)
+    name = unique(f"weld_{parent}_{child}", {closure.name for closure in robot.closures})
+    sides = (parent, relative(poses[parent], poses[child])), (child, np.eye(4))
+    robot.closures.append(closure_of(name, "fixed", sides, line=plugin.line))
 
 
 def _end_names(node: XmlNode) -> list[str]:
@@ -70,7 +85,8 @@ def _add_world(held: list[XmlNode], robot: RobotFile, poses: dict[str, Array]) -
     Args:
         held: The joints that hold links in the world.
         robot: The robot.
-        poses: As in `read_gazebo_joints`; that of the world is added.
+        poses: Pose of each link where all joints are at zero, and of the model, shapes (4, 4); that of the
+            world is added.
     """
     children = {joint.child for joint in robot.joints}
     root = next((link.name for link in robot.links if link.name not in children), "")

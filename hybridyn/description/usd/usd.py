@@ -18,7 +18,8 @@ from pxr import Ar, Sdf, Tf, Usd
 from ...errors import ModelError
 from ...joints.kinds import JointKind
 from ..closure_forms import ROWS, closure_of, form_of_rows
-from ..joint_graph import Chain, GraphTree, JointGraph, span, step
+from ..joint_chains import step
+from ..joint_graph import Chain, GraphTree, JointGraph, span
 from ..joint_words import UNIVERSAL
 from ..motors import MEND
 from ..names import noted
