@@ -17,6 +17,7 @@ axes. "z" is the joint's axis where it has one.
 from __future__ import annotations
 
 from enum import Enum, StrEnum
+from functools import cached_property
 from typing import Literal
 
 #: What a closure holds of the rotation, as in `description.records.Closure`.
@@ -49,7 +50,7 @@ class JointKind(StrEnum):
     PLANAR = "planar"
     FLOATING = "floating"
 
-    @property
+    @cached_property
     def shift(self) -> int:
         """Number of leading coordinates [m] that shift the child before it turns.
 
@@ -57,57 +58,57 @@ class JointKind(StrEnum):
         """
         return _FORMS[self][0]
 
-    @property
+    @cached_property
     def turn(self) -> Turn:
         """How the other coordinates turn the child."""
         return _FORMS[self][1]
 
-    @property
+    @cached_property
     def letter(self) -> str:
         """Its letter in chains of joints: R R P."""
         return _FORMS[self][2]
 
-    @property
+    @cached_property
     def zero(self) -> tuple[float, ...]:
         """Coordinates at zero, as in Pinocchio: unlimited angles are cosine and sine."""
         return (0.0,) * self.shift + self.turn.zero
 
-    @property
+    @cached_property
     def nq(self) -> int:
         """Number of coordinates."""
         return len(self.zero)
 
-    @property
+    @cached_property
     def nv(self) -> int:
         """Number of freedoms."""
         return self.shift + self.turn.nv
 
-    @property
+    @cached_property
     def single(self) -> bool:
         """Whether it has one freedom, and so an axis."""
         return self.nv == 1
 
-    @property
+    @cached_property
     def additive(self) -> bool:
         """Whether its position is one number to which a displacement is added."""
         return self.nq == self.nv == 1
 
-    @property
+    @cached_property
     def slides(self) -> bool:
         """Whether its one freedom is a length."""
         return self.single and self.shift == 1
 
-    @property
+    @cached_property
     def hinge(self) -> bool:
         """Whether it turns about its axis and does nothing else."""
         return self.single and self is not JointKind.SCREW and not self.shift
 
-    @property
+    @cached_property
     def endless(self) -> bool:
         """Whether its one position is an angle that does not count turns."""
         return self.single and self.turn is Turn.CIRCLE
 
-    @property
+    @cached_property
     def ball(self) -> bool:
         """Whether its last four coordinates are a quaternion."""
         return self.turn is Turn.BALL
