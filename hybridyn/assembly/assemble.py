@@ -19,7 +19,6 @@ from ..structure.module import Module
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
 from .chain.coupling import chains_of
-from .chain.solve import assemble_chain
 from .follow import follow
 from .module_request import ModuleRequest, joined, module_request, on_own_bases, place_bodies
 from .redundancy import LEAST
@@ -152,6 +151,8 @@ def assemble_requests(robot: HybridRobot, requests: Requests, guess: Array) -> t
     assemble_by = _kind_by_kind if on_own_bases(alone, robot) else _one_by_one
     assemble_by(robot, alone, numbers, q, v, a)
     for chain in chains:
+        from .chain.solve import assemble_chain  # which few requests need
+
         assemble_chain(robot, requests, chain, guess, q, v, a)
     return q, v, a
 

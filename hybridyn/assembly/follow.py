@@ -7,20 +7,21 @@ divided into smaller ones.
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from ..errors import AssemblyError
 from ..linkage.newton import SETTLED, STALLED, Closed, newton_step
 from ..spatial import Array, Index, Mask, in_turn
-from .chain.lowest import LowestTask
-from .chain.task import ChainTask
 from .refusals import Ended, lost, unreachable
 from .task import Task
 
+if TYPE_CHECKING:  # most tasks are those of one module
+    from .chain.task import ChainTask
+
 #: The task of a module, or of a chain of modules.
-AnyTask = TypeVar("AnyTask", Task, ChainTask)
+AnyTask = TypeVar("AnyTask", Task, "ChainTask")
 
 #: Largest deviation of a step between samples from its prediction, relative to it, plus `SMALL_STEP`.
 SAME_BRANCH = 0.25
@@ -240,8 +241,8 @@ def _steps_as_predicted(task: AnyTask, q: Array, samples: Index) -> Mask:
     K = problem.matrix(motion, samples + 1, every=False)
     dx = newton_step(problem, K, problem.residual(start, samples + 1, motion))
     predicted = tree.integrate(start, dx * problem.col_scale)
-    if isinstance(task, LowestTask):
-        predicted = task.predicted(predicted, samples + 1)
+    if (lowered := task.predicted(predicted, samples + 1)) is not None:
+        predicted = lowered
         dx = tree.difference(start, predicted) / problem.col_scale
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
     size = np.abs(dx).max(axis=1, initial=0.0)

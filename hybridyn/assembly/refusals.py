@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
 from ..linkage.newton import SMALLEST_SINGULAR_VALUE, Closed
 from ..spatial import Array
-from .chain.lowest import LowestTask
-from .chain.task import ChainTask
 from .task import Task, WeakRows
+
+if TYPE_CHECKING:  # most tasks are those of one module
+    from .chain.task import ChainTask
 
 #: Step of the difference of a singular value [rad, module lengths]: far above rounding.
 SLOPE_STEP = 1e-5
@@ -154,6 +155,8 @@ def lost(
     Args:
         ended: As for `unreachable`.
     """
+    from .chain.lowest import LowestTask  # an error may take its time
+
     closed = task.closed(result)[0]
     if isinstance(task, LowestTask) and (closed or np.isinf(result.residual[0])):
         return task.lost(sample, start)

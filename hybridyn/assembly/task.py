@@ -155,6 +155,10 @@ class Task(NamedTuple):
         """Whether what is given leaves freedoms to a rule: never in a module of its own."""
         return False
 
+    def predicted(self, q: Array, samples: Index) -> Array | None:
+        """Return where a rule leads from postures that nearly meet the rows, (T, nq), or None without one."""
+        return None
+
     def surplus(self, q: Array) -> str:
         """Return what to say of poses that prescribe more than what else is given leaves, or "".
 

@@ -20,8 +20,6 @@ from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
 from .backward import reactions_of
 from .direct_recursion import accelerate, articulate
 from .forward import forward
-from .friction_response import responses
-from .load_friction import settle_moving
 from .loads import Loads, all_loads, in_every_sample
 from .reactions import Reactions
 from .results import Result
@@ -189,6 +187,9 @@ def with_load_friction(
     on, law = loads.on, loads.on.loaded
     if law is None:
         return loads
+    from .friction_response import responses  # which most robots need not, as the next
+    from .load_friction import settle_moving
+
     moved, D = a.copy(), law.directions(v)
     modules = articulate(robot, states, loads, tau, None, passing=passing)
     accelerate(robot, modules, v, moved)

@@ -16,7 +16,6 @@ from ..structure.samples import as_positions, as_rates, one_of, same_samples
 from .actuation import Sharing
 from .backward import backward
 from .forward import forward
-from .load_friction import settle
 from .loads import Loads, all_loads
 from .reactions import Reactions
 from .results import Result
@@ -137,6 +136,7 @@ def inverse_model(
     sharing = Sharing(_weights(robot, weights), on_singular, hint)
     solved = passive == "solved"
     if on.loaded is not None:
+        from .load_friction import settle  # which most robots need not
 
         def under(efforts: Array) -> Reactions:
             """Compute the reactions under efforts of joints."""

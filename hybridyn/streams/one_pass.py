@@ -14,13 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..assembly.chain.solve import left_to_rule
 from ..assembly.posture import check_joints, holding
 from ..assembly.redundancy import LEAST, LeftToRule, check_rule
 from ..assembly.requests import gather_requests
 from ..assembly.task import closure_residual
 from ..dynamics.inverse import idm
-from ..dynamics.quantities.joint_map import motors_beside
 from ..effects.choice import Effects
 from ..errors import HybridynError, TrajectoryError
 from ..spatial import Array
@@ -124,6 +122,8 @@ class Pass:
         check_rule(redundancy)
         motors: Sequence[str] = robot.motors
         if outputs:
+            from ..dynamics.quantities.joint_map import motors_beside  # most tables state motors alone
+
             check_joints(robot, outputs)
             replaced, robot = motors_beside(robot, outputs), holding(robot, outputs)
             if any(column.startswith(f"{joint}/") for column in table.columns for joint in outputs):
@@ -161,6 +161,8 @@ class Pass:
                     part = motion.part(start, start + rows)
                     block = postures(self.robot, part, self.layout, guess, assemble)
                 if part.first_row == 1 and part.platforms and not self.layout.full_state:
+                    from ..assembly.chain.solve import left_to_rule  # which tables without poses need not
+
                     given = self.robot, part.joints, part.platforms
                     requests = gather_requests(*given, redundancy=self._redundancy)
                     self.left = left_to_rule(self.robot, requests, block.q[0])

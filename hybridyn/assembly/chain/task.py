@@ -39,6 +39,10 @@ class ChainTask:
         """Whether what is given leaves freedoms to the rule."""
         return self.left > 0
 
+    def predicted(self, q: Array, samples: Index) -> Array | None:
+        """Return None: the least motion meets the rows and moves no further; see `Task.predicted`."""
+        return None
+
     def surplus(self, q: Array) -> str:
         """Return what to say of poses that prescribe more than is left, as `Task.surplus`."""
         wanted = sum(len(one.target.units) for one in self.problem.relatives)
