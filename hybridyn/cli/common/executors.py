@@ -1,18 +1,21 @@
 """Processes that a command does not start itself: `--executor` and `--dask`."""
 
-import logging
+from __future__ import annotations
+
 import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from ...errors import HybridynError, required
 from .options import refuse
+
+if TYPE_CHECKING:  # most commands start no processes
+    from concurrent.futures import Executor
 
 #: Time after which a scheduler is not there, or has no worker [s].
 PATIENCE = 30
@@ -44,6 +47,8 @@ def processes(asked: Asked) -> Iterator[tuple[int | None, Callable[[], Executor]
     if asked.dask is None:
         yield asked.jobs, _function(asked.executor) if asked.executor else None
         return
+    import logging  # which distributed imports, too
+
     distributed = required("distributed", "dask", "--dask")
     for logger in ("distributed", "distributed.client"):  # the one line of an error says it
         logging.getLogger(logger).setLevel(logging.CRITICAL)

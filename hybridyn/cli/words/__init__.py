@@ -1,14 +1,9 @@
 """The words of all commands: arguments, options and help. What a command does is in its module.
 
 `shared` has what several commands have; `motions`, `robots`, `studies` and `middleware` have the commands.
+`__init__.pyi` says which: the file of a command is imported when that command is used.
 """
 
-from .middleware import ros
-from .motions import ddm, idm, simulate
-from .robots import convert, home, info, plot, view
-from .studies import compare, cost, identify, sweep, workspace
+import lazy_loader
 
-__all__ = [
-    "compare", "convert", "cost", "ddm", "home", "identify", "idm", "info", "plot", "ros", "simulate",
-    "sweep", "view", "workspace",
-]  # fmt: skip
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
