@@ -9,8 +9,8 @@ from ..description.names import did_you_mean
 from ..dynamics.inverse import inverse_model
 from ..dynamics.reactions import Reactions
 from ..effects import Effects, choose
-from ..effects.catalogue import DEFAULT, FROM_FILES
 from ..effects.choice import stated_names
+from ..effects.words import DEFAULT, FROM_FILES
 from ..errors import ModelError
 from ..spatial import Array
 from ..streams.departures import departures

@@ -1,4 +1,4 @@
-"""Every effect by its name, those of other packages too, and what names and words stand for."""
+"""The class of every effect by its name, those of other packages too."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from .others import check_class, is_other, package_of
 from .springs import BallSpring, PolynomialDamper, PolynomialSpring, Spring, Stop
 from .tendons import Tendons
 from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
+from .words import WORDS
 
 #: Classes of what acts on joints.
 JOINTS = (JointEffect, Tendons)
@@ -42,14 +43,6 @@ UNITS: dict[str, type[Any]] = {
         GearEfficiency, Payload, BaseMotion, Limits,
     )
 }  # fmt: skip
-
-#: Effects selected by `effects=None` and by the word "default".
-DEFAULT = ("gravity", "inertia", "leg_inertia", "velocity")
-
-#: Effects whose parameters are joint attributes in URDF or model.toml.
-FROM_FILES = ("rotor_inertia", "viscous_friction", "coulomb_friction")
-
-WORDS = ("default", "model", "none")
 
 
 def names(asked: Iterable[str] | None = None) -> tuple[str, ...]:

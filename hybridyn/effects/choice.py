@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..description.names import did_you_mean, listed
 from ..errors import ModelError, TrajectoryError
 from ..linkage.motion import Motion
 from ..spatial import Array
@@ -16,16 +15,16 @@ from ..structure.bodies import Payload
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_numbers
-from .catalogue import DEFAULT, FROM_FILES, JOINTS, UNITS, class_of, made, names
-from .gears import GearEfficiency, OnGears, on_gears
-from .inputs import BaseMotion, Limits
-from .joint_laws import RotorInertia
-from .joints import OnJoints, placed
-from .link_effect import LinkEffect
-from .load_friction import LoadFriction, OnLoads, on_loads
-from .others import check_class, check_law, check_link_law, is_other, needs_nothing
-from .tendons import OnTendons, Tendons, on_tendons
 from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
+from .words import DEFAULT, FROM_FILES, NAMES
+
+if TYPE_CHECKING:  # the default effects do without
+    from .gears import OnGears
+    from .inputs import BaseMotion, Limits
+    from .joints import OnJoints
+    from .link_effect import LinkEffect
+    from .load_friction import OnLoads
+    from .tendons import OnTendons
 
 
 @dataclass(frozen=True)
@@ -72,16 +71,16 @@ class Effects:
             tuple(law for law in self.joints if law.effect.name in names),
             tuple(law for law in self.rotors if law.effect.name in names),
             tuple(law for law in self.links if law.name in names), kept(self.limits), kept(self.base),
-            self.loaded if LoadFriction.name in names else None,
-            self.gears if GearEfficiency.name in names else None,
+            self.loaded if self.loaded is not None and kept(self.loaded.effect) else None,
+            self.gears if self.gears is not None and kept(self.gears.effect) else None,
         )  # fmt: skip
         return replace(out, names=out.named({*self.names} & {*names}))
 
     def named(self, names: Collection[str]) -> tuple[str, ...]:
-        """Return names of effects in the order of `UNITS`, then others, and whether legs are massless."""
+        """Return names of effects in the order of `NAMES`, then others, and whether legs are massless."""
         massless = self.leg_inertia is None and (self.gravity or self.inertia) is not None
         every = {*names} - {MasslessLegs.name} | ({MasslessLegs.name} if massless else set())
-        return tuple(name for name in (*UNITS, *sorted(every.difference(UNITS))) if name in every)
+        return tuple(name for name in (*NAMES, *sorted(every.difference(NAMES))) if name in every)
 
     @property
     def losses(self) -> tuple[str, ...]:
@@ -182,9 +181,18 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
     Raises:
         ModelError: A name is unknown, an effect lacks parameters, or effects contradict each other.
     """
-    if effects is None:
+    if isinstance(effects, Effects):
+        return effects
+    asked = [effects] if isinstance(effects, str) else [*(effects or ())]
+    if all(isinstance(word, str) and word == "default" for word in asked):
         return STANDARD
-    return effects if isinstance(effects, Effects) else _chosen(robot, effects)
+    from .listing import on_robot  # the classes of all effects
+
+    found = on_robot(robot, asked)
+    out = Effects(
+        *found.terms, found.joints, found.rotors, found.links, *found.inputs, found.loaded, found.gears
+    )
+    return replace(out, names=out.named(found.names))
 
 
 def without_losses(on: Effects, what: str) -> Effects:
@@ -205,106 +213,6 @@ def without_losses(on: Effects, what: str) -> Effects:
     return on
 
 
-def _chosen(robot: HybridRobot, effects: Choice) -> Effects:
-    """Select the effects of names and objects."""
-    units = listed_units(robot, effects)
-    names = {unit.name for unit in units}
-    _check(robot, units, names)
-    links = tuple(unit.bound(robot) for unit in units if isinstance(unit, LinkEffect))
-    for unit in links:
-        if is_other(type(unit)):
-            check_link_law(unit)
-    laws = [law for unit in units if isinstance(unit, JOINTS) and (law := _placed(unit, robot))]
-
-    def one(kind: type[Any]) -> Any:
-        """Return the only effect of a class, or None."""
-        found = [unit for unit in units if isinstance(unit, kind)]
-        if len(found) > 1:
-            raise ModelError(f"the effect '{kind.name}' is named {len(found)} times")
-        return found[0] if found else None
-
-    out = Effects(
-        one(Gravity), one(Inertia), one(LegInertia), one(VelocityTerms),
-        tuple(law for law in laws if not isinstance(law.effect, RotorInertia)),
-        tuple(law for law in laws if isinstance(law, OnJoints) and isinstance(law.effect, RotorInertia)),
-        links, one(Limits), one(BaseMotion),
-        None if (load := one(LoadFriction)) is None else on_loads(load, robot),
-        None if (gears := one(GearEfficiency)) is None else on_gears(gears, robot),
-    )  # fmt: skip
-    return replace(out, names=out.named(names))
-
-
-def _check(robot: HybridRobot, units: Sequence[Any], names: Collection[str]) -> None:
-    """Check that the effects have what they need: inertia, the payload on the robot, links."""
-    for part in ("velocity", "rotor_inertia"):
-        if part in names and "inertia" not in names:
-            raise ModelError(f"the effect '{part}' needs 'inertia': without inertia there is only statics")
-    for payload in (unit for unit in units if isinstance(unit, Payload)):
-        if payload not in robot.payloads:
-            raise ModelError(
-                f"the robot does not carry the payload on '{payload.link}' yet: take it from "
-                "hybridyn.with_effects(robot, effects)", element=payload.link,
-            )  # fmt: skip
-    for unit in units:
-        for link in unit.links if isinstance(unit, LinkEffect) else ():
-            if link not in robot.bodies.place:
-                raise ModelError(
-                    f"{unit.name}: no such link '{link}'{did_you_mean(link, robot.bodies.place)}",
-                    element=link,
-                )
-
-
-def _placed(unit: Any, robot: HybridRobot) -> OnJoints | OnTendons | None:
-    """Find the joints of a law in a robot; None if it has none."""
-    if isinstance(unit, Tendons):
-        return on_tendons(unit, robot)
-    law = placed(unit, robot)
-    if law is not None and is_other(type(unit)):
-        check_law(law, robot)
-    return law
-
-
-def listed_units(robot: HybridRobot, effects: Choice) -> list[Any]:
-    """Return the effect objects selected by names and objects, each name once.
-
-    Gravity and inertia are those of every body: the legs' part is among them, unless legs are massless.
-
-    Raises:
-        ModelError: A name is unknown, or the robot's files do not state its parameters.
-    """
-    words = [effects] if isinstance(effects, str) else list(effects or DEFAULT)  # type: ignore[arg-type]
-    units: list[Any] = []
-    names: list[str] = []
-    for word in words:
-        if type(word) in UNITS.values():
-            units.append(word)
-        elif is_other(type(word)):
-            check_class(type(word), UNITS)
-            units.append(word)
-        elif isinstance(word, str):
-            names += _meaning(robot, word)
-        else:
-            raise ModelError(f"{word!r} is no effect: give names, or objects of hybridyn.effects")
-    for name in dict.fromkeys(names):
-        units += _stated(robot, name)
-    kinds = {type(unit) for unit in units}
-    if MasslessLegs in kinds:
-        return [unit for unit in units if not isinstance(unit, LegInertia)]
-    return [*units, LegInertia()] if kinds & {Gravity, Inertia} and LegInertia not in kinds else units
-
-
-def _meaning(robot: HybridRobot, word: str) -> tuple[str, ...]:
-    """Return the effect names that a word selects."""
-    of_files = (*FROM_FILES, *(name for name, _ in robot.description.effects))
-    meanings = {"default": DEFAULT, "model": (*DEFAULT, *of_files), "none": ()}
-    if word not in meanings and class_of(word) is None:
-        raise ModelError(
-            f"there is no effect '{word}'{did_you_mean(word, names())}; known: {', '.join(names())}",
-            element=word,
-        )
-    return meanings.get(word, (word,))
-
-
 def names_on(robot: HybridRobot, effects: Effects) -> str:
     """Return the names of the effects that are on, also of a payload that the robot carries, for people."""
     felt = effects.gravity is not None or effects.inertia is not None
@@ -315,29 +223,5 @@ def names_on(robot: HybridRobot, effects: Effects) -> str:
 def stated_names(robot: HybridRobot) -> tuple[str, ...]:
     """Return the names of the effects with parameters in the robot's files."""
     joints = [joint for joint in robot.description.joints if joint.kind != "fixed"]
-    named = [name for name in FROM_FILES if any(getattr(j, UNITS[name].from_files) for j in joints)]
+    named = [name for name, of in FROM_FILES.items() if any(getattr(j, of) for j in joints)]
     return tuple(dict.fromkeys([*named, *(name for name, _ in robot.description.effects)]))
-
-
-def _stated(robot: HybridRobot, name: str) -> list[Any]:
-    """Build the objects of a named effect with the parameters of the robot's files."""
-    tables = [values for stated, values in robot.description.effects if stated == name]
-    if tables:
-        return [made(name, values) for values in tables]
-    if name == Payload.name and robot.payloads:
-        return list(robot.payloads)
-    if name in (*DEFAULT, *FROM_FILES, "limits", MasslessLegs.name):
-        return [UNITS[name]()]
-    kind = class_of(name)
-    assert kind is not None  # other words are refused before, or are stated by the files
-    if name not in UNITS and needs_nothing(kind):
-        return [made(name, {})]
-    from ..description.side_cars.tables import EFFECTS  # it takes pydantic
-
-    stated = name in EFFECTS or name not in UNITS
-    table = f", or a table [effects.{name}] in {listed(['model.toml'])}" if stated else ""
-    place = "hybridyn.effects" if name in UNITS else kind.__module__
-    raise ModelError(
-        f"the robot's files state no numbers for the effect '{name}': give an object, "
-        f"{place}.{kind.__name__}(...){table}", element=name,
-    )  # fmt: skip

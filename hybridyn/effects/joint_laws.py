@@ -11,6 +11,7 @@ from ..joints.kinds import JointKind
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .joints import WIDTH, JointEffect, Numbers, Numerals, positive
+from .words import FROM_FILES
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class RotorInertia(JointEffect):
     symbols = ("Ia",)
     by_joint = ("inertia",)
     several = (JointKind.SPHERICAL,)
-    from_files = "armature"
+    from_files = FROM_FILES[name]
 
 
 class _Viscous(JointEffect):
@@ -53,7 +54,7 @@ class ViscousFriction(_Viscous):
     coefficient: Numbers | None = None
     name: ClassVar[str] = "viscous_friction"
     symbols = ("Fv",)
-    from_files = "damping"
+    from_files = FROM_FILES[name]
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class CoulombFriction(DryFriction):
     symbols = ("Fc",)
     by_joint = ("level",)
     several = (JointKind.SPHERICAL,)
-    from_files = "friction"
+    from_files = FROM_FILES[name]
 
     def size(self, p: Numerals, v: Array, sign: Array) -> Array:
         """Return f."""

@@ -5,8 +5,9 @@ from ..structure.bodies import Payload
 from ..structure.building import rebuilt
 from ..structure.robot import HybridRobot
 from .catalogue import JOINTS
-from .choice import Choice, Effects, listed_units
+from .choice import Choice, Effects
 from .inputs import BaseMotion
+from .listing import listed_units
 from .load_friction import LoadFriction
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..compiled import InertialColumns, InertialNumbers
-from ..effects.catalogue import DEFAULT
+from ..effects.words import DEFAULT
 from ..errors import CompileError
 from ..spatial import Array, Index
 from ..structure.robot import HybridRobot

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..effects.catalogue import FROM_FILES
 from ..effects.catalogue import JOINTS as LAWS
-from ..effects.choice import Choice, Effects, choose, listed_units, without_losses
+from ..effects.choice import Choice, Effects, choose, without_losses
 from ..effects.inputs import BaseMotion
 from ..effects.joint_laws import RotorInertia
 from ..effects.joints import JointEffect, OnJoints, placed
 from ..effects.link_effect import LinkEffect
+from ..effects.listing import listed_units
+from ..effects.words import FROM_FILES
 from ..errors import ModelError
 from ..spatial import Array, Index
 from ..structure.bodies import Payload

@@ -11,7 +11,7 @@ from ..description.effect_names import acts_on, named_by
 from ..dynamics.link_motion import link_motions
 from ..effects import BaseMotion, Payload, Wrench
 from ..effects.catalogue import made
-from ..effects.choice import listed_units
+from ..effects.listing import listed_units
 from ..simulation.events import Event, near_singularity
 from ..spatial import Array
 from ..tables.opening import read_columns

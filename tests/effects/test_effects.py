@@ -14,8 +14,9 @@ from hybridyn import effects as fx
 from hybridyn.description.side_cars.tables import EFFECTS
 from hybridyn.dynamics.energy import leg_bodies
 from hybridyn.dynamics.link_motion import observed_motions
-from hybridyn.effects.catalogue import DEFAULT, FROM_FILES, UNITS
+from hybridyn.effects.catalogue import UNITS
 from hybridyn.effects.choice import STANDARD, choose, names_on
+from hybridyn.effects.words import DEFAULT, FROM_FILES, NAMES
 from hybridyn.errors import ActuationError, ModelError, SingularityError, TrajectoryError
 from hybridyn.streams.departures import departures
 from hybridyn.structure.building import build_robot
@@ -172,6 +173,7 @@ def test_nothing_named_is_nothing_computed() -> None:
     robot, (q, v, a) = prepared("scara_delta")
     assert not idm(robot, q, v, a, effects="none").any()
     assert choose(robot, None) is STANDARD
+    assert tuple(UNITS) == NAMES
     assert set(choose(robot, None).names) < set(UNITS)
     np.testing.assert_array_equal(idm(robot, q, v, a, effects="default"), idm(robot, q, v, a))
 

@@ -15,7 +15,7 @@ import pytest
 
 import hybridyn
 from hybridyn.effects import LoadFriction, choose
-from hybridyn.effects.catalogue import FROM_FILES
+from hybridyn.effects.words import FROM_FILES
 from hybridyn.scenes.stage import SceneStage, stage
 from hybridyn.studies.cost import measured as measuring
 from hybridyn.studies.cost import points, reference, runs, scene_effects, spared, variants, ways
