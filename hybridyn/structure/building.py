@@ -16,9 +16,6 @@ from .bodies import carrying, home_of
 from .graph import find_modules, joints_to_keep
 from .mechanism import Tolerances
 from .module_builder import ModuleBuilder
-from .parameters.entries import Parameters
-from .parameters.slots import check_signs, with_values
-from .parameters.xacro import XacroArguments
 from .robot import Base, HybridRobot
 
 if TYPE_CHECKING:
@@ -122,6 +119,10 @@ def _far_frame(description: Description) -> str:
 
 def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> HybridRobot:
     """Build a robot with other parameters, see `HybridRobot.with_parameters`."""
+    from .parameters.entries import Parameters  # which few robots are asked for, as the next
+    from .parameters.slots import check_signs, with_values
+    from .parameters.xacro import XacroArguments
+
     description, arguments = robot.description, [name for name in values if ":" not in name]
     if arguments:
         description = XacroArguments(description, arguments).expanded([values[name] for name in arguments])
