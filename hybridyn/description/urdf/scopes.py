@@ -10,8 +10,6 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-import yaml
-
 from .expressions import FORBIDDEN, bounded_round
 
 #: Functions of Python that a file has by their names, and those that it has by `python.NAME` alone.
@@ -134,6 +132,7 @@ def dotted(value: Any) -> Any:
 
 def yaml_of(content: bytes, evaluate: Callable[[str], Any]) -> Any:
     """Return what a YAML file says; numbers with units are expressions, which `evaluate` takes."""
+    import yaml  # few xacro files load YAML
 
     class Loader(yaml.SafeLoader):
         """Makes fields, which share the parts that aliases name."""
