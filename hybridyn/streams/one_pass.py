@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..assembly.chain.left import left_to_rule
 from ..assembly.posture import check_joints, holding
 from ..assembly.redundancy import LEAST, LeftToRule, check_rule
 from ..assembly.requests import gather_requests
@@ -161,8 +162,6 @@ class Pass:
                     part = motion.part(start, start + rows)
                     block = postures(self.robot, part, self.layout, guess, assemble)
                 if part.first_row == 1 and part.platforms and not self.layout.full_state:
-                    from ..assembly.chain.solve import left_to_rule  # which tables without poses need not
-
                     given = self.robot, part.joints, part.platforms
                     requests = gather_requests(*given, redundancy=self._redundancy)
                     self.left = left_to_rule(self.robot, requests, block.q[0])

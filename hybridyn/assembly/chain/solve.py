@@ -21,11 +21,11 @@ from ..module_request import ModuleRequest
 from ..pose_targets import partial_targets, whole_target
 from ..poses import PoseRequest
 from ..redundancy import LEAST, LeftToRule
-from ..requests import Requests, in_root
+from ..requests import Requests
 from ..spanning import settled, spanning_states
 from ..task import Task, module_task
 from .bodies import Carried, CarriedFrame, ChainMotion
-from .coupling import CoupledModules, chains_of, own_requests
+from .coupling import CoupledModules, own_requests
 from .least import ease_of
 from .lowest import LowestTask
 from .places import ChainPlaces
@@ -108,18 +108,6 @@ def lowest_task(
     motors = np.concatenate([at[module.motor_columns] for module, at in zip(modules, freedoms, strict=True)])
     motors = motors[problem.free[motors]]
     return LowestTask(problem, task.parts, task.left, None, value, motors, requests.redundancy)
-
-
-def left_to_rule(robot: HybridRobot, requests: Requests, q: Array) -> list[LeftToRule]:
-    """Return what requests leave to the rule, by chain, at a posture that meets the first sample, (nq,)."""
-    first = in_root(robot, requests.part(0, 1), q)
-    states, out = (q[None], *np.zeros((2, 1, robot.nv))), []
-    for chain in chains_of(robot, first)[1]:
-        task = chain_task(robot, chain, own_requests(robot, first, chain), states)
-        if task.redundant:
-            names = tuple(part.module for part in task.parts)
-            out.append(LeftToRule(task.left, names, requests.redundancy))
-    return out
 
 
 def cut_positions(robot: HybridRobot, modules: Sequence[int], q: Array) -> Array:
