@@ -145,17 +145,17 @@ def _step(compiled: CompiledRobot, effort: Any) -> float:
 
 def command_line() -> Iterator[Row]:
     """Yield the processor time of `hybridyn idm` on the LX4's poses, beside that of importing Pinocchio."""
-    pinocchio = _program(["-c", "import pinocchio"])
-    yield _row("lx4", "python", "import pinocchio", pinocchio, "s")
     with tempfile.TemporaryDirectory() as folder, only_cores(1):
-        seconds = []
+        programs, out = [["-c", "import pinocchio"]], str(Path(folder, "efforts.csv"))
         for rows in (SHORT, LONG):
-            table, out = Path(folder, f"{rows}.csv"), Path(folder, "efforts.csv")
+            table = Path(folder, f"{rows}.csv")
             write_long_trajectory(table, rows)
-            seconds.append(_program(["-m", "hybridyn", "idm", str(LX4), str(table), "-o", str(out), "-q"]))
-    yield _row("lx4", "hybridyn idm", f"{SHORT} rows", seconds[0], "s")
-    yield _row("lx4", "hybridyn idm", f"{SHORT} rows", seconds[0] / pinocchio, "imports of pinocchio")
-    yield _row("lx4", "hybridyn idm", f"{LONG:,} rows, beyond {SHORT}", seconds[1] - seconds[0], "s")
+            programs.append(["-m", "hybridyn", "idm", str(LX4), str(table), "-o", out, "-q"])
+        pinocchio, short, long = _least(programs)
+    yield _row("lx4", "python", "import pinocchio", pinocchio, "s")
+    yield _row("lx4", "hybridyn idm", f"{SHORT} rows", short, "s")
+    yield _row("lx4", "hybridyn idm", f"{SHORT} rows", short / pinocchio, "imports of pinocchio")
+    yield _row("lx4", "hybridyn idm", f"{LONG:,} rows, beyond {SHORT}", long - short, "s")
 
 
 def jobs() -> Iterator[Row]:
@@ -170,9 +170,10 @@ def jobs() -> Iterator[Row]:
         yield _row("lx4", WHOLE, what, wall if given else NAN, "s")._replace(mib=float(mib) / 1024.0)
 
 
-def _program(words: list[str]) -> float:
-    """Return the least processor time of a Python program and of what it starts [s]."""
-    return min(spent(words)[0] for _ in range(STARTS))
+def _least(programs: list[list[str]]) -> list[float]:
+    """Return the least processor time of each Python program and of what it starts, by turns [s]."""
+    rounds = [[spent(words)[0] for words in programs] for _ in range(STARTS)]
+    return [min(times) for times in zip(*rounds, strict=True)]
 
 
 def cold() -> Iterator[Row]:
