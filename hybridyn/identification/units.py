@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import HybridynError, TrajectoryError
-from ..spatial import Array, Index
+from ..spatial import Array
 from ..streams.departures import other_unit
 from ..structure.robot import HybridRobot
 from .logs import Log
+from .regressor import done_together
 from .rows import LogRows, LogSource
-from .signals import means, processed
+from .signals import Triple, means, processed
 
 #: Samples on which units are tested, and correlation of measured and predicted efforts that tells a unit.
 TESTED, TELLING = 60, 0.95
@@ -92,8 +93,16 @@ def _check_times(source: LogSource, log: Log) -> None:
     every = source.every_of(done)
     count = len(done.time) // every
     pick = np.linspace(0, count - 1, min(TESTED, count)).astype(int)
-    at, measured = pick * every + every // 2, means(done.effort, every)[pick]
-    like = {factor: _like(source, done, at, measured, factor) for factor in (1.0, *TIMES)}
+    x, x_dot, x_ddot = (level[pick * every + every // 2] for level in done.motion)
+    measured = means(done.effort, every)[pick]
+    try:
+        states = source.closed((x, x_dot, x_ddot), None)
+        together = done_together(source.robot, states[0])
+    except HybridynError:  # in any unit of time
+        return
+    if together is not None:
+        measured = np.einsum("tij,tj->ti", together, measured)
+    like = {factor: _like(source, states, measured, factor) for factor in (1.0, *TIMES)}
     best = max(like, key=lambda factor: like[factor])
     if best > 1 and like[best] > max(TELLING, like[1.0] + (1 - like[1.0]) / 2):
         raise TrajectoryError(
@@ -103,16 +112,14 @@ def _check_times(source: LogSource, log: Log) -> None:
         )  # fmt: skip
 
 
-def _like(source: LogSource, log: Log, at: Index, measured: Array, factor: float) -> float:
+def _like(source: LogSource, states: Triple, measured: Array, factor: float) -> float:
     """Return how far measured efforts are those of the same path some times faster; 0 if unknown."""
-    x, x_dot, x_ddot = (level[at] for level in log.motion)
+    q, v, a = states
     try:
-        found = source.regress((x, factor * x_dot, factor**2 * x_ddot), 1)
+        _, _, of_file = source.of_states(q, factor * v, factor**2 * a)
     except HybridynError:
         return 0.0
-    together = found.together
-    done = measured if together is None else np.einsum("tij,tj->ti", together, measured)
-    return _alike(done, found.of_file)[0]
+    return _alike(measured, of_file)[0]
 
 
 def _alike(measured: Array, predicted: Array) -> tuple[float, float]:
