@@ -63,13 +63,16 @@ class Tree:
         for level in range(1, int(depth.max(initial=0)) + 1):
             children = np.flatnonzero(depth == level)
             self._levels.append((children, parents[children - 1]))
+        turns = {j.kind.turn for j in joints if j.kind.single}
         self._turning = {
             turn: self._where(lambda j, turn=turn: j.kind.single and j.kind.turn is turn)  # type: ignore[misc]
             for turn in (Turn.ANGLE, Turn.CIRCLE)
+            if turn in turns
         }
         self._sliding = self._where(lambda j: j.kind.single and j.slope != 0.0)
         self._adding = self._where(lambda j: j.kind.additive)
         self._others = [i for i, j in enumerate(joints) if not j.kind.additive]
+        self._of_several = [i for i, j in enumerate(joints) if not j.kind.single]
         self._single, _, self._single_dofs = self._where(lambda j: j.kind.single)
         self._turn_parts = np.array([j.turn_parts for j in joints]).reshape(-1, 3, 3, 3).swapaxes(0, 1)
         self._slides = np.array([j.slope * (j.R @ j.axis) for j in joints]).reshape(-1, 3)
@@ -148,12 +151,13 @@ class Tree:
                 + by_sin[numbers, ..., None] * s[:, None, None]
             )
         numbers, at, _ = self._sliding
-        p[numbers] += self._slides[numbers, :, None] * q.T[at][:, None]
+        if len(numbers):
+            p[numbers] += self._slides[numbers, :, None] * q.T[at][:, None]
         R, p = R.transpose(3, 0, 1, 2), p.transpose(2, 0, 1)
-        for i, joint in enumerate(self.joints):
-            if not joint.kind.single:
-                own, shift = joint.transform(q[:, self.q_slices[i]])
-                R[:, i], p[:, i] = compose(joint.R, own), joint.p + rotate(joint.R, shift)
+        for i in self._of_several:
+            joint = self.joints[i]
+            own, shift = joint.transform(q[:, self.q_slices[i]])
+            R[:, i], p[:, i] = compose(joint.R, own), joint.p + rotate(joint.R, shift)
         return R, p
 
     def _placements(self, q: Array) -> tuple[Array, Array]:
@@ -218,10 +222,10 @@ class Tree:
         own = rates.T[self._single_dofs][:, None]
         linear[self._single + 1] = self.S_linear[self._single_dofs, :, None] * own
         angular[self._single + 1] = self.S_angular[self._single_dofs, :, None] * own
-        for i, (joint, at) in enumerate(zip(self.joints, self.v_slices, strict=True)):
-            if not joint.kind.single:
-                linear[i + 1] = self.S_linear[at].T @ rates[:, at].T
-                angular[i + 1] = self.S_angular[at].T @ rates[:, at].T
+        for i in self._of_several:
+            at = self.v_slices[i]
+            linear[i + 1] = self.S_linear[at].T @ rates[:, at].T
+            angular[i + 1] = self.S_angular[at].T @ rates[:, at].T
         return rotate(R, linear.transpose(2, 0, 1)), rotate(R, angular.transpose(2, 0, 1))
 
     def columns(self, motion: Motion) -> tuple[Array, Array]:

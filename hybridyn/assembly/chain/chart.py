@@ -17,6 +17,8 @@ from ...spatial import Array, Index
 from .problem import ChainProblem, Split
 from .second import Value
 
+#: Steps and weights of differences that are alike on both sides.
+Stencil = tuple[tuple[int, float], ...]
 #: Step of differences [rad, module lengths]: of order six, and of order two, where few digits suffice.
 STEP, ROUGH_STEP = 1e-2, 1e-3
 #: First and second derivatives of order six, the latter also of order two: steps and weights, on both sides.
@@ -50,8 +52,8 @@ class ValueChart:
         """Compute the first derivatives, shape (T, left), by order six."""
         n = self.motions.shape[2]
         out = np.zeros((len(self.q), n))
-        for steps, weight in SLOPE:
-            ahead, behind = (self._values(sign * steps * STEP * np.eye(n), corrections) for sign in (1, -1))
+        either_way = self._either_way(STEP * np.eye(n), SLOPE, corrections)
+        for (_, weight), (ahead, behind) in zip(SLOPE, either_way, strict=True):
             out += weight / STEP * (ahead - behind)
         return out
 
@@ -67,9 +69,8 @@ class ValueChart:
         ways = np.minimum(1.0, np.eye(n)[pairs[:, 0]] + np.eye(n)[pairs[:, 1]])
         h, stencil = (ROUGH_STEP, ROUGH_CURVE) if rough else (STEP, CURVE)
         here, along = self._values(np.zeros((1, n)), 1), np.zeros((len(self.q), len(pairs)))
-        for steps, weight in stencil:
-            both = sum(self._values(sign * steps * h * ways, 1) for sign in (1, -1))
-            along += weight / h**2 * (both - 2.0 * here)
+        for (_, weight), (ahead, behind) in zip(stencil, self._either_way(h * ways, stencil, 1), strict=True):
+            along += weight / h**2 * (ahead + behind - 2.0 * here)
         out = np.zeros((len(self.q), n, n))
         out[:, pairs[:, 0], pairs[:, 1]] = along
         own = np.diagonal(out, axis1=1, axis2=2).copy()
@@ -83,6 +84,12 @@ class ValueChart:
         """Return the scaled motion, shape (T, nv), by its coordinates, shape (T, left)."""
         out: Array = np.einsum("tij,tj->ti", self.motions, y)
         return out
+
+    def _either_way(self, y: Array, stencil: Stencil, corrections: int) -> Array:
+        """Compute the value at steps of a stencil along ways (P, left) and back, shape (steps, 2, T, P)."""
+        points = np.concatenate([sign * steps * y for steps, _ in stencil for sign in (1, -1)])
+        values = self._values(points, corrections).reshape(len(self.q), len(stencil), 2, len(y))
+        return values.transpose(1, 2, 0, 3)
 
     def _values(self, y: Array, corrections: int) -> Array:
         """Compute the value at points, coordinates of shape (P, left); shape (T, P)."""
