@@ -202,7 +202,7 @@ def test_passive_joints_may_be_given_instead_of_motors(kind: str) -> None:
 
 
 def test_single_samples_come_back_as_single_samples() -> None:
-    robot, states = drawn("stack")
+    robot, states = drawn("five_bar")
     one = [x[0] for x in states]
     motors = {m: tuple(float(x) for x in values) for m, values in of_joints(robot, *one).items()}
     q, v, a = hybridyn.assemble(robot, motors=motors)
@@ -264,11 +264,11 @@ def test_steps_ten_times_too_long_stay_on_the_branch(name: str) -> None:
 def test_a_trajectory_does_not_depend_on_where_it_is_cut() -> None:
     """Blocks that begin where the last one ended give the same rows."""
     robot = build_robot(shipped("gough_stewart"))
-    motors = waves(robot, np.linspace(0, 4, 101), 0.1)
+    motors = waves(robot, np.linspace(0, 1, 26), 0.1)
     whole = hybridyn.assemble(robot, motors=motors)
-    first = hybridyn.assemble(robot, motors={m: tuple(x[:37] for x in y) for m, y in motors.items()})
+    first = hybridyn.assemble(robot, motors={m: tuple(x[:9] for x in y) for m, y in motors.items()})
     rest = hybridyn.assemble(
-        robot, motors={m: tuple(x[37:] for x in y) for m, y in motors.items()}, guess=first[0][-1]
+        robot, motors={m: tuple(x[9:] for x in y) for m, y in motors.items()}, guess=first[0][-1]
     )
     same(robot, tuple(np.concatenate(pair) for pair in zip(first, rest, strict=True)), whole)  # type: ignore[arg-type]
 
@@ -386,17 +386,17 @@ def test_a_crank_that_passes_all_around_comes_back_to_where_it_was() -> None:
 
 
 def test_missing_inputs_are_named() -> None:
-    robot, (arm, states) = build_robot(shipped("gough_stewart")), drawn("stewart_arm")
-    few = {m: position(robot, m, robot.home) for m in robot.motors[:5]}
+    robot, (arm, states) = build_robot(shipped("five_bar")), drawn("serial")
+    few = {m: position(robot, m, robot.home) for m in robot.motors[:1]}
     module = robot.modules[0].name
     for on, given, words, data in (
         (
             robot,
             {"motors": few},
-            rf"leaves 1 of 6 freedoms of .* still move. Give positions of '{robot.motors[5]}', too, or ",
+            rf"leaves 1 of 2 freedoms of .* still move. Give positions of '{robot.motors[1]}', too, or ",
             {"module": module},
         ),
-        (robot, {}, "leaves 6 of 6 freedoms", {}),
+        (robot, {}, "leaves 2 of 2 freedoms", {}),
         (
             arm,
             {"motors": of_joints(arm, *states, arm.modules[0].motors)},

@@ -60,16 +60,16 @@ def test_at_half_a_turn_the_orientation_is_the_one_that_is_given(tmp_path: Path)
         assert np.abs(q[1:] - guess[1:]).max() < REACHED, form
 
 
-@pytest.mark.parametrize("step", [3.0, slow(0.5), slow(1.5)])
-def test_rows_less_than_half_a_turn_apart_turn_on(tmp_path: Path, step: float) -> None:
+@pytest.mark.parametrize(("axes", "step"), [("y", 3.0), *(slow("zyz", step) for step in (0.5, 1.5, 3.0))])
+def test_rows_less_than_half_a_turn_apart_turn_on(tmp_path: Path, axes: str, step: float) -> None:
     """Over a turn and a half, in one direction; a lone angle, too."""
-    robot, guess = arm(tmp_path, "zyz"), np.array(ARMS["zyz"])
+    robot, guess, link = arm(tmp_path, axes), np.array(ARMS[axes]), f"l{len(axes) - 1}"
     way = np.arange(0.0, 9.5, step)
-    wanted = guess + way[:, None] * [1.0, 0.0, 0.0]
-    each = [forms(R) for R in placed(robot, wanted, "l2")]
+    wanted = guess + way[:, None] * np.eye(len(axes))[0]
+    each = [forms(R) for R in placed(robot, wanted, link)]
     for form in ("angles", "quaternion", "vector"):
         rows = {name: np.array([one[form][name] for one in each]) for name in each[0][form]}
-        assert np.abs(asked(robot, "l2", rows, guess) - wanted).max() < REACHED, form
+        assert np.abs(asked(robot, link, rows, guess) - wanted).max() < REACHED, form
     single = arm(tmp_path, "y")
     q = asked(single, "l0", {"pitch": way}, np.zeros(1))
     assert np.abs(q[:, 0] - way).max() < REACHED

@@ -144,7 +144,7 @@ def test_the_opposite_direction_is_no_solution(tmp_path: Path, axes: str) -> Non
     """Any direction is reached from any other, also from its opposite."""
     robot, rng = arm(tmp_path, axes), np.random.default_rng(0)
     still = np.zeros((1, 3))
-    for wanted in (np.array([0.0, 0.0, -1.0]), *rng.normal(size=(3, 3))):
+    for wanted in (np.array([0.0, 0.0, -1.0]), rng.normal(size=3)):
         words = dict(zip(("zx", "zy", "zz"), wanted.tolist(), strict=True))
         q = hybridyn.assemble(robot, platforms={"l2": (words,)})[0]
         pointed = direction(*of_link(robot, q[None], still, still, "l2", "root"), 2)[0][0]

@@ -145,6 +145,7 @@ def test_straight_angles_have_the_rates_of_a_steady_turn() -> None:
     assert np.abs(S @ R.T - U @ S.T).max() < REACHED
 
 
+@pytest.mark.slow  # of one arm by default: tests/assembly/test_half_turns.py
 def test_a_step_of_three_angles_is_a_turn_about_a_fixed_axis() -> None:
     """The judge follows the same way; where all three change steadily, a fold ends the motion before."""
     aim, stop = next(islice(random_aims((47,), 20, still=True), 4, None)), 0.8

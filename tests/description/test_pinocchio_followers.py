@@ -189,12 +189,11 @@ def test_what_constraints_say_besides_is_noted() -> None:
     weld = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, 2, pin.SE3.Identity(), 4, lower)
     weld.name = "weld"
     weld.setBaumgarteCorrectorParameters(pin.BaumgarteCorrectorParameters(10.0, 2.0))
-    given = [weld, pin.JointLimitConstraintModel(model, [1]), pin.JointFrictionConstraintModel(model, [1])]
-    notes = " ".join(hybridyn.from_pinocchio(model, given, home=q, motors=[]).notes)
-    assert "constraints 'weld' have Baumgarte numbers" in notes
-    assert "are limits or friction of joints" in notes
     soft = pin.PointAnchorConstraintModel(model, 2, pin.SE3.Identity(), 4, lower)
     soft.name = "soft"
     soft.setCompliance(np.full(3, 1e-3))
-    notes = " ".join(hybridyn.from_pinocchio(model, soft, home=q, motors=[]).notes)
+    joints = pin.JointLimitConstraintModel(model, [1]), pin.JointFrictionConstraintModel(model, [1])
+    notes = " ".join(hybridyn.from_pinocchio(model, [weld, soft, *joints], home=q, motors=[]).notes)
+    assert "constraints 'weld' have Baumgarte numbers" in notes
+    assert "are limits or friction of joints" in notes
     assert "drops the compliance of constraints 'soft'" in notes

@@ -85,7 +85,7 @@ def test_what_does_not_count_is_left_out() -> None:
 
 
 def test_a_moving_base_supplies_what_is_missing() -> None:
-    description = shipped("scara_delta")
+    description = shipped("five_bar")
     robot = build_robot(description, base="moving")
     q, v, a = states_near_home(description, "moving", 0, 3)
     effects, wrenches = ["default", *every(robot)], {description.root: np.array([3.0, 2, 1, 0.3, 0.2, 0.1])}

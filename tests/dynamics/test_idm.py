@@ -336,15 +336,14 @@ def test_efforts_grow_as_they_should_near_a_singularity(off: float) -> None:
 
 @pytest.mark.parametrize("kind", ["stack", "gough_gimbals"])
 def test_wrenches_act_on_links_as_the_oracles(kind: str) -> None:
-    """One at a time on every link, fixed, massless and inside wrists alike."""
+    """On every link at once, fixed, massless and inside wrists alike."""
     description = random_mechanism(3, kind=kind)
     robot, oracle = build_robot(description, base="moving"), Oracle(description, "moving")
     q, v, a = (x[0] for x in random_states(description, "moving", 3, 1))
     rng = np.random.default_rng(0)
-    for link in robot.bodies.place:
-        wrenches = {link: rng.normal(size=6)}
-        expected = oracle.idm(q, v, a, wrenches)
-        close_to(hybridyn.idm(robot, q, v, a, wrenches=wrenches), expected, SOLVED)
+    wrenches = {link: rng.normal(size=6) for link in robot.bodies.place}
+    expected = oracle.idm(q, v, a, wrenches)
+    close_to(hybridyn.idm(robot, q, v, a, wrenches=wrenches), expected, SOLVED)
 
 
 def test_wrenches_per_sample_or_for_all() -> None:

@@ -13,7 +13,6 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.oracle import Base, Oracle
 from tests.robots.mechanisms import KINDS, random_mechanism, random_states, random_wrenches
-from tests.robots.shipped import shipped, states_near_home
 from tests.support.comparing import SOLVED, close_to
 from tests.support.files import save
 from tests.support.samples import in_turn, some
@@ -271,9 +270,9 @@ def test_self_stresses_reach_the_joints_that_are_not_determined(kind: str) -> No
 
 
 def test_every_module_and_closure_has_its_reaction() -> None:
-    description = shipped("lx4")
+    description = random_mechanism(0, kind="chain_of_bars")
     robot = build_robot(description)
-    q, v, a = states_near_home(description, "fixed", 0, 3)
+    q, v, a = random_states(description, "fixed", 0, 3)
     _, batch = hybridyn.idm(robot, q, v, a, reactions=True)
     assert set(batch.modules) == {m.name for m in robot.modules}
     assert set(batch.closures) == {c.name for c in description.closures} == set(batch.unique)

@@ -45,7 +45,7 @@ def judged(
 @pytest.mark.parametrize(
     ("method", "end"),
     [
-        ("conserving", 0.08),
+        ("conserving", 0.04),
         ("dopri5", 0.004),
         pytest.param("conserving", 100.0, marks=pytest.mark.slow),
         pytest.param("dopri5", 0.2, marks=pytest.mark.slow),

@@ -79,9 +79,9 @@ def test_long_double_is_long_enough(kind: str, claim: Claim) -> None:
     """The same code with forty digits, four modules: nothing cancels in one that does not in the other."""
     with mpmath.workdps(40):
         s = drawn(kind, 4)
+        exact, own = reference(kind, 4, s, Extended(mpmath.mp)), reference(kind, 4, s)
         for what, tau in (("near rest", s.tau), ("drawn efforts", drawn_efforts(4, s))):
-            exact = reference(kind, 4, s, Extended(mpmath.mp)).ddm(tau)
-            error = apart(reference(kind, 4, s).ddm(tau), exact.astype(np.longdouble))
+            error = apart(own.ddm(tau), exact.ddm(tau).astype(np.longdouble))
             claim(f"{kind}, 4 modules, {what}", "long double against forty digits, ddm", error, LONG_DOUBLE)
 
 

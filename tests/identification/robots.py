@@ -77,6 +77,7 @@ def other_values(base: BaseParameters, seed: int) -> np.ndarray:
     return out
 
 
+@lru_cache(maxsize=4)
 def flight(kind: str, seed: int) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return times and states of a motion about home; of redundant motors, the others follow."""
     robot, rng = robot_of(kind, seed), np.random.default_rng(seed + 1)

@@ -64,7 +64,7 @@ def test_what_moves_nothing_acts_as_the_controller_likes(kind: str, seed: int) -
     """Numbers 30 % off the file's come back, however the motors share their load."""
     robot = robot_of(kind, seed)
     _, want, inner = recorded(kind, seed)
-    for factor in (0.0, 1.0, 5.0):
+    for factor in (0.0, 5.0):
         found = hybridyn.identify(robot, with_efforts(kind, seed, factor * inner), effects=None)
         assert np.abs(found.values - want).max() <= EXACT * np.abs(want).max()
         assert found.fit.relative.max() <= EXACT

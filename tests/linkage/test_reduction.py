@@ -223,6 +223,7 @@ print(int(status.split("VmHWM:")[1].split()[0]) / 1024)
 """
 
 
+@pytest.mark.slow  # by default: the legs of the long loop below
 def test_a_loop_of_two_hundred_joints_takes_little_memory(tmp_path: Path) -> None:
     if not Path("/proc/self/status").exists():
         pytest.skip("this system does not tell a process's largest memory")

@@ -259,6 +259,8 @@ def test_a_start_on_the_reference_and_python(tmp_path: Path) -> None:
 def test_events_of_all_kinds(tmp_path: Path) -> None:
     text = """[initial]
 joints = { m1_left_drive = 0.3 }
+[initial.rates]
+joints = { m1_left_drive = -2.0, m1_right_drive = 0.0 }
 [[events]]
 joint = "m1_left_drive"
 at = 0.25
@@ -273,11 +275,12 @@ at = {x}
 singularity = "closures"
 at = 1e-6
 """
-    ready = stage(written(tmp_path, text.replace("{x}", "9.0")))
+    text = HEAD.replace("0.2", "0.06") + text
+    ready = stage(save(tmp_path, text.replace("{x}", "9.0"), "scene.toml"))
     result = play(ready)
     assert (result.status, [event.name for event in result.events]) == ("finished", ["m1_left_drive at 0.25"])
     place = hybridyn.kinematics(ready.robot, result.q[5], result.v[5], result.a[5])["m1_tool"].pose[0]
-    ended = play(stage(written(tmp_path, text.replace("{x}", repr(float(place))))))
+    ended = play(stage(save(tmp_path, text.replace("{x}", repr(float(place))), "scene.toml")))
     assert (ended.status, ended.events[-1].name) == ("event", "low")
 
 
