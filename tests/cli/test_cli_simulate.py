@@ -46,7 +46,7 @@ def table(path: Path) -> dict[str, np.ndarray]:
 
 def test_a_run_and_the_same_run_again(run, scene: Path, tmp_path: Path) -> None:
     first, second = tmp_path / "a.csv", tmp_path / "b.csv"
-    said = run("simulate", scene, "-o", first)
+    said = run("simulate", scene, "-o", first, *GENERAL)
     assert said.out == ""
     assert run("simulate", scene, "-o", second, "-q", *GENERAL) == (0, "", "")
     assert first.read_bytes() == second.read_bytes()
