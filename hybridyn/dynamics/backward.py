@@ -57,7 +57,9 @@ def backward(
             if module.parent >= 0:
                 sizes[module.parent][:, module.parent_output] += size
             _check_effort_digits(s, needed, size, weight * s.mechanism.length)
-            tau[:, module.motor_index] = _efforts(robot, s, needed, size, rounding, sharing)  # Eq. (33)
+            tau[:, module.motor_index] = efforts_along(  # Eq. (33)
+                robot, s, needed.basis, needed.H, size, rounding, sharing
+            )  # fmt: skip
         if result is not None:
             efforts = tau[:, module.motor_index]
             module_reactions(result, s, loads.modules[k], loads.on, needed, efforts)  # Eq. (52)
@@ -143,25 +145,26 @@ def module_motions(s: ModuleState, strict: bool) -> Basis:
     return along_motion(s, basis)
 
 
-def _efforts(
-    robot: HybridRobot, s: ModuleState, needed: ModuleForces, size: Array, rounding: Array, sharing: Sharing
+def efforts_along(
+    robot: HybridRobot, s: ModuleState, basis: Basis, H: Array, size: Array, rounding: Array, sharing: Sharing
 ) -> Array:
     """Compute the efforts of a module's motors, shape (T, motors of the module), [N or N m].
 
     Args:
         s: State of the module.
-        needed: Forces that its motion needs.
+        basis: Its motions.
+        H: Generalised force that its motion needs along x, shape (T, n).
         size: Largest term in the sum Q, shape (T,), [N m].
         rounding: Rounding that may remain in Q if all terms cancel, shape (T,), [N m].
         sharing: How the load is distributed among motors.
     """
-    module, Psi = s.module, needed.basis.Psi
-    tau = motor_efforts(robot, module, Need(Psi, needed.Q, size, rounding, s.motion), sharing)
-    for t in np.flatnonzero(needed.basis.pivot < LOST_PIVOT) if s.mechanism.reduction.rank else ():
+    module, Q = s.module, np.einsum("tij,ti->tj", basis.Psi, H)
+    tau = motor_efforts(robot, module, Need(basis.Psi, Q, size, rounding, s.motion), sharing)
+    for t in np.flatnonzero(basis.pivot < LOST_PIVOT) if s.mechanism.reduction.rank else ():
         # The branch is unknown, so the motors must balance the forces along all possible motions.
         at = slice(t, t + 1)
         every = possible_motions(module, s.K[t])[None]
-        Q = np.einsum("tij,ti->tj", every, needed.H[at])
+        Q = np.einsum("tij,ti->tj", every, H[at])
         need = Need(every, Q, size[at], rounding[at], s.motion.take(np.array([t])))
         tau[t] = motor_efforts(robot, module, need, sharing)[0]
     return tau

@@ -18,8 +18,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog, lsq_linear
-from scipy.sparse.csgraph import connected_components
 
 from ..errors import ActuationError
 from ..spatial import Array, Index
@@ -96,6 +94,8 @@ class Hold:
             a: Accelerations without friction, shape (k,).
             forward, backward: As in `share`.
         """
+        from scipy.optimize import lsq_linear  # SciPy is slow to load
+
         target = -np.linalg.lstsq(self.root.T, a)[0]
         tiny = np.finfo(float).tiny  # bounds must differ
         bounds = -np.maximum(forward, tiny), np.maximum(backward, tiny)
@@ -110,6 +110,8 @@ def _loops(at: Index, still: Array, scale: Array) -> list[tuple[Index, Array]]:
         still: Scaled efforts that move nothing, orthonormal, shape (joints, m).
         scale: What scales answers, shape (joints,).
     """
+    from scipy.sparse.csgraph import connected_components  # SciPy is slow to load
+
     projector = still @ still.T
     count, label = connected_components(np.abs(projector) > APART, directed=False)
     out = []
@@ -131,6 +133,8 @@ def _least_part(efforts: Array, null: Array, forward: Array, backward: Array) ->
     if not null.shape[1]:  # a joint by itself
         can = np.where(efforts > 0, backward, forward)
         return efforts, float((np.abs(efforts) / can)[0]), -np.sign(efforts)
+    from scipy.optimize import linprog  # SciPy is slow to load
+
     size, most = float(np.abs(efforts).max()), float(np.maximum(forward, backward).max())
     if size == 0.0:
         return efforts, 0.0, np.zeros(len(efforts))

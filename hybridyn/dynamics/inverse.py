@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..description.names import listed
-from ..effects.choice import Choice, choose, times
+from ..effects.choice import Choice, Effects, choose, times
 from ..errors import ActuationError
 from ..spatial import Array
+from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, one_of, same_samples
 from .actuation import Sharing
@@ -135,8 +136,9 @@ def inverse_model(
         hint += f"; the file's actuators {listed(robot.description.left_out)} are no motors here"
     sharing = Sharing(_weights(robot, weights), on_singular, hint)
     solved = passive == "solved"
-    if on.loaded is not None:
-        from .load_friction import settle  # which most robots need not
+    if (law := on.loaded) is not None:
+        from .friction_of_motion import answers_to_friction  # which most robots need not
+        from .load_friction import answers_one_by_one, settle
 
         def under(efforts: Array) -> Reactions:
             """Compute the reactions under efforts of joints."""
@@ -145,7 +147,14 @@ def inverse_model(
             assert found is not None
             return found
 
-        friction = settle(robot, on.loaded, v, under, apart=not solved)
+        def answers(D: Array) -> Array:
+            """Compute the wrenches that unit frictions cause; solved accelerations change with them."""
+            assert law is not None
+            if solved:
+                return answers_one_by_one(law, D, under)
+            return answers_to_friction(robot, _states(robot, on, q, v, a)[0], law, D, sharing)
+
+        friction = settle(law, v, under, answers)
         loads = replace(loads, joints=loads.joints + friction)
     out = _under_loads(robot, q, v, a, loads, sharing, solved=solved, reactions=reactions)
     if on.gears is not None:
@@ -173,13 +182,20 @@ def _under_loads(
         from .direct import solve_passive  # which most calls need not
 
         a = solve_passive(robot, q, v, a, loads)
-    v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
-    states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
+    states, v, a = _states(robot, on, q, v, a)
     residual = check_closed(robot, states, q, v, a)
     result = Reactions(np.zeros((len(q), 6))) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
     backward(robot, states, loads, sharing, tau, result, q, v, a)
     return Result(tau, residual, result)
+
+
+def _states(
+    robot: HybridRobot, on: Effects, q: Array, v: Array, a: Array
+) -> tuple[list[ModuleState], Array, Array]:
+    """Compute the states of modules, and rates and accelerations, zero in statics."""
+    v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
+    return forward(robot, q, v, a, on.gravity, classical=on.velocity is not None), v, a
 
 
 def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) -> Array | None:

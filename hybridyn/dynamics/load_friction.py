@@ -15,13 +15,12 @@ from ..description.names import listed
 from ..effects.load_friction import OnLoads
 from ..errors import AT_SAMPLE, ActuationError, ModelError
 from ..spatial import Array
-from ..structure.robot import HybridRobot
 from .friction_bound import feedback
 from .friction_response import Response, answer
 from .reactions import Reactions, undetermined
 
-#: Spectral radius from which friction is refused: at 1 joints may jam.
-JAM = 1.0
+#: Spectral radius from which friction is refused: at 1, to rounding, joints may jam.
+JAM = 1.0 - 64 * np.finfo(float).eps
 #: Steps of Newton's method or of the contraction, of which some ten are usual.
 STEPS = 200
 #: Bound of the ratio below which the contraction is taken: at most some fifty sweeps.
@@ -33,16 +32,16 @@ SETTLED = 4 * np.finfo(float).eps
 
 
 def settle(
-    robot: HybridRobot, law: OnLoads, v: Array, reactions_under: Callable[[Array], Reactions], *, apart: bool
+    law: OnLoads, v: Array, reactions_under: Callable[[Array], Reactions], answers: Callable[[Array], Array]
 ) -> Array:
     """Compute the efforts of friction that grows with load.
 
     Args:
-        robot: The robot.
         law: The law and its joints.
         v: Rates, shape (T, nv).
         reactions_under: Computes the reactions under efforts of joints, shape (T, nv).
-        apart: Whether friction in a module changes no wrench in another, as in the inverse model.
+        answers: Computes the wrenches that unit frictions cause, shape (T, joints, 6, joints), from their
+            efforts, shape (T, nv, joints).
 
     Returns:
         Shape (T, nv), [N or N m].
@@ -54,10 +53,9 @@ def settle(
     D = law.directions(v)
     start = reactions_under(np.zeros_like(v))
     check_determined(law, start)
-    w = wrenches_of(law, start)
-    B = _unit_wrenches(robot, law, D, reactions_under, w, apart)
+    B = answers(D)
     check_jamming(law, B)
-    out: Array = np.einsum("tij,tj->ti", D, solve_friction(law, w, B))
+    out: Array = np.einsum("tij,tj->ti", D, solve_friction(law, wrenches_of(law, start), B))
     return out
 
 
@@ -100,37 +98,20 @@ def wrenches_of(law: OnLoads, reactions: Reactions) -> Array:
     return np.stack([reactions.joints[name] for name in law.joints], axis=1)
 
 
-def _unit_wrenches(
-    robot: HybridRobot, law: OnLoads, D: Array, reactions_under: Callable[[Array], Reactions], w: Array,
-    apart: bool,
-) -> Array:  # fmt: skip
-    """Compute the wrenches that unit frictions cause, shape (T, joints, 6, joints).
+def answers_one_by_one(law: OnLoads, D: Array, reactions_under: Callable[[Array], Reactions]) -> Array:
+    """Compute the wrenches that unit frictions cause by one model call for each joint.
 
-    Joints of several modules are taken at once where modules do not feel each other.
+    Args:
+        law, reactions_under: As in `settle`.
+        D: Efforts per unit of each joint's friction, shape (T, nv, joints).
+
+    Returns:
+        Shape (T, joints, 6, joints).
     """
-    owners = [robot.module_of(name) for name in law.joints]
-    module = owners if apart else [0] * len(owners)
-    unit = np.maximum(law.sizes(w).max(axis=1), 1.0)[:, None]
-    out = np.zeros((*w.shape, len(law.joints)))
-    for together in _turns(module):
-        efforts = unit * D[:, :, together].sum(axis=2)
-        change = (wrenches_of(law, reactions_under(efforts)) - w) / unit[..., None]
-        for j in together:
-            mates = [i for i, k in enumerate(module) if k == module[j]]
-            out[..., j][:, mates] = change[:, mates]
-    return out
-
-
-def _turns(module: Sequence[int]) -> list[list[int]]:
-    """Group joints, given their modules, so that each group has at most one joint of a module."""
-    count: dict[int, int] = {}
-    out: list[list[int]] = []
-    for joint, k in enumerate(module):
-        count[k] = count.get(k, -1) + 1
-        if count[k] == len(out):
-            out.append([])
-        out[count[k]].append(joint)
-    return out
+    w = wrenches_of(law, reactions_under(np.zeros(D.shape[:2])))
+    unit = np.maximum(law.sizes(w).max(axis=1), 1.0)[:, None]  # so that differences keep their digits
+    under = [wrenches_of(law, reactions_under(unit * D[:, :, j])) for j in range(len(law.joints))]
+    return np.stack([(one - w) / unit[..., None] for one in under], axis=3)
 
 
 def check_determined(law: OnLoads, reactions: Reactions) -> None:

@@ -14,7 +14,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..dynamics.stiction import carried, directions_from_rest, friction_of, stop_motion
 from ..spatial import Array
@@ -206,6 +205,8 @@ class Sticking:
 
 def _passed(function: Callable[[float], float], t0: float, t1: float) -> float:
     """Return a time, to rounding, at which a function that rises through zero between two is positive."""
+    from scipy.optimize import brentq  # SciPy is slow to load
+
     t = float(brentq(function, t0, t1, xtol=np.spacing(max(abs(t0), abs(t1))), rtol=4 * np.finfo(float).eps))
     onwards = np.spacing(t)
     while t < t1 and function(t) <= 0:

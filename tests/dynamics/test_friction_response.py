@@ -1,17 +1,19 @@
 """What wrenches of joints feel of friction in the direct model, and the bound of its feedback."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.dynamics import direct, direct_recursion, load_friction
+from hybridyn.dynamics import direct, direct_recursion, inverse, load_friction
 from hybridyn.dynamics.backward import reactions_of
 from hybridyn.dynamics.direct_recursion import articulate
 from hybridyn.dynamics.forward import forward
 from hybridyn.dynamics.friction_bound import feedback
 from hybridyn.dynamics.friction_response import Response, answer, responses
+from hybridyn.dynamics.load_friction import answers_one_by_one, settle
 from hybridyn.dynamics.loads import all_loads
 from hybridyn.effects.choice import choose
 from hybridyn.effects.load_friction import LoadFriction, OnLoads
@@ -80,6 +82,28 @@ def test_the_contraction_settles_where_newton_s_method_does(monkeypatch: pytest.
     assert len(calls) == 2
     monkeypatch.setattr(load_friction, "SURE", 0.0)
     close_to(contracted, hybridyn.ddm(robot, q, v, tau, effects=effects), SOLVED)
+
+
+@pytest.mark.parametrize(
+    ("kind", "base"), [("legged", "fixed"), slow("stack", "moving"), slow("branched", "floating")]
+)
+def test_the_inverse_model_runs_twice_whatever_the_number_of_joints(
+    kind: str, base: Base, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What joints answer to friction is that of a model call for each of them."""
+    robot, law, (q, v, tau) = rubbing(kind, base)
+    effects, calls, count = ["default", law], [], inverse.backward
+    a = hybridyn.ddm(robot, q, v, tau, effects=effects)
+    monkeypatch.setattr(inverse, "backward", lambda *given: (calls.append(1), count(*given)))
+    found = hybridyn.idm(robot, q, v, a, effects=effects)
+    assert len(calls) == 2
+
+    def one_by_one(law: OnLoads, v: Array, under: Any, answers: object) -> Array:
+        return settle(law, v, under, lambda D: answers_one_by_one(law, D, under))
+
+    monkeypatch.setattr(load_friction, "settle", one_by_one)
+    close_to(found, hybridyn.idm(robot, q, v, a, effects=effects), SOLVED)
+    assert len(calls) == 5 + len(law.joints)
 
 
 def test_where_the_bound_proves_nothing_all_answers_are_judged() -> None:
