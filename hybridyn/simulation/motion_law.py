@@ -14,7 +14,6 @@ from ..compiled import Law
 from ..dynamics.direct import states_before, with_load_friction
 from ..dynamics.direct_recursion import accelerate, articulate
 from ..dynamics.loads import all_loads
-from ..dynamics.stiction import Free, free_of_friction, friction_of
 from ..effects.choice import Choice, choose
 from ..effects.dry_friction import on_sticking
 from ..errors import HybridynError, ModelError, TrajectoryError
@@ -23,6 +22,7 @@ from ..structure.robot import HybridRobot
 
 if TYPE_CHECKING:
     from ..compiled import CompiledRobot, Steps
+    from ..dynamics.stiction import Free
 
 Effort = Callable[[float, Array, Array], Array]
 Wrenches = Callable[[float, Array, Array], Mapping[str, Array]]
@@ -202,6 +202,8 @@ class MotionLaw:
         if dry is not None:
             each = np.broadcast_to(self.signs if signs is None else signs, (len(t), len(dry.joints)))
             if dry.loaded is not None or not each.all():
+                from ..dynamics.stiction import friction_of  # which most runs need not
+
                 rows = zip(self._free(t, q, v, base, tau), each, strict=True)
                 return np.array([one.accelerations(friction_of(one, s).efforts) for one, s in rows]), tau
             on = dry.besides
@@ -226,6 +228,8 @@ class MotionLaw:
 
     def _free(self, t: Array, q: Array, v: Array, base: Array, tau: Array) -> Iterator[Free]:
         """Yield each state without dry friction."""
+        from ..dynamics.stiction import free_of_friction  # which most runs need not
+
         assert self.sticking is not None
         on, joint_side = self.sticking.besides, tau
         if on.gears is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from os import PathLike
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +17,10 @@ from .events import Event, Found, StepInterpolation, occurrences
 from .motion_law import StepError
 from .result import Counters, Origin, SimulationResult, joined
 from .stepping import Leap, Stepper
-from .sticking import Sticking
 from .system import State, System
+
+if TYPE_CHECKING:
+    from .sticking import Sticking
 
 #: Number of steps between two checkpoints.
 CHECKPOINT_STEPS = 1000

@@ -25,7 +25,6 @@ from .result import Origin, SimulationResult, digest
 from .run import Progress, Run
 from .solver import Solver, SolverOptions, build_method, solver_of
 from .stepping import Stepper
-from .sticking import Sticking
 from .system import State, System
 
 if TYPE_CHECKING:
@@ -125,9 +124,12 @@ def simulate(
     origin = Origin(robot.name, solver.method, digest(robot), scene)
     earlier = _earlier(resume, origin, times)
     state = earlier.state if earlier else _start(system, q0, v0, float(times[0]), initial_velocity)
-    sticking = None if law.sticking is None else Sticking(system)
-    if sticking is not None and earlier is None:
-        state = sticking.begin(state)
+    sticking = None
+    if law.sticking is not None:
+        from .sticking import Sticking  # which most runs need not
+
+        sticking = Sticking(system)
+        state = state if earlier else sticking.begin(state)
     stepper = Stepper(system, build_method(solver.method, system), solver, float(times[-1]), state)
     if earlier is not None:
         stepper.resume(earlier.next_step, earlier.on_grid, earlier.start)
