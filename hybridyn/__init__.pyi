@@ -7,6 +7,7 @@ from .conversion.convert import convert
 from .conversion.target_files import Conversion
 from .dynamics.energy import Energy, Power, centre_of_mass, energy, momentum, power
 from .dynamics.link_motion import LinkMotion, kinematics
+from .dynamics.motor_currents import MotorCurrents, motor_currents
 from .dynamics.quantities.joint_map import JointMap, joint_map
 from .dynamics.quantities.links import delassus, link_jacobian, operational_inertia
 from .dynamics.quantities.model import bias, coriolis, coriolis_matrix, gravity, mass_matrix, motion_map
@@ -56,6 +57,7 @@ __all__ = [
     "JointMap",
     "LinkMotion",
     "ModelError",
+    "MotorCurrents",
     "PerformanceWarning",
     "Power",
     "Reactions",
@@ -92,6 +94,7 @@ __all__ = [
     "mass_matrix",
     "momentum",
     "motion_map",
+    "motor_currents",
     "near_singularity",
     "operational_inertia",
     "power",

@@ -36,6 +36,10 @@ FILE = Path(__file__).parents[1] / "stable-names.txt"
 MOTION = "time,m1_left_drive/position,m1_right_drive/position\n" + "".join(
     f"{t},0.0{t},0.0{t}\n" for t in range(8)
 )
+#: Numbers of its motors.
+DC_MOTORS = "[effects.dc_motors]\n" + "".join(
+    f"{key} = {{ m1_left_drive = 1.0, m1_right_drive = 1.0 }}\n" for key in ("torque_constant", "resistance")
+)
 #: Objects that functions return, whose classes have no public name.
 RETURNED = {
     "hybridyn.check()[]": Finding,
@@ -166,7 +170,9 @@ def _written_columns() -> list[str]:
         (folder / "scene.toml").write_text(SCENE)
         files = {name: str(folder / f"{name}.csv") for name in ("efforts", "inner", "loads", "run", "room")}
         robot = hybridyn.load("five_bar")
-        motion = ["five_bar", str(folder / "motion.csv")]
+        hybridyn.convert(robot, folder / "five_bar.urdf")
+        (folder / "five_bar.model.toml").write_text(DC_MOTORS)
+        motion = [str(folder / "five_bar.urdf"), str(folder / "motion.csv"), "--effects", "model"]
         calls = [
             ["idm", *motion, "-o", files["efforts"], "--reactions", files["inner"]],
             ["idm", *motion, "--loads", "-o", files["loads"]],
@@ -182,7 +188,7 @@ def _written_columns() -> list[str]:
 def _without_names(column: str, robot: hybridyn.HybridRobot) -> str:
     """Return a column with `<motor>`, `<joint>`, `<closure>`, `<link>` in the place of names."""
     description = robot.description
-    motors = robot.motors if column.endswith("/effort") else ()
+    motors = robot.motors if column.endswith(("/effort", "/current", "/voltage")) else ()
     links, closures = ([one.name for one in of] for of in (description.links, description.closures))
     kinds = {"motor": motors, "joint": robot.joints, "link": links, "closure": closures}
     for what, names in kinds.items():

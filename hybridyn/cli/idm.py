@@ -4,12 +4,15 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ..description.loop_signs import has_mass
 from ..description.names import did_you_mean
 from ..dynamics.inverse import inverse_model
 from ..dynamics.reactions import Reactions
 from ..effects import Effects, choose
 from ..effects.choice import stated_names
+from ..effects.dc_motors import OnDcMotors
 from ..effects.words import DEFAULT, FROM_FILES
 from ..errors import ModelError
 from ..spatial import Array
@@ -83,8 +86,9 @@ def _plan(
         model: Options of the inverse model: passive, on_singular, weights.
     """
     robot, layout, on = given.robot, given.layout, choose(given.robot, effects)
-    if loads:  # the report names the limits
-        on = on.without("limits")
+    dc = on.dc
+    if loads:  # the report names what exceeds bounds
+        on = on.unbounded
     _check(robot, layout, on, model["weights"], only_map=bool(outputs) and not on.names)
     obstacles = {
         "--bearings": bearings,
@@ -105,8 +109,8 @@ def _plan(
     if loads:
         from .common.reports import LoadReport, motor_states
 
-        states = partial(motor_states, efforts=inverse)
-        return CommandPlan(states, None, [LoadReport(robot, tables)], chosen, about(robot, layout, on))
+        states = partial(motor_states, efforts=inverse, dc=dc)
+        return CommandPlan(states, None, [LoadReport(robot, tables, dc)], chosen, about(robot, layout, on))
     columns = [f"{name}/effort" for name in robot.motors]
     observers: list[Observer] = []
     if outputs:
@@ -116,6 +120,9 @@ def _plan(
         columns = map_columns(robot, outputs, motion=True, efforts=bool(on.names))
         inverse = partial(map_rows, joints=outputs, efforts=inverse if on.names else None)
         observers.append(MapSummary(robot, outputs))
+    elif dc is not None:
+        columns += [f"{robot.motors[i]}/{what}" for what in ("current", "voltage") for i in dc.motors]
+        inverse = partial(with_supply, efforts=inverse, dc=dc)
     observers.append(Summary(robot, "effort", robot.effort_units, columns))
     return CommandPlan(inverse, columns, observers, chosen, about(robot, layout, on))
 
@@ -134,6 +141,15 @@ def _check(
             "nothing has mass, so that every effort would be zero: give the links an <inertial>",
             file=robot.description.source,
         )
+
+
+def with_supply(
+    robot: HybridRobot, block: TreeSamples, *, efforts: Callable[..., BlockResults], dc: OnDcMotors
+) -> BlockResults:
+    """Compute the efforts of a block, and the currents and voltages of DC motors beside them."""
+    made = efforts(robot, block)
+    supply = dc.currents(made.rows), dc.voltages(made.rows, block.v[:, robot.motor_v])
+    return made._replace(rows=np.concatenate([made.rows, *supply], axis=1))
 
 
 def efforts(

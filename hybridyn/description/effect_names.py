@@ -10,7 +10,7 @@ ON_JOINTS = (
     "rotor_inertia", "viscous_friction", "coulomb_friction", "stribeck_friction",
     "directed_friction", "spring", "damper", "stop",
     "polynomial_spring", "polynomial_damper", "ball_spring", "tendons", "load_friction", "gear_efficiency",
-    "limits",
+    "dc_motors", "limits",
 )  # fmt: skip
 ON_LINKS = ("ground_contact", "gravity_compensation", "line_springs", "bushings", "payload")
 

@@ -118,8 +118,7 @@ def direct_model(
         a[:, :6] = acceleration_of_base(robot, base_acceleration, len(q))
     if on.base is not None:
         q, v, a = on.base.into(robot, time, q, v, a)
-    if on.limits is not None:
-        tau = on.limits.clip(robot, tau)
+    tau = on.within_bounds(robot, tau, v)
     if on.gears is not None:
         tau = on.gears.behind(robot, tau, v)
     loads = all_loads(robot, on, q, v, time, wrenches)

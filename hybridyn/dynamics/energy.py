@@ -157,7 +157,7 @@ def power(
         robot: The robot.
         q: Positions, shape (nq,) or (T, nq).
         v: Rates, shape (nv,) or (T, nv).
-        tau: Efforts, shape (motors,) or (T, motors); clipped if "limits" is among the effects.
+        tau: Efforts, shape (motors,) or (T, motors); clipped by "limits" and "dc_motors".
         wrenches: External wrench on each link, by link name, shape (6,) or (T, 6), as in `idm`.
         effects: As in `idm`.
         time: Time of each sample, shape () or (T,), [s], for wrenches that follow a table.
@@ -182,8 +182,7 @@ def power(
     tau = as_efforts(robot, tau)[0]
     same_samples(q=q, v=v, tau=tau)
     on, clock = choose(robot, effects), times(time, len(q))
-    if on.limits is not None:
-        tau = on.limits.clip(robot, tau)
+    tau = on.within_bounds(robot, tau, v)
     columns, given_by_motors = robot.motor_v, tau
     if on.gears is not None:
         tau = on.gears.behind(robot, tau, v)

@@ -88,8 +88,8 @@ def idm(
         SingularityError: The motors lose a direction, or closures lose rank, and `on_singular` is "raise"; or
             closures are so close to losing rank that the efforts have no correct digit; or a velocity belongs
             to no branch there.
-        ActuationError: A passive motion would need an effort, an effort exceeds a limit, or friction that
-            grows with load may jam joints.
+        ActuationError: A passive motion would need an effort, an effort exceeds a limit or what a DC motor
+            gives, or friction that grows with load may jam joints.
         ModelError: Effects are unknown, lack parameters or contradict each other, or the motion does not
             determine a load on which friction depends.
         TrajectoryError: An array has the wrong shape or is not finite, a link is unknown, or a table is too
@@ -143,7 +143,7 @@ def inverse_model(
         def under(efforts: Array) -> Reactions:
             """Compute the reactions under efforts of joints."""
             more = replace(loads, joints=loads.joints + efforts)
-            found = _under_loads(robot, q, v, a, more, sharing, solved=solved, reactions=True).reactions
+            found = under_loads(robot, q, v, a, more, sharing, solved=solved, reactions=True).reactions
             assert found is not None
             return found
 
@@ -156,15 +156,14 @@ def inverse_model(
 
         friction = settle(law, v, under, answers)
         loads = replace(loads, joints=loads.joints + friction)
-    out = _under_loads(robot, q, v, a, loads, sharing, solved=solved, reactions=reactions)
+    out = under_loads(robot, q, v, a, loads, sharing, solved=solved, reactions=reactions)
     if on.gears is not None:
         out = out._replace(values=on.gears.before(out.values, v))
-    if on.limits is not None:
-        on.limits.check(robot, out.values)
+    on.check_bounds(robot, out.values, v)
     return out
 
 
-def _under_loads(
+def under_loads(
     robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads, sharing: Sharing, *, solved: bool,
     reactions: bool,
 ) -> Result:  # fmt: skip

@@ -2,10 +2,10 @@
 
 Read `terms` (gravity, inertia, the legs' inertia, velocity terms), `joints`, `joint_laws`, `springs` and
 `tendons` (efforts of joints), `link_effect`, `links`, `bodies`, `bushings` (wrenches on links), `inputs`
-(limits, a prescribed base), `load_friction` and `gears` (losses that grow with load), `others` (laws of other
-packages), `words` (every effect by name), `catalogue` (their classes), `listing` (the effects of names and
-objects), `choice` (the selection of effects for one call), `dry_friction` (joints that stick), `rebuild`
-(`hybridyn.with_effects`).
+(limits, a prescribed base), `load_friction` and `gears` (losses that grow with load), `dc_motors`, `others`
+(laws of other packages), `words` (every effect by name), `catalogue` (their classes), `listing` (the effects
+of names and objects), `choice` (the selection of effects for one call), `dry_friction` (joints that stick),
+`rebuild` (`hybridyn.with_effects`).
 
 `__init__.pyi` lists what is public. A class is imported when it is first used: most calls take four effects.
 

@@ -4,6 +4,7 @@ from .bodies import GravityCompensation, LineSprings
 from .bushings import Bushings
 from .catalogue import UNITS
 from .choice import Effects, choose
+from .dc_motors import DcMotors
 from .gears import GearEfficiency
 from .inputs import BaseMotion, Limits
 from .joint_laws import (
@@ -34,6 +35,7 @@ __all__ = [
     "Bushings",
     "CoulombFriction",
     "Damper",
+    "DcMotors",
     "DirectedFriction",
     "Effects",
     "GearEfficiency",

@@ -10,6 +10,7 @@ from ..extensions import Extension, added, every_name, running
 from ..structure.bodies import Payload
 from .bodies import GravityCompensation, LineSprings
 from .bushings import Bushings
+from .dc_motors import DcMotors
 from .gears import GearEfficiency
 from .inputs import BaseMotion, Limits
 from .joint_laws import (
@@ -40,7 +41,7 @@ UNITS: dict[str, type[Any]] = {
         CoulombFriction, StribeckFriction, DirectedFriction,
         Spring, Damper, Stop, PolynomialSpring, PolynomialDamper,
         BallSpring, Tendons, Wrench, GroundContact, GravityCompensation, LineSprings, Bushings, LoadFriction,
-        GearEfficiency, Payload, BaseMotion, Limits,
+        GearEfficiency, DcMotors, Payload, BaseMotion, Limits,
     )
 }  # fmt: skip
 

@@ -16,9 +16,10 @@ from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_numbers
 from .terms import Gravity, Inertia, LegInertia, MasslessLegs, VelocityTerms
-from .words import DEFAULT, FROM_FILES, NAMES
+from .words import BOUNDS, DEFAULT, FROM_FILES, NAMES
 
 if TYPE_CHECKING:  # the default effects do without
+    from .dc_motors import OnDcMotors
     from .gears import OnGears
     from .inputs import BaseMotion, Limits
     from .joints import OnJoints
@@ -43,6 +44,7 @@ class Effects:
         base: The base's prescribed motion, or None.
         loaded: Friction that grows with load, or None.
         gears: Losses of gears, or None.
+        dc: DC motors, or None.
         names: Names of the selected effects, including payloads.
     """
 
@@ -57,6 +59,7 @@ class Effects:
     base: BaseMotion | None = None
     loaded: OnLoads | None = None
     gears: OnGears | None = None
+    dc: OnDcMotors | None = None
     names: tuple[str, ...] = ()
 
     def only(self, names: Collection[str]) -> Effects:
@@ -73,6 +76,7 @@ class Effects:
             tuple(law for law in self.links if law.name in names), kept(self.limits), kept(self.base),
             self.loaded if self.loaded is not None and kept(self.loaded.effect) else None,
             self.gears if self.gears is not None and kept(self.gears.effect) else None,
+            self.dc if self.dc is not None and kept(self.dc.effect) else None,
         )  # fmt: skip
         return replace(out, names=out.named({*self.names} & {*names}))
 
@@ -84,8 +88,30 @@ class Effects:
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """Names of the losses that grow with load, which the general path alone computes."""
-        return tuple(law.effect.name for law in (self.loaded, self.gears) if law is not None)
+        """Names of losses that grow with load, and of DC motors, which the general path alone computes."""
+        return tuple(law.effect.name for law in (self.loaded, self.gears, self.dc) if law is not None)
+
+    @property
+    def unbounded(self) -> Effects:
+        """The effects but for those that bound what motors give."""
+        return self.without(*BOUNDS)
+
+    def within_bounds(self, robot: HybridRobot, tau: Array, v: Array) -> Array:
+        """Clip efforts, shape (T, motors), to limits and to what DC motors give at rates, shape (T, nv)."""
+        if self.limits is not None:
+            tau = self.limits.clip(robot, tau)
+        return tau if self.dc is None else self.dc.clip(tau, v[:, robot.motor_v])
+
+    def check_bounds(self, robot: HybridRobot, tau: Array, v: Array) -> None:
+        """Check efforts, shape (T, motors), against what `within_bounds` clips them to.
+
+        Raises:
+            ActuationError: One exceeds them; the message names motor and sample.
+        """
+        if self.limits is not None:
+            self.limits.check(robot, tau)
+        if self.dc is not None:
+            self.dc.check(robot, tau, v[:, robot.motor_v])
 
     def without(self, *names: str) -> Effects:
         """Return the effects but for some names."""
@@ -190,25 +216,26 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
 
     found = on_robot(robot, asked)
     out = Effects(
-        *found.terms, found.joints, found.rotors, found.links, *found.inputs, found.loaded, found.gears
+        *found.terms, found.joints, found.rotors, found.links, *found.inputs, found.loaded, found.gears,
+        found.dc,
     )
     return replace(out, names=out.named(found.names))
 
 
 def without_losses(on: Effects, what: str) -> Effects:
-    """Return effects, for those who do not compute losses that grow with load.
+    """Return effects, for those who do not compute losses that grow with load, nor DC motors.
 
     Args:
         on: The effects.
         what: Who asks, for the message: "compiled models do not compute".
 
     Raises:
-        ModelError: There are such losses.
+        ModelError: There are such effects.
     """
     if on.losses:
         raise ModelError(
-            f"{what} the effect '{on.losses[0]}', whose losses grow with load: hybridyn.idm, ddm, power and "
-            "simulate do, on the general path. Leave it out here", element=on.losses[0],
+            f"{what} the effect '{on.losses[0]}': hybridyn.idm, ddm, power and simulate do, on the general "
+            "path. Leave it out here", element=on.losses[0],
         )  # fmt: skip
     return on
 

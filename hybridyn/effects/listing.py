@@ -10,6 +10,7 @@ from ..errors import ModelError
 from ..structure.bodies import Payload
 from ..structure.robot import HybridRobot
 from .catalogue import JOINTS, UNITS, class_of, made, names
+from .dc_motors import DcMotors, OnDcMotors, on_dc_motors
 from .gears import GearEfficiency, OnGears, on_gears
 from .inputs import BaseMotion, Limits
 from .joint_laws import RotorInertia
@@ -37,6 +38,7 @@ class OnRobot(NamedTuple):
         inputs: Limits and the base's motion, each or None.
         loaded: Friction that grows with load, or None.
         gears: Losses of gears, or None.
+        dc: DC motors, or None.
     """
 
     names: set[str]
@@ -47,6 +49,7 @@ class OnRobot(NamedTuple):
     inputs: tuple[Any, Any]
     loaded: OnLoads | None
     gears: OnGears | None
+    dc: OnDcMotors | None
 
 
 def on_robot(robot: HybridRobot, effects: Asked) -> OnRobot:
@@ -80,6 +83,7 @@ def on_robot(robot: HybridRobot, effects: Asked) -> OnRobot:
         (one(Limits), one(BaseMotion)),
         None if (load := one(LoadFriction)) is None else on_loads(load, robot),
         None if (gears := one(GearEfficiency)) is None else on_gears(gears, robot),
+        None if (dc := one(DcMotors)) is None else on_dc_motors(dc, robot),
     )
 
 

@@ -6,7 +6,7 @@ NAMES = (
     "coulomb_friction", "stribeck_friction", "directed_friction",
     "spring", "damper", "stop", "polynomial_spring", "polynomial_damper",
     "ball_spring", "tendons", "wrench", "ground_contact", "gravity_compensation", "line_springs", "bushings",
-    "load_friction", "gear_efficiency", "payload", "base_motion", "limits",
+    "load_friction", "gear_efficiency", "dc_motors", "payload", "base_motion", "limits",
 )  # fmt: skip
 
 #: Effects selected by `effects=None` and by the word "default".
@@ -14,5 +14,8 @@ DEFAULT = ("gravity", "inertia", "leg_inertia", "velocity")
 
 #: Effects whose parameters are joint attributes in URDF or model.toml, with the attribute of `records.Joint`.
 FROM_FILES = {"rotor_inertia": "armature", "viscous_friction": "damping", "coulomb_friction": "friction"}
+
+#: Effects that bound what motors give, and change no model.
+BOUNDS = ("limits", "dc_motors")
 
 WORDS = ("default", "model", "none")

@@ -110,11 +110,11 @@ def _selected(robot: HybridRobot, effects: Choice) -> tuple[Effects, bool]:
         ModelError: Effects are unknown, or no number of theirs is linear in the efforts.
     """
     if effects is None or isinstance(effects, Effects):
-        return without_losses(choose(robot, effects), "identification does not take"), False
+        return without_losses(choose(robot, effects).unbounded, "the linear model does not take"), False
     words = [effects] if isinstance(effects, str) else list(effects)
     offsets = OFFSETS in words
     words = [word for word in words if not (isinstance(word, str) and word == OFFSETS)]
-    on = without_losses(choose(robot, words), "identification does not take")
+    on = without_losses(choose(robot, words).unbounded, "the linear model does not take")
     units = listed_units(robot, words)
     acting = [unit for unit in units if isinstance(unit, (*LAWS, LinkEffect, BaseMotion))]
     if lost := [unit.name for unit in acting if not getattr(unit, "symbols", ())]:

@@ -137,7 +137,7 @@ class ComputedTorque(Pd):
             ModelError: Unknown motors or effects, or negative gains.
         """
         super().__init__(robot, reference, kp, kd)
-        self._on = choose(robot, effects).without("limits")
+        self._on = choose(robot, effects).unbounded
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """Return the efforts, shape (motors,)."""

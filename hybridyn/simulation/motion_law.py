@@ -249,8 +249,7 @@ class MotionLaw:
             if quick is not None:
                 return quick, False
         tau = np.array([self.effort(*s) for s in zip(t, q, v, strict=True)]).reshape(len(t), -1)
-        clipped = tau if self.on.limits is None else self.on.limits.clip(self.robot, tau)
-        return clipped, steps is not None
+        return self.on.within_bounds(self.robot, tau, v), steps is not None
 
     def _gather(self, t: Array, q: Array, v: Array) -> Mapping[str, Array] | None:
         """Return the wrenches of a batch by link, shape (T, 6) or (6,) each."""

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..description.records import Joint
+from ..effects.dc_motors import OnDcMotors
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.signals import unit_of
@@ -35,7 +36,7 @@ class Departure:
     """Samples at which a joint exceeds one of its limits.
 
     Attributes:
-        quantity: "position", "speed" or "effort".
+        quantity: "position", "speed", "effort", "current" or "voltage".
         unit: Unit of the quantity.
         limit: The limit that is exceeded most.
         worst: The value that exceeds its limit most.
@@ -76,6 +77,21 @@ def departures(robot: HybridRobot, q: Array, v: Array, tau: Array | None = None)
     return tuple(one for given in checked if given[2] and len(q) for one in _outside(*given))
 
 
+def beyond_supply(robot: HybridRobot, law: OnDcMotors, speed: Array, tau: Array) -> Iterator[Departure]:
+    """Yield a departure for each DC motor that needs more current or voltage than it has.
+
+    Args:
+        law: The motors.
+        speed, tau: Rates and efforts of all motors, shape (T, motors).
+    """
+    needs = ("current", "A", law.currents(tau), law.current), (
+        "voltage", "V", law.voltages(tau, speed), law.voltage)  # fmt: skip
+    for quantity, unit, rows, limit in needs:
+        for i in np.flatnonzero((np.abs(rows) > limit * (1 + TOUCHING)).any(axis=0)):
+            bounds = -limit[i], limit[i], TOUCHING * limit[i]
+            yield _departure(robot.motors[law.motors[i]], quantity, unit, rows[:, i], bounds)
+
+
 def position_limits(joint: Joint) -> tuple[float, float] | None:
     """Return the lowest and the highest position that count as inside the limits, or None without limits."""
     lower, upper, slack = _limits("position", joint)
@@ -99,21 +115,22 @@ def _outside(quantity: str, rows: Array, joints: Sequence[Joint]) -> Iterator[De
     lower, upper, slack = np.array([_limits(quantity, joint) for joint in joints]).T
     low, high = lower - slack, upper + slack
     for i in np.flatnonzero((rows.max(axis=0) > high) | (rows.min(axis=0) < low)):
-        joint, column = joints[int(i)], rows[:, i]
-        outside = np.flatnonzero((column > high[i]) | (column < low[i]))
-        beyond = np.maximum(column[outside] - upper[i], lower[i] - column[outside])
-        value = float(column[outside[beyond.argmax()]])
-        yield Departure(
-            joint.name,
-            quantity,
-            unit_of(joint.kind, quantity),
-            float(upper[i] if value > upper[i] else lower[i]),
-            value,
-            float(beyond.max()),
-            int(outside[0]),
-            len(outside),
-            other_unit(joint, value, np.inf) if quantity == "position" else "",
-        )
+        joint, bounds = joints[int(i)], (lower[i], upper[i], slack[i])
+        one = _departure(joint.name, quantity, unit_of(joint.kind, quantity), rows[:, i], bounds)
+        asked = other_unit(joint, one.worst, np.inf) if quantity == "position" else ""
+        yield replace(one, question=asked)
+
+
+def _departure(
+    joint: str, quantity: str, unit: str, column: Array, bounds: tuple[float, float, float]
+) -> Departure:
+    """Return where a column leaves its bounds, which it does: lower, upper, and what may exceed them."""
+    lower, upper, slack = bounds
+    outside = np.flatnonzero((column > upper + slack) | (column < lower - slack))
+    beyond = np.maximum(column[outside] - upper, lower - column[outside])
+    value = float(column[outside[beyond.argmax()]])
+    limit, worst = float(upper if value > upper else lower), float(beyond.max())
+    return Departure(joint, quantity, unit, limit, value, worst, int(outside[0]), len(outside))
 
 
 class Departures:

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 NEEDS_INERTIA = frozenset({"velocity", "rotor_inertia"})
 
 #: Effects that define another robot or another task. They stay as chosen and are never evaluated; nor are
-#: the limits, which combine all effects.
+#: bounds of motors, which combine all effects.
 KEPT = frozenset({"payload", "base_motion", "massless_legs"})
-LIMITS = "limits"
+BOUNDS = frozenset({"limits", "dc_motors"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def contributions(
 
     full, out = efforts(on), []
     whole = rms_over(time, full)
-    every = [name for name in on.names if name not in KEPT | {LIMITS}]
+    every = [name for name in on.names if name not in KEPT | BOUNDS]
     for name in every:
         rest = {*every, *KEPT} - {name} - (NEEDS_INERTIA if name == "inertia" else set())
         try:

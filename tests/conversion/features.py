@@ -179,6 +179,7 @@ FEATURES: dict[str, tuple[str, Description]] = {
     "directed friction": ("two", effect("directed_friction", forward={"two": 3.0}, backward={"two": 1.0})),
     "load friction": ("two", effect("load_friction", radial={"two": 0.01}, normal={"rail": 0.1}, width=0.02)),
     "gear efficiency": ("two", effect("gear_efficiency", efficiency={"one": 0.8}, back={"one": -0.1})),
+    "DC motor": ("two", effect("dc_motors", torque_constant={"one": 0.1}, resistance={"one": 0.5})),
     "stop": (
         "two", effect("stop", stiffness={"two": 9.0}, damping=2.0, lower={"two": -1.0}, upper={"two": 1.0}),
     ),

@@ -22,6 +22,7 @@ WITHOUT_ENERGY = {
     "directed_friction",
     "load_friction",
     "gear_efficiency",
+    "dc_motors",
 }
 #: Robots with an effect that stores energy or adds mass, or that names what is written under another name.
 NAMES = [

@@ -138,6 +138,7 @@ stribeck friction               kept        kept              kept          kept
 directed friction               kept        kept              kept          kept
 load friction                   kept        kept              kept          kept
 gear efficiency                 kept        kept              kept          kept
+DC motor                        kept        kept              kept          kept
 stop                            kept        kept              kept          kept
 ground contact                  kept        kept              kept          kept
 damper, spherical               kept        damper            kept          kept

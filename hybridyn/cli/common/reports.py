@@ -9,13 +9,15 @@ import click
 import numpy as np
 
 from ...effects import choose
+from ...effects.dc_motors import OnDcMotors
 from ...figures.reports import chart_of_report, chart_of_sizing
-from ...streams.departures import Departures
+from ...streams.departures import Departures, beyond_supply
 from ...streams.one_pass import BlockResults, read_postures
 from ...streams.postures import TreeSamples, rows_named
 from ...structure.robot import HybridRobot
 from ...studies.effect_worth import Contribution, EffectSets, contributions
 from ...studies.sizing import MotorLoad, Peak, Sizing, motor_rows
+from ...studies.supply import SupplyLoad, SupplyLoads
 from ...tables.layout import Layout
 from .engine_choice import WORTH_OF_EFFECTS, choose_engine
 from .figures import save, title_of
@@ -29,42 +31,55 @@ from .text import aligned_rows, counted
 WORK_ROUNDING = 1e-12
 #: Quantities that have limits.
 LIMITED = ("position", "speed", "effort")
+OF_SUPPLY = ("current", "voltage")
 
 
 def motor_states(
-    robot: HybridRobot, block: TreeSamples, *, efforts: Callable[[HybridRobot, TreeSamples], BlockResults]
-) -> BlockResults:
+    robot: HybridRobot, block: TreeSamples, *, efforts: Callable[[HybridRobot, TreeSamples], BlockResults],
+    dc: OnDcMotors | None,
+) -> BlockResults:  # fmt: skip
     """Compute rates, efforts and positions of the motors, shape (T, 3 motors).
 
     The positions of continuous joints are 0.
 
     Args:
         efforts: Computes the efforts of a block.
+        dc: The DC motors, whose needs are compared with their supply; None where there are none.
     """
     made = efforts(robot, block)
     position, speed = motor_rows(robot, block.q, block.v)
-    return made._replace(rows=np.concatenate([speed, made.rows, np.nan_to_num(position)], axis=1))
+    left = made.left if dc is None else (*made.left, *beyond_supply(robot, dc, speed, made.rows))
+    return made._replace(rows=np.concatenate([speed, made.rows, np.nan_to_num(position)], axis=1), left=left)
 
 
 class LoadReport:
     """The loads of the motors, collected block by block, and their report."""
 
-    def __init__(self, robot: HybridRobot, tables: CommandTables) -> None:
+    def __init__(self, robot: HybridRobot, tables: CommandTables, dc: OnDcMotors | None) -> None:
         self.robot, self.tables, self.sizing = robot, tables, Sizing(robot)
+        self.supply = None if dc is None else SupplyLoads(robot, dc)
 
     def add(self, done: BlockResults) -> None:
         """Add a block."""
         speed, effort, position = np.split(done.rows, 3, axis=1)
         position[:, [joint.kind.endless for joint in self.sizing.joints]] = np.nan
         self.sizing.add(done.time, done.first_row, position, speed, effort)
+        if self.supply is not None:
+            self.supply.add(done.time, done.first_row, speed, effort)
 
     def show(self, layout: Layout, left: Departures, quiet: bool) -> None:
         """Print the table, write the files, and name what exceeds its limit."""
         loads, name, timed = self.sizing.loads(), self.robot.name, layout.time is not None
+        supply = [] if self.supply is None else self.supply.loads()
         if self.tables.output:
             over = Counter({(one.joint, one.quantity): one.count for one in left})
-            counts = [{f"over_{what}": over[load.motor, what] for what in LIMITED} for load in loads]
+            limited = (*LIMITED, *(OF_SUPPLY if supply else ()))
+            counts = [{f"over_{what}": over[load.motor, what] for what in limited} for load in loads]
             rows = [facts(load, timed) | count for load, count in zip(loads, counts, strict=True)]
+            if supply:
+                own = {one.motor: supply_facts(one, timed) for one in supply}
+                none = dict.fromkeys(next(iter(own.values())))
+                rows = [row | own.get(str(row["motor"]), none) for row in rows]
             write_report(self.tables.output, rows)
         if self.tables.plot:
             save(
@@ -73,9 +88,11 @@ class LoadReport:
         during = f" over {self.sizing.duration:.6g} s" if timed else ""
         samples = counted(self.sizing.samples, "sample")
         lines = [f"{name}: {counted(len(loads), 'motor')}, {samples}{during}", *_table(loads, timed)]
+        lines += _table_of_supply(supply, timed) if supply else []
         lines += [left.line(one) for one in left]
         if not any(left):
-            lines.append("no effort, speed or position is over a limit of the robot's file")
+            more = "current, voltage, " if supply else ""
+            lines.append(f"no {more}effort, speed or position is over a limit of the robot's file")
         click.echo("\n".join(lines))
 
 
@@ -103,6 +120,27 @@ def _table(loads: Sequence[MotorLoad], timed: bool) -> list[str]:
             cells += [f"{unless_rounding(x, both):.4g} J" for x in (given, taken)]
         rows.append(cells)
     return [f"  {line}" for line in aligned_rows(rows, right=range(1, len(rows[0])))]
+
+
+def _table_of_supply(loads: Sequence[SupplyLoad], timed: bool) -> list[str]:
+    """Return the printed table of currents and voltages: one line per DC motor."""
+    at = "at [s]" if timed else "row"
+    rows = [["motor", "peak current", at, "RMS", "peak voltage", at, "heat"]]
+    for load in loads:
+        current, voltage = f"{load.current.value:.4g} A", f"{load.voltage.value:.4g} V"
+        cells = [current, f"{load.current.at:.5g}", f"{load.rms_current:.4g}", voltage]
+        rows.append([load.motor, *cells, f"{load.voltage.at:.5g}", f"{load.heat:.4g} W"])
+    return [f"  {line}" for line in aligned_rows(rows, right=range(1, len(rows[0])))]
+
+
+def supply_facts(load: SupplyLoad, timed: bool) -> dict[str, Any]:
+    """Return what a DC motor takes as flat names and values; `timed` as for `facts`."""
+    at = "at" if timed else "row"
+    peaks = (("current", load.current), ("voltage", load.voltage))
+    out = {f"peak_{name}": peak.value for name, peak in peaks}
+    out |= {f"peak_{name}_{at}": peak.at for name, peak in peaks}
+    rest = ("rms_current", "heat", "current_limit", "voltage_limit")
+    return out | {name: getattr(load, name) for name in rest}
 
 
 def unless_rounding(x: float, size: float) -> float:

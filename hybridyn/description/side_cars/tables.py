@@ -151,6 +151,10 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "gear_efficiency": {
         "efficiency": dict[str, Positive], "back": dict[str, FiniteFloat] | None, "width": Positive | None,
     },
+    "dc_motors": {
+        "torque_constant": dict[str, Positive], "resistance": dict[str, Positive],
+        "voltage": dict[str, Positive] | None, "current": dict[str, Positive] | None,
+    },
     "payload": {
         "link": str, "mass": NotNegative, "com": Point | None,
         "inertia": Annotated[list[Point], Field(min_length=3, max_length=3)] | None,

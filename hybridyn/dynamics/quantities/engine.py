@@ -172,7 +172,7 @@ def chosen_effects(robot: HybridRobot, effects: Choice) -> Effects:
     Raises:
         ModelError: They are unknown, without numbers, or prescribe the base's motion.
     """
-    on = without_losses(choose(robot, effects), "this quantity does not take")
+    on = without_losses(choose(robot, effects).unbounded, "this quantity does not take")
     if on.base is not None:
         raise ModelError(
             f"the effect '{on.base.name}' prescribes the base; here its motion is that of q, v and "

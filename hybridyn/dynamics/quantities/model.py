@@ -100,7 +100,7 @@ def mass_matrix(
                [0.0191, 0.0779]])
     """
     u = independent_coordinates(robot, joints)
-    on = without_losses(choose(robot, effects), "the mass matrix does not take")
+    on = without_losses(choose(robot, effects).unbounded, "the mass matrix does not take")
     needs_inertia(on)
     q, single = as_positions(robot, q)
     M = GeneralEngine(robot, u, on).mass(q)

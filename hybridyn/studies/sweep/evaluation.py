@@ -135,7 +135,7 @@ class Designer:
 
 def effects_of(robot: HybridRobot, task: TaskTable) -> Effects:
     """Return the effects of a task; limits are none, since margins say more."""
-    return choose(robot, task.effects).without("limits")
+    return choose(robot, task.effects).unbounded
 
 
 def status_of(error: Exception) -> str:
