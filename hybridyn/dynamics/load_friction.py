@@ -166,7 +166,7 @@ def solve_friction(law: OnLoads, w: Array, B: Array) -> Array:
         under = w + np.einsum("tikj,tj->tik", B, n)
         N = law.sizes(under)
         left = np.abs(N - n).max(axis=1)
-        if (left <= SETTLED * N.max(axis=1)).all():
+        if (left <= SETTLED * np.abs(N).max(axis=1)).all():
             return N
         slope = np.einsum("tik,tikj->tij", law.slopes(under), B)
         newton = n + np.linalg.solve(np.eye(len(law.joints)) - slope, (N - n)[..., None])[..., 0]

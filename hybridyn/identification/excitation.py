@@ -23,6 +23,7 @@ from ..structure.robot import HybridRobot, joint_position
 from ..tables.results import open_results
 from ..threads import one_thread
 from .base_parameters import base_parameters
+from .losses import sought_losses
 from .regressor import motions_of_motors
 from .rows import LogSource, check_robot
 from .signals import Triple, fourier
@@ -143,7 +144,8 @@ def excitation(
     if harmonics < 3 or not period > 0 or evaluations < 1:
         raise ModelError("an excitation needs a period, at least three harmonics and at least one candidate")
     check_robot(robot)
-    sought = linear_model(base_parameters(robot, effects=effects, symmetric=symmetric))
+    linear, _ = sought_losses(robot, effects)
+    sought = linear_model(base_parameters(robot, effects=linear, symmetric=symmetric))
     search = _ExcitationSearch(LogSource(robot, sought, compiled, every=1), period, gain)
     best = _best(search, harmonics, evaluations, seed)
     measures, best_one = search.within(best, each=FINE)

@@ -14,18 +14,18 @@ from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
 from ..threads import one_thread
 from .base_parameters import base_parameters
-from .estimators import TINY, Fit, estimate
+from .estimators import Fit, estimate
 from .logs import read_log
+from .loss_fit import LossFit, LossyRows, fit_losses
+from .losses import Losses, sought_losses
 from .possible import DEFINITE, Possible, consistent, exists
 from .result import Identification, Residuals, residuals
-from .robot_with import with_parameters
+from .robot_with import with_losses, with_parameters
 from .rows import LogRows, LogSource, check_robot
 from .sought import Sought, linear_model
 from .units import check_log, check_scales
 from .whitening import Whitening
 
-#: Least radius of gyration of a body about its frame that is thought of, of the robot's size.
-SMALL = 0.01
 #: Methods of estimating.
 METHODS = ("wls", "irls", "iv")
 
@@ -58,7 +58,8 @@ def identify(
         table: The log: a CSV or Parquet file, or columns by name: 'time', and of every motor
             '<motor>/position' and '<motor>/effort' or '<motor>/current' (docs/identification.md).
         effects: As in `hybridyn.regressor`: "model" has rotor inertia and friction of every motor, and the
-            word "offsets" adds a constant to each motor's effort.
+            word "offsets" adds a constant to each motor's effort. The coefficients that "load_friction" and
+            "gear_efficiency" state are sought, too, whatever their numbers.
         symmetric: Whether legs with equal numbers share their parameters.
         method: "wls": least squares, weighted by each motor's noise. "irls": samples far off count less.
             "iv": instrumental variables, against the bias by noise of positions.
@@ -75,7 +76,9 @@ def identify(
 
     Raises:
         TrajectoryError: The log is too short or too poor, or a column is missing or in another unit.
-        ModelError: Effects or names are unknown, or the robot's base is not fixed.
+        ModelError: Effects or names are unknown, the robot's base is not fixed, or losses that grow with
+            load cannot be identified with this robot, method or log.
+        ActuationError: Friction that grows with load may jam joints.
         AssemblyError: The loops cannot be closed at some sample.
 
     Example:
@@ -91,18 +94,24 @@ def identify(
     """
     _check_words(method, reference, prior, every)
     check_robot(robot)
-    base = base_parameters(robot, effects=effects, symmetric=symmetric)
+    linear, losses = sought_losses(robot, effects)
+    _check_losses(losses, method)
+    base = base_parameters(robot, effects=linear, symmetric=symmetric)
     sought = linear_model(base, known, only)
     source, model = LogSource(robot, sought, compiled, band, period, every), sought.model
     data = _rows(source, table)
     check_scales(source, data)
     command = None if reference is None else read_log(robot, reference, efforts=False)
     instruments = None if command is None else source.instruments(command, data)
-    fit, constants = _estimated(robot, sought, data, method, instruments)
-    found = _possible(robot.bodies.size, sought, fit, prior)
-    built = _built(robot, found.values, effects, symmetric)
-    why = f"there is no robot with these numbers: {built}" if isinstance(built, ModelError) else ""
     second = None if validate is None else _rows(source, validate)
+    lost: LossFit | None = None
+    if losses is None:
+        fit, constants = _estimated(robot, sought, data, method, instruments)
+    else:
+        fit, constants, lost, data, second = _with_losses(robot, source, losses, data, second)
+    found = _possible(robot.bodies.size, sought, fit, prior)
+    built = _built(robot, found.values, linear, symmetric, () if lost is None else lost.effects)
+    why = f"there is no robot with these numbers: {built}" if isinstance(built, ModelError) else ""
     return Identification(
         robot=robot,
         built=built,
@@ -122,6 +131,7 @@ def identify(
         validation=None if second is None else _judged(second, fit, constants),
         constrained=found.constrained,
         never=base.never,
+        losses=lost,
         remarks=(*data.log.remarks, *(text for text in (found.remark, why) if text)),
     )
 
@@ -133,10 +143,13 @@ def _rows(source: LogSource, table: Any) -> LogRows:
     return source.rows(log)
 
 
-def _built(robot: HybridRobot, values: Array, effects: Choice, symmetric: bool) -> HybridRobot | ModelError:
-    """Build the robot with standard parameters, or return the error why there is none."""
+def _built(
+    robot: HybridRobot, values: Array, effects: Choice, symmetric: bool, losses: Sequence[Any]
+) -> HybridRobot | ModelError:
+    """Build the robot with standard parameters and losses, or return the error why there is none."""
     try:
-        return with_parameters(robot, values, effects=effects, symmetric=symmetric)
+        built = with_parameters(robot, values, effects=effects, symmetric=symmetric)
+        return with_losses(built, losses) if losses else built
     except HybridynError as error:
         return error if isinstance(error, ModelError) else ModelError(str(error))
 
@@ -157,6 +170,41 @@ def _check_words(method: str, reference: Any, prior: float, every: int | None) -
         )
     if not prior > 0 or (every is not None and every < 1):
         raise ModelError(f"the prior must be above 0 and every at least 1; they are {prior:g} and {every}")
+
+
+def _check_losses(losses: Losses | None, method: str) -> None:
+    """Check that losses that grow with load are estimated by least squares.
+
+    Raises:
+        ModelError: They are not.
+    """
+    if losses is not None and method != "wls":
+        raise ModelError(f"losses that grow with load are estimated by the method 'wls', not '{method}'")
+
+
+def _with_losses(
+    robot: HybridRobot, source: LogSource, losses: Losses, data: LogRows, second: LogRows | None
+) -> tuple[Fit, None, LossFit, LogRows, LogRows | None]:
+    """Estimate base parameters and losses; return rows of both motions whose known efforts hold these.
+
+    Raises:
+        ModelError: The log has currents.
+    """
+    if data.log.currents:
+        raise ModelError(
+            "the log has currents, and losses take efforts: multiply the currents by the motors' constants "
+            "and call them efforts", file=data.log.file,
+        )  # fmt: skip
+    sought, own = source.sought, source.sought.model.names
+    plain = estimate(data.Y, data.measured - data.known, own, together=data.together)
+    moves = sought.followed(robot.bodies.size, plain.x)
+    lossy = LossyRows.of(source, losses, moves, data)
+    other = None if second is None else LossyRows.of(source, losses, moves, second)
+    found, lost = fit_losses(robot, lossy, other, (*own, *losses.names(robot)))
+    part = slice(len(own))
+    fit = replace(found, x=found.x[part], root=found.root[part])
+    seen = None if other is None else other.with_losses(found.x)
+    return fit, None, lost, lossy.with_losses(found.x), seen
 
 
 def _judged(data: LogRows, fit: Fit, constants: Array | None, weights: Array | None = None) -> Residuals:
@@ -191,15 +239,8 @@ def _estimated(
 
 def _possible(length: float, sought: Sought, fit: Fit, weight: float) -> Possible:
     """Compute standard parameters of a robot that can exist."""
-    model, standard = sought.model, sought.model.standard
-    values, unit = standard.values, np.abs(standard.values)
-    for at in standard.tens:
-        about = values[at[[4, 6, 9]]].sum() / 2 / max(values[at[0]], TINY)
-        size = np.sqrt(max(about, (SMALL * length) ** 2))
-        unit[at] = values[at[0]] * np.repeat([1.0, size, size**2], [1, 3, 6])
-    bare = model.columns[unit[model.columns] == 0]  # what the file does not state is as large as it is found
-    unit[bare] = np.abs(fit.x[unit[model.columns] == 0]) + TINY
-    unit[sought.held] = 0.0
+    model, standard, unit = sought.model, sought.model.standard, sought.units(length, fit.x)
+    values = standard.values
     least, bodies = np.full(len(values), -np.inf), list[Index]()
     for term in standard.terms:
         if term.symbol != "offset":

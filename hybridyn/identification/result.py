@@ -17,6 +17,7 @@ from ..effects.choice import Choice
 from ..errors import ModelError
 from ..spatial import Array, Mask
 from ..structure.robot import HybridRobot
+from .loss_fit import LossFit
 
 #: Probability below which a residual is not noise, shared among the motors (Bonferroni).
 SIGNIFICANT = 1e-3
@@ -105,6 +106,7 @@ class Identification:
         validation: Residuals of a second motion, or None.
         constrained: Whether `identified` had to be kept possible by the conic program.
         never: Standard parameters on which no effort depends.
+        losses: Losses that grow with load, or None if none were sought.
         remarks: How the signals were processed.
 
     Example:
@@ -139,6 +141,7 @@ class Identification:
     validation: Residuals | None
     constrained: bool
     never: tuple[str, ...]
+    losses: LossFit | None
     remarks: tuple[str, ...]
 
     @property
@@ -173,6 +176,7 @@ class Identification:
             "flexibility), or noise of the positions is not white in their band.",
             "## Base parameters",
             _table(_parameters(self)),
+            *(["## Losses that grow with load", _table(_losses(self.losses))] if self.losses else []),
             "## What is not known",
             "\n\n".join(unknown(self)),
             "## The robot with these parameters",
@@ -194,6 +198,8 @@ def summary(found: Identification) -> list[str]:
         lines.append(
             f"second motion: {_percent(found.validation)} of the efforts; {_verdict(found, found.validation)}"
         )
+    if found.losses is not None:
+        lines += found.losses.lines()
     if found.outliers:
         lines.append(f"outliers: {found.outliers:.2%} of the samples count less than half")
     return lines
@@ -259,6 +265,16 @@ def _parameters(found: Identification) -> list[Column]:
         ("deviation", [f"{x:.2g}" for x in found.deviation]),
         ("relative", [f"{x:.1%}" for x in found.relative]),
         ("possible robot", [f"{x:.5g}" for x in found.of_robot]),
+    ]
+
+
+def _losses(found: LossFit) -> list[Column]:
+    """Return the columns of the table of losses."""
+    return [
+        ("coefficient", [f"`{name}`" for name in found.names]),
+        ("estimate", [f"{x:.5g}" for x in found.values]),
+        ("deviation", [f"{x:.2g}" for x in found.deviation]),
+        ("times larger than if all else were known", [f"{x:.1f}" for x in found.hidden]),
     ]
 
 

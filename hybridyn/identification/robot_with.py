@@ -1,12 +1,14 @@
 """The robot with other standard parameters."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
 from ..effects.choice import Choice
+from ..effects.gears import GearEfficiency
+from ..effects.load_friction import LoadFriction
 from ..errors import ModelError
 from ..spatial import Array, Mask
 from ..structure.building import rebuilt
@@ -62,6 +64,16 @@ def with_parameters(
         for joint in robot.description.joints
     )
     return rebuilt(robot, replace(robot.description, joints=joints), like=robot).with_parameters(named | laws)
+
+
+def with_losses(robot: HybridRobot, effects: Sequence[LoadFriction | GearEfficiency]) -> HybridRobot:
+    """Build the robot whose files state effects of losses that grow with load, in the place of others."""
+    names = {effect.name for effect in effects}
+    stated = [(name, values) for name, values in robot.description.effects if name not in names]
+    for effect in effects:
+        values = {one.name: getattr(effect, one.name) for one in fields(effect)}
+        stated.append((effect.name, {key: x for key, x in values.items() if x not in (None, {})}))
+    return rebuilt(robot, replace(robot.description, effects=tuple(stated)), like=robot)
 
 
 def _of_laws(terms: Sequence[Term], changed: Mask, new: Array) -> tuple[dict[str, float], dict[str, float]]:

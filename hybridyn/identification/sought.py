@@ -22,7 +22,11 @@ from ..description.names import did_you_mean
 from ..errors import ModelError
 from ..spatial import Array, Index, Mask
 from .base_parameters import RANK, BaseParameters, led
+from .estimators import TINY
 from .inertial import COLUMN, OF_BODY, ROW, ten_numbers
+
+#: Least radius of gyration of a body about its frame that is thought of, of the robot's size.
+SMALL = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +57,36 @@ class Sought:
         """Return the columns of the base parameters that are sought, from Y, shape (T, motors, p)."""
         at = self.model.columns
         return np.asarray(Y[:, :, at] + Y[:, :, self.follow] @ self.matrix[:, at])
+
+    def units(self, length: float, x: Array) -> Array:
+        """Return how far each standard parameter may be from the file's, shape (p,), zero if it is held.
+
+        Args:
+            length: Size of the robot [m].
+            x: Estimates of the base parameters, shape (rank,).
+        """
+        values, columns, unit = (
+            self.model.standard.values,
+            self.model.columns,
+            np.abs(self.model.standard.values),
+        )
+        for at in self.model.standard.tens:
+            about = values[at[[4, 6, 9]]].sum() / 2 / max(values[at[0]], TINY)
+            size = np.sqrt(max(about, (SMALL * length) ** 2))
+            unit[at] = values[at[0]] * np.repeat([1.0, size, size**2], [1, 3, 6])
+        bare = columns[unit[columns] == 0]  # what the file does not state is as large as it is found
+        unit[bare] = np.abs(x[unit[columns] == 0]) + TINY
+        unit[self.held] = 0.0
+        return unit
+
+    def followed(self, length: float, x: Array) -> Array:
+        """Return how standard parameters follow base parameters by the least steps, shape (p, rank).
+
+        Arguments are those of `units`, in which steps are measured.
+        """
+        steps = self.moved(np.diag(self.units(length, x)))
+        onto = self.model.combination @ steps
+        return np.asarray(steps @ np.linalg.lstsq(onto, np.eye(len(onto)), rcond=None)[0])
 
     def moved(self, steps: Array) -> Array:
         """Return M times steps of the standard parameters, shape (p, k)."""
