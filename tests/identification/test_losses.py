@@ -37,7 +37,8 @@ WIDTH = 0.05
 
 def losses_of(robot: hybridyn.HybridRobot) -> tuple[LoadFriction, GearEfficiency]:
     """Return friction of every hinge that the motion determines, and gears of every motor."""
-    kinds = dict(zip(robot.joints, robot.kinds, strict=True))
+    every = zip(robot.joints, robot.kinds, strict=True)
+    kinds = {name: kind for name, kind in every if name not in robot.cut_joints}
     hinges = [name for name, kind in kinds.items() if kind.single and kind.hinge]
     slides = [name for name, kind in kinds.items() if kind.single and kind.slides]
     balls = [name for name, kind in kinds.items() if kind == "spherical"]
@@ -78,7 +79,7 @@ def lossy(name: str, rate: float) -> Lossy:
     return Lossy(one.robot, rows, np.array([*x, *c]), tau, (*sought.model.names, *losses.names(one.robot)))
 
 
-@pytest.mark.parametrize("name", ["five_bar", slow("delta"), slow("gough_stewart")])
+@pytest.mark.parametrize("name", ["five_bar", slow("rps3"), slow("delta"), slow("gough_stewart")])
 def test_efforts_are_those_of_the_inverse_model_and_derivatives_those_of_differences(name: str) -> None:
     one = lossy(name, 20.0)
     split = [len(one.rows.rows.start)]
