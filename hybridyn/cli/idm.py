@@ -86,8 +86,8 @@ def _plan(
         model: Options of the inverse model: passive, on_singular, weights.
     """
     robot, layout, on = given.robot, given.layout, choose(given.robot, effects)
-    dc = on.dc
-    if loads:  # the report names what exceeds bounds
+    dc, remarks = on.dc, about(robot, layout, on)
+    if loads or bearings:  # the report on motors names what exceeds bounds; bearings do not ask
         on = on.unbounded
     _check(robot, layout, on, model["weights"], only_map=bool(outputs) and not on.names)
     obstacles = {
@@ -104,13 +104,13 @@ def _plan(
         from .common.bearing_report import BearingReport
 
         states = partial(inverse, inner=bearing_rows)
-        return CommandPlan(states, None, [BearingReport(robot, tables)], chosen, about(robot, layout, on))
+        return CommandPlan(states, None, [BearingReport(robot, tables)], chosen, remarks)
     inverse = partial(inverse, inner=reaction_rows if tables.reactions else None)
     if loads:
         from .common.reports import LoadReport, motor_states
 
         states = partial(motor_states, efforts=inverse, dc=dc)
-        return CommandPlan(states, None, [LoadReport(robot, tables, dc)], chosen, about(robot, layout, on))
+        return CommandPlan(states, None, [LoadReport(robot, tables, dc)], chosen, remarks)
     columns = [f"{name}/effort" for name in robot.motors]
     observers: list[Observer] = []
     if outputs:
@@ -124,7 +124,7 @@ def _plan(
         columns += [f"{robot.motors[i]}/{what}" for what in ("current", "voltage") for i in dc.motors]
         inverse = partial(with_supply, efforts=inverse, dc=dc)
     observers.append(Summary(robot, "effort", robot.effort_units, columns))
-    return CommandPlan(inverse, columns, observers, chosen, about(robot, layout, on))
+    return CommandPlan(inverse, columns, observers, chosen, remarks)
 
 
 def _check(

@@ -195,7 +195,8 @@ def tell_effects(
         HybridynError: The table is wrong, or a row cannot be assembled.
     """
     robot = load()
-    on = choose(robot, effects)
+    asked = choose(robot, effects)
+    on = asked.unbounded
     layout, (motion, q, v, a) = read_postures(robot, tables.source, tables.redundancy)
     obstacles = {"wrenches in the table": bool(motion.wrenches)}
     chosen = choose_engine(engine, robot, on, len(q), WORTH_OF_EFFECTS, obstacles)
@@ -211,7 +212,7 @@ def tell_effects(
     click.echo("\n".join(_table_of_effects(told)))
     if tables.quiet:
         return
-    lines = about(robot, layout, on)
+    lines = about(robot, layout, asked)
     if sets is not None:
         chosen.handed_over = sum(model.recomputed for model in sets.models.values())
         made = counted(len(sets.models), "set")
