@@ -17,7 +17,7 @@ from .base_parameters import base_parameters
 from .estimators import Fit, estimate
 from .logs import read_log
 from .loss_fit import LossFit, LossyRows, fit_losses
-from .losses import Losses, sought_losses
+from .losses import SoughtLosses, sought_losses
 from .possible import DEFINITE, Possible, consistent, exists
 from .result import Identification, Residuals, residuals
 from .robot_with import with_losses, with_parameters
@@ -172,7 +172,7 @@ def _check_words(method: str, reference: Any, prior: float, every: int | None) -
         raise ModelError(f"the prior must be above 0 and every at least 1; they are {prior:g} and {every}")
 
 
-def _check_losses(losses: Losses | None, method: str) -> None:
+def _check_losses(losses: SoughtLosses | None, method: str) -> None:
     """Check that losses that grow with load are estimated by least squares.
 
     Raises:
@@ -183,7 +183,7 @@ def _check_losses(losses: Losses | None, method: str) -> None:
 
 
 def _with_losses(
-    robot: HybridRobot, source: LogSource, losses: Losses, data: LogRows, second: LogRows | None
+    robot: HybridRobot, source: LogSource, losses: SoughtLosses, data: LogRows, second: LogRows | None
 ) -> tuple[Fit, None, LossFit, LogRows, LogRows | None]:
     """Estimate base parameters and losses; return rows of both motions whose known efforts hold these.
 

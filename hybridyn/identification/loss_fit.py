@@ -22,7 +22,7 @@ from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .estimators import AGREED, MOST_ROUNDS, Fit, estimate
-from .losses import Losses, LossRows, loss_rows
+from .losses import LossRows, SoughtLosses, loss_rows
 from .rows import LogRows, LogSource
 from .signals import means
 from .whitening import Whitening
@@ -96,7 +96,7 @@ class LossyRows:
     every: int
 
     @classmethod
-    def of(cls, source: LogSource, losses: Losses, moves: Array, data: LogRows) -> LossyRows:
+    def of(cls, source: LogSource, losses: SoughtLosses, moves: Array, data: LogRows) -> LossyRows:
         """Compute the rows of a log; `moves` as in `loss_rows`."""
         q, v, a = source.closed(data.log.motion, None)
         Y, known, _ = source.of_states(q, v, a)

@@ -38,7 +38,7 @@ from .standard import StandardParameters
 
 
 @dataclass(frozen=True, eq=False)
-class Losses:
+class SoughtLosses:
     """Losses that are sought: those with a number among the effects, whatever the number.
 
     Attributes:
@@ -74,7 +74,7 @@ class Losses:
         return tuple(out)
 
 
-def sought_losses(robot: HybridRobot, effects: Choice) -> tuple[Choice, Losses | None]:
+def sought_losses(robot: HybridRobot, effects: Choice) -> tuple[Choice, SoughtLosses | None]:
     """Return the effects without losses that grow with load, and these losses, or None.
 
     Raises:
@@ -101,7 +101,7 @@ def sought_losses(robot: HybridRobot, effects: Choice) -> tuple[Choice, Losses |
             f"{GearEfficiency.name}: efforts tell efficiency and back only up to a factor of all masses: "
             "leave back out, so that the gear's friction is the same both ways", element=GearEfficiency.name,
         )  # fmt: skip
-    found = Losses(on.loaded, on.gears)
+    found = SoughtLosses(on.loaded, on.gears)
     return [*linear, *(OFFSETS for word in words if isinstance(word, str) and word == OFFSETS)], found
 
 
@@ -120,7 +120,7 @@ class LossRows:
         start: x_0, shape (r,).
     """
 
-    losses: Losses
+    losses: SoughtLosses
     Y: Array
     known: Array
     wrenches: Array
@@ -169,7 +169,7 @@ class LossRows:
 
 
 def loss_rows(
-    robot: HybridRobot, sought: Sought, losses: Losses, moves: Array, q: Array, v: Array, a: Array,
+    robot: HybridRobot, sought: Sought, losses: SoughtLosses, moves: Array, q: Array, v: Array, a: Array,
     Y: Array, known: Array,
 ) -> LossRows:  # fmt: skip
     """Compute the rows of a motion.
