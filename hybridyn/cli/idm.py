@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from ..dynamics.inverse import inverse_model
 from ..dynamics.reactions import Reactions
 from ..effects import Effects, choose
 from ..effects.choice import stated_names
-from ..effects.dc_motors import OnDcMotors
 from ..effects.words import DEFAULT, FROM_FILES
 from ..errors import ModelError
 from ..spatial import Array
@@ -29,6 +28,9 @@ from .common.options import RobotChoice, refuse
 from .common.summary import Summary, about
 from .common.table_pass import CommandPlan, Observer
 from .common.table_pass import run as run_pass
+
+if TYPE_CHECKING:
+    from ..effects.dc_motors import OnDcMotors
 
 #: Exit status where the motion exceeds a limit.
 EXCEEDED = 1
@@ -144,7 +146,7 @@ def _check(
 
 
 def with_supply(
-    robot: HybridRobot, block: TreeSamples, *, efforts: Callable[..., BlockResults], dc: OnDcMotors
+    robot: HybridRobot, block: TreeSamples, *, efforts: Callable[..., BlockResults], dc: "OnDcMotors"
 ) -> BlockResults:
     """Compute the efforts of a block, and the currents and voltages of DC motors beside them."""
     made = efforts(robot, block)

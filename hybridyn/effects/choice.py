@@ -216,7 +216,13 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
 
     found = on_robot(robot, asked)
     out = Effects(
-        *found.terms, found.joints, found.rotors, found.links, *found.inputs, found.loaded, found.gears,
+        *found.terms,
+        found.joints,
+        found.rotors,
+        found.links,
+        *found.inputs,
+        found.loaded,
+        found.gears,
         found.dc,
     )
     return replace(out, names=out.named(found.names))

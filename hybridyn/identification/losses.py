@@ -24,8 +24,9 @@ from ..dynamics.inverse import inverse_model, under_loads
 from ..dynamics.link_motion import all_bodies
 from ..dynamics.load_friction import check_determined, solve_friction, wrenches_of
 from ..dynamics.loads import all_loads
-from ..effects.choice import Choice, Effects, choose, listed_units
+from ..effects.choice import Choice, Effects, choose
 from ..effects.gears import GearEfficiency, OnGears
+from ..effects.listing import listed_units
 from ..effects.load_friction import LoadFriction, OnLoads
 from ..errors import ModelError
 from ..spatial import Array, rotate_back

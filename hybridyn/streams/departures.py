@@ -11,15 +11,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..description.records import Joint
-from ..effects.dc_motors import OnDcMotors
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.signals import unit_of
 from ..tables.trajectory import TableMotion
+
+if TYPE_CHECKING:
+    from ..effects.dc_motors import OnDcMotors
 
 #: A speed or an effort may exceed its limit by this part of the limit, so that a motion may touch the limit.
 TOUCHING = 1e-9

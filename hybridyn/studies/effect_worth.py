@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects.choice import Effects
+from ..effects.words import BOUNDS
 from ..errors import ActuationError, HybridynError
 from ..spatial import Array
 from ..tables.over_time import Peaks, rms_over
@@ -26,7 +27,6 @@ NEEDS_INERTIA = frozenset({"velocity", "rotor_inertia"})
 #: Effects that define another robot or another task. They stay as chosen and are never evaluated; nor are
 #: bounds of motors, which combine all effects.
 KEPT = frozenset({"payload", "base_motion", "massless_legs"})
-BOUNDS = frozenset({"limits", "dc_motors"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def contributions(
 
     full, out = efforts(on), []
     whole = rms_over(time, full)
-    every = [name for name in on.names if name not in KEPT | BOUNDS]
+    every = [name for name in on.names if name not in KEPT.union(BOUNDS)]
     for name in every:
         rest = {*every, *KEPT} - {name} - (NEEDS_INERTIA if name == "inertia" else set())
         try:
