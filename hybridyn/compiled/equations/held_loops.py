@@ -15,7 +15,7 @@ import numpy as np
 
 from ...symbols import Expression, dot, minus, plus, times
 from .core import Core, pick
-from .expressions import along, eye, filled
+from .expressions import along, eye, filled, zeros
 from .factors import Handed
 from .module_plan import ModulePlan
 
@@ -41,7 +41,7 @@ def along_motions(core: Core, plan: ModulePlan, a: Expression) -> tuple[Expressi
 
 
 def held_loops(core: Core, plan: ModulePlan, b: Expression, a: Expression) -> Handed:
-    """Return what is held of a core: Psi without spins, Z, "y" without spins and "f".
+    """Return what is held of a core: Psi without spins, Z, "y" without spins and "f"; nothing without loops.
 
     Args:
         b: Forces over y, shape (n,).
@@ -50,8 +50,8 @@ def held_loops(core: Core, plan: ModulePlan, b: Expression, a: Expression) -> Ha
     rows, K = len(core.rows.K), core.rows.K[:, 6:]
     solved, _ = plan.solved(K, eye(rows))
     moved = [rows + plan.free.index(col) for col in plan.motions[len(plan.parts.spins) :]]
-    Z = solved[:, :rows]
-    return Handed(Psi=solved[:, moved], Z=Z, y=along_motions(core, plan, a)[0], f=dot(Z.T, _unspun(plan, b)))
+    Z, y = solved[:, :rows], along_motions(core, plan, a)[0] if rows else zeros(len(b))
+    return Handed(Psi=solved[:, moved], Z=Z, y=y, f=dot(Z.T, _unspun(plan, b)))
 
 
 def left_over(core: Core, plan: ModulePlan, b: Expression, held: Held) -> tuple[Expression, Expression]:
