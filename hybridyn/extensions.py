@@ -50,7 +50,9 @@ KINDS = {
     "controllers": Kind(
         "controller", "scenes.controller_tables:CONTROLLERS", "scenes.added_controllers:checked_controller"
     ),
-    "closures": Kind("closure", "description.closure_forms:FORMS", "description.residuals:checked_closure"),
+    "closures": Kind(
+        "closure", "description.closure_forms:FORMS", "description.residual_closures:checked_closure"
+    ),
     "engines": Kind("engine", "studies.compare.methods:ENGINES", "studies.compare.methods:checked_engine"),
 }
 

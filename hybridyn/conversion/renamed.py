@@ -8,7 +8,8 @@ from typing import Any
 
 from ..description.effect_names import acts_on, named_by
 from ..description.names import unique
-from ..description.records import Description
+from ..description.records import Coupling, Description
+from ..description.residuals import Residual
 from .request import Losses
 
 
@@ -41,11 +42,18 @@ def allowed(d: Description, losses: Losses, words: str, change: Callable[[str], 
             replace(c, name=closures[c.name], link_a=links[c.link_a], link_b=links[c.link_b])
             for c in d.closures
         ),
-        couplings=tuple(c.of(joints) for c in d.couplings),
+        couplings=tuple(_on_links(c.of(joints), links) for c in d.couplings),
         motors=tuple(joints[name] for name in d.motors),
         home={joints[name]: x for name, x in d.home.items()},
         effects=effects_on(d, links, {joint: (name,) for joint, name in joints.items()}),
     )
+
+
+def _on_links(coupling: Coupling, links: Mapping[str, str]) -> Coupling:
+    """Return a coupling whose frames are those of links of other names."""
+    if not isinstance(coupling.curve, Residual):
+        return coupling
+    return replace(coupling, curve=replace(coupling.curve, frames=tuple(links[x] for x in coupling.frames)))
 
 
 def _named(items: Sequence[Any], change: Callable[[str], str], taken: set[str]) -> dict[str, str]:
@@ -87,8 +95,10 @@ def without_joints(d: Description, gone: Collection[str], losses: Losses) -> Des
 
 
 def held_links(d: Description) -> set[str]:
-    """Return the links that effects name, which have to be links of the file."""
-    return {name for effect, x in d.effects if acts_on(effect) == "link" for _, name in named_by(effect, x)}
+    """Return the links that effects and closures of packages name, which have to be links of the file."""
+    framed = {link for coupling in d.couplings for link in coupling.frames}
+    acting = (named_by(effect, x) for effect, x in d.effects if acts_on(effect) == "link")
+    return framed | {name for found in acting for _, name in found}
 
 
 def _with_names(

@@ -1,12 +1,12 @@
 """Read robot files into plain records: links, joints, closures, couplings, motors, home posture.
 
 Read `records` first (the data that every reader returns), then `closure_forms` (the closures that files and
-frames name) and `residuals` (those of other packages), `placement`, `joint_chains` (joints one behind the
-other), `joint_graph` (a tree with closures, of bodies and joints in any order), `reading` (bytes, xacro, XML,
-and the choice of the reader), `added_formats` (readers of other packages), and one format: `urdf/`, or the
-files beside a URDF in `side_cars/`, of whose effects `effect_names` says what their numbers are by.
-`loop_signs` refuses loops in forms that are not read, and finds signs of lost ones. `validate` checks the
-description from every format.
+frames name), `residuals`, `residual_frames` and `residual_closures` (those of other packages), `placement`,
+`joint_chains` (joints one behind the other), `joint_graph` (a tree with closures, of bodies and joints in
+any order), `reading` (bytes, xacro, XML, and the choice of the reader), `added_formats` (readers of other
+packages), and one format: `urdf/`, or the files beside a URDF in `side_cars/`, of whose effects
+`effect_names` says what their numbers are by. `loop_signs` refuses loops in forms that are not read, and
+finds signs of lost ones. `validate` checks the description from every format.
 
 May import: `errors`, `extensions`, `spatial`, `colours`.
 """

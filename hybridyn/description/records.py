@@ -282,6 +282,11 @@ class Coupling:
         )
         object.__setattr__(self, "terms", self.terms + more)
 
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Links whose frames its residual sees."""
+        return self.curve.frames if isinstance(self.curve, Residual) else ()
+
     def of(self, names: Mapping[str, str]) -> Coupling:
         """Return the coupling of joints of other names."""
         terms = tuple((names[joint], factor) for joint, factor in self.terms)

@@ -1,29 +1,19 @@
-"""Closures that other packages state by a residual of joint positions: r(x1, x2, ...) = 0.
-
-CasADi derives a residual, which is written on symbols once; its text is kept, and determines the closure.
-"""
+"""Closures that other packages state by a residual, r(x1, x2, ...) = 0: what is kept of one, and computed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import required
-from ..extensions import Extension, added, refused, running
-from ..spatial import numpy_on_symbols
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: Operations of CasADi without two derivatives.
-NOT_SMOOTH = (
-    "SIGN", "FLOOR", "CEIL", "FMOD", "REMAINDER", "LT", "LE", "EQ", "NE", "NOT", "AND", "OR", "IF_ELSE_ZERO",
-    "FABS", "FMIN", "FMAX", "COPYSIGN",
-)  # fmt: skip
 #: Positions at which the size of a residual's slopes is taken: any that are no roots [m or rad].
 GENERIC_PLACES = (0.0, 0.3819660113, -0.6180339887)
 
@@ -34,10 +24,13 @@ class Residual:
 
     Attributes:
         terms: Pairs (joint, 1) in the order of the arguments: the joint's name, or its number in a tree.
+            Those that the file names come first, then those between the frames.
         closure: Name of the closure.
         numbers: What its file states for it, from which the text was made.
         zeros: What is added to each position.
         written: CasADi's text of the residual and its derivatives.
+        frames: Links whose frames the residual sees, all in the first one; none for joint positions alone.
+        stated: Number of the terms that the file names.
     """
 
     terms: tuple[tuple[Any, float], ...]
@@ -45,6 +38,8 @@ class Residual:
     numbers: tuple[tuple[str, Any], ...] = field(compare=False)
     zeros: tuple[float, ...]
     written: str
+    frames: tuple[str, ...] = field(compare=False)
+    stated: int = field(compare=False)
 
     def of(self, names: Mapping[Any, Any]) -> Residual:
         """Return the residual of joints of other names or numbers."""
@@ -107,89 +102,3 @@ def _function(written: str) -> Any:
     """Return the function of a text."""
     casadi = required("casadi", "compiled", "a closure that is stated by its residual")
     return casadi.Function.deserialize(written)
-
-
-class ResidualMaker(NamedTuple):
-    """A closure that a package adds.
-
-    Attributes:
-        make: Computes the residual, from the joints' positions and the numbers of the file.
-        package: Its package.
-    """
-
-    make: Callable[..., Any]
-    package: str
-
-
-def checked_closure(found: Extension) -> ResidualMaker:
-    """Return the closure that a package adds.
-
-    Raises:
-        ModelError: It is no function.
-    """
-    if not callable(found.value):
-        raise found.refused("closures", f"is {found.value!r}, no function of positions and numbers")
-    return ResidualMaker(found.value, found.package)
-
-
-def residual(
-    closure: str, joints: Sequence[str], numbers: Mapping[str, Any], zeros: Mapping[str, float]
-) -> Residual:
-    """Write a closure of a package for some joints.
-
-    Args:
-        closure: Its name.
-        joints: The joints whose positions it takes, in order.
-        numbers: What its file states for it.
-        zeros: By joint, what is added to its position.
-
-    Raises:
-        HybridynError: CasADi is not installed.
-        ModelError: The closure's code fails on symbols, it is no smooth number, or lacks a joint.
-    """
-    maker: ResidualMaker = added("closures", closure)
-    ca = required("casadi", "compiled", f"the closure '{closure}' of the package '{maker.package}'")
-    x = [ca.SX.sym(joint) for joint in joints]
-    found = _made(closure, maker, x, numbers)
-    count = found.numel() if isinstance(found, ca.SX) else np.size(found)
-    if count != 1:
-        raise refused("closures", closure, maker.package, f"returns {count} numbers: a residual is one")
-    r, column = ca.SX(found), ca.vertcat(*x)
-    gradient = ca.densify(ca.gradient(r, column))
-    for name, slope in zip(joints, ca.vertsplit(gradient), strict=True):
-        if slope.is_zero():
-            raise refused("closures", closure, maker.package, f"does not depend on joint '{name}'")
-    hessian = ca.densify(ca.jacobian(gradient, column))
-    entries = [hessian[i, j] for i in range(len(x)) for j in range(len(x))]
-    _check_smooth(closure, maker.package, ca.Function("r", x, [r]))
-    written = ca.Function("residual", x, [r, *ca.vertsplit(gradient), *entries]).serialize()
-    return Residual(
-        tuple((joint, 1.0) for joint in joints), closure, tuple(numbers.items()),
-        tuple(zeros.get(joint, 0.0) for joint in joints), written,
-    )  # fmt: skip
-
-
-def _made(closure: str, maker: ResidualMaker, x: Sequence[Any], numbers: Mapping[str, Any]) -> Any:
-    """Return what a closure of a package makes of the symbols x of its joints.
-
-    Raises:
-        ModelError: Its code fails on symbols.
-    """
-    with running("closures", closure, maker.package), numpy_on_symbols():
-        return maker.make(x, **numbers)
-
-
-def _check_smooth(closure: str, package: str, function: Any) -> None:
-    """Check that a residual has two derivatives.
-
-    Raises:
-        ModelError: It has a kink or a jump.
-    """
-    import casadi as ca
-
-    used = {function.instruction_id(i) for i in range(function.n_instructions())}
-    if bent := [name for name in NOT_SMOOTH if getattr(ca, f"OP_{name}", None) in used]:
-        raise refused(
-            "closures", closure, package,
-            f"is not smooth ({bent[0].lower()}): loops are followed by two derivatives of the residual",
-        )  # fmt: skip

@@ -40,7 +40,8 @@ from ..records import (
     MotorStatement,
     RobotFile,
 )
-from ..residuals import Residual, residual
+from ..residual_closures import residual
+from ..residuals import Residual
 from ..writing import write_text
 from .toml_file import line_of, parse_toml
 
@@ -93,7 +94,10 @@ def apply_model_file(
         terms = tuple(coupling["terms"].items())
         robot.couplings.append(Coupling(name, terms, coupling["offset"], line, curve))
     for name, stated in model["residuals"].items():
-        made = residual(stated["closure"], stated["joints"], stated["numbers"], stated["zeros"])
+        made = residual(
+            stated["closure"], stated["joints"], stated["numbers"], stated["zeros"],
+            stated["frames"], robot.joints,
+        )  # fmt: skip
         robot.couplings.append(Coupling(name, (), 0.0, line_of(text, ("residuals", name)), made))
     for number, closure in enumerate(robot.closures):
         if kind := model["closures"].get(closure.name):
@@ -140,6 +144,11 @@ def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tupl
         if numbers.get("gear_ratio") == 0:
             yield ("joints", name), "a gear ratio of 0 moves nothing"
     for name, stated in model["residuals"].items():
+        for link in stated["frames"]:
+            if link not in links:
+                yield ("residuals", name), f"'{link}' is no link{did_you_mean(link, links)}"
+        if len(stated["frames"]) == 1 or not (stated["joints"] or stated["frames"]):
+            yield ("residuals", name), "names no joints and no two links: 'joints', 'frames', or both"
         for joint in stated["joints"]:
             if kinds.get(joint, "fixed") == "fixed":
                 yield ("residuals", name), f"'{joint}' is no movable joint{did_you_mean(joint, kinds)}"
@@ -210,10 +219,13 @@ def _coupling(coupling: Coupling) -> tuple[str, dict[str, Any]]:
     """Return name and content of the table of a coupling; joints of its curve alone stand there."""
     curve = coupling.curve
     if isinstance(curve, Residual):
-        joints = [joint for joint, _ in curve.terms]
-        about = {"closure": curve.closure, "joints": joints, "numbers": dict(curve.numbers)}
-        zeros = dict(zip(joints, curve.zeros, strict=True))
-        return f"residuals.{key_of(coupling.name)}", about | ({"zeros": zeros} if any(curve.zeros) else {})
+        joints = [joint for joint, _ in curve.terms[: curve.stated]]
+        zeros = dict(zip(joints, curve.zeros, strict=False))  # others are in the placements of joints
+        about = {
+            "closure": curve.closure, "joints": joints, "frames": [*curve.frames],
+            "numbers": dict(curve.numbers), "zeros": zeros if any(zeros.values()) else {},
+        }  # fmt: skip
+        return f"residuals.{key_of(coupling.name)}", {key: value for key, value in about.items() if value}
     terms = {joint: factor for joint, factor in coupling.terms if factor}
     out: dict[str, Any] = {"terms": terms, "offset": coupling.offset}
     if curve:

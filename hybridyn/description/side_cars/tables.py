@@ -244,7 +244,7 @@ CouplingTable: Any = table(
 
 #: A closure of another package, see `residuals`.
 ResidualTable: Any = table(
-    "ResidualTable", closure=str, joints=Annotated[list[str], Field(min_length=1)],
+    "ResidualTable", closure=str, joints=(list[str], []), frames=(list[str], []),
     numbers=(dict[str, Any], {}), zeros=(dict[str, FiniteFloat], {}),
 )  # fmt: skip
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...description.names import did_you_mean
 from ...description.records import Description
+from ...description.residual_frames import joints_of_frames
 from ...errors import ModelError
 from ...spatial import Array
 from ..bodies import loaded
@@ -60,7 +61,11 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
 
     Args:
         values: Their numbers, floats or others with the operators of arithmetic.
+
+    Raises:
+        ModelError: A slot moves a frame of a closure, whose text holds the placements of its joints.
     """
+    _check_frames(description, slots)
     records = {(table, one.name): one for table in TABLES for one in getattr(description, table)}
     changes: dict[tuple[str, str], dict[str, Any]] = {}
     for slot, value in zip(slots, values, strict=True):
@@ -81,6 +86,18 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
         links = tables.get("links", description.links)
         tables["links"] = tuple(loaded(link, of[link.name]) if link.name in of else link for link in links)
     return replace(description, **tables)
+
+
+def _check_frames(description: Description, slots: Sequence[Slot]) -> None:
+    placed = {slot.name: slot for slot in slots if slot.field == "placement"}
+    for coupling in description.couplings:
+        for name in joints_of_frames(description.joints, coupling.frames):
+            if name in placed:
+                raise ModelError(
+                    f"{placed[name]} moves a frame of closure '{coupling.name}', which is written for the "
+                    "numbers of the robot's file; change the file, or an argument of its xacro",
+                    element=name,
+                )
 
 
 def _with_entry(before: Any, slot: Slot, value: Any) -> Any:
