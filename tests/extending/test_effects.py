@@ -68,7 +68,7 @@ def test_every_engine_computes_objects(engine: str, workshop: Path) -> None:
 def test_warp_computes_objects(workshop: Path) -> None:
     needs("gpu")
     robot, (q, v, a) = five_bar()
-    effects = ["default", both(robot)[0]]
+    effects = ["default", *both(robot)]
     found, _ = hybridyn.warp(robot, effects, device="cpu").idm(q, v, a)
     close_to(found, hybridyn.idm(robot, q, v, a, effects=effects), SUMS)
 

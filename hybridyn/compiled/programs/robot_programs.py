@@ -36,7 +36,7 @@ class RobotPrograms:
 
     @cached_property
     def _asked(self) -> Request:
-        return request(self.robot, self.effects, parameters=self.slots, dtype=self.dtype)
+        return request(self.robot, self.effects, parameters=self.slots, dtype=self.dtype, contacts=True)
 
     @property
     def parameter_inputs(self) -> list[tuple[str, int]]:
