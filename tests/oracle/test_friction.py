@@ -85,7 +85,7 @@ def test_friction_of_every_joint_is_that_of_the_multipliers(kind: str, seed: int
     description, robot, ((q,), (v,), (a,)), tau, law = drawn(kind, seed, base, 1)
     weights, prescribed = np.ones(len(robot.motors)), a[:6] if base == "moving" else None
     for call in (
-        lambda law: hybridyn.idm(robot, q, v, a, effects=["default", law], passive="solved"),
+        lambda law: hybridyn.idm(robot, q, v, a, effects=["default", law], passive="solved", weights=weights),
         lambda law: hybridyn.ddm(robot, q, v, tau[0], effects=["default", law]),
     ):
         factor = loosened(law, call)
