@@ -30,6 +30,7 @@ class ShippedRobot(NamedTuple):
         motors: Number of motors, None for a benchmark mechanism.
         source: Source of its structure and its numbers.
         trajectory: File of a sample trajectory, or None.
+        scene: File of the scene that its name plays, or None where nothing tells which.
         scenes: Files of its scenes.
     """
 
@@ -40,6 +41,7 @@ class ShippedRobot(NamedTuple):
     motors: int | None
     source: str
     trajectory: Path | None
+    scene: Path | None
     scenes: tuple[Path, ...]
 
     @property
@@ -142,6 +144,7 @@ def _record(folder: Path, name: str, file: Path, facts: dict[str, Any]) -> Shipp
     home = folder / "models" / name
     if not home.is_dir():
         home = folder / "models" / "benchmarks" / name
+    scenes = tuple(sorted(path for path in home.glob("*.toml") if path.name != "model.toml"))
     return ShippedRobot(
         name=name,
         file=file,
@@ -150,5 +153,6 @@ def _record(folder: Path, name: str, file: Path, facts: dict[str, Any]) -> Shipp
         motors=facts.get("motors"),
         source=facts.get("source", ""),
         trajectory=home / "traj.csv" if (home / "traj.csv").is_file() else None,
-        scenes=tuple(sorted(path for path in home.glob("*.toml") if path.name != "model.toml")),
+        scene=home / facts["scene"] if "scene" in facts else scenes[0] if len(scenes) == 1 else None,
+        scenes=scenes,
     )

@@ -25,7 +25,7 @@ def test_every_file_of_a_robot_is_in_the_catalogue() -> None:
     for name in main_names():
         robot = shipped_robots()[name]
         assert robot.trajectory is not None
-        assert len(robot.scenes) == 1, "'hybridyn simulate NAME' plays the robot's one scene"
+        assert robot.scene in robot.scenes, "'hybridyn simulate NAME' plays the robot's own scene"
         assert robot.source
 
 

@@ -55,6 +55,13 @@ def link(on: Any) -> str:
     return list(on.robot.bodies.place)[-1]
 
 
+def drives(on: Any) -> hybridyn.effects.DcMotors:
+    """Return equal DC motors."""
+    return hybridyn.effects.DcMotors(
+        torque_constant=dict.fromkeys(on.robot.motors, 0.1), resistance=dict.fromkeys(on.robot.motors, 2.0)
+    )
+
+
 #: Calls of functions that a compiled robot has, too, with an engine and arrays by name.
 BOTH: dict[str, Callable[..., Any]] = {
     "idm": lambda on, q, v, a: on.idm(q, v, a),
@@ -87,6 +94,7 @@ GENERAL: dict[str, Callable[..., Any]] = {
     "momentum": lambda on, q, v: on.momentum(q, v),
     "centre_of_mass": lambda on, q: on.centre_of_mass(q),
     "power": lambda on, q, v, tau: on.power(q, v, tau),
+    "motor_currents": lambda on, v, tau: on.motor_currents(v, tau, effects=[drives(on)]),
     "regressor": lambda on, q, v, a: on.regressor(q, v, a).Y,
     "idm_jacobian": lambda on, q, v, a: on.idm_jacobian(q, v, a),
     "ddm_jacobian": lambda on, q, v, tau: on.ddm_jacobian(q, v, tau),

@@ -84,10 +84,10 @@ def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
         raise click.BadParameter(f"'{value}' is a robot; a scene is a TOML file (docs/scenes.md)", ctx, param)
 
     if not os.path.exists(value) and value in shipped_robots():
-        scenes = shipped_robots()[value].scenes
-        if len(scenes) == 1:
-            return shown(scenes[0])
-        names = ", ".join(f"'{value}/{scene.name}'" for scene in scenes) or "none"
+        robot = shipped_robots()[value]
+        if robot.scene:
+            return shown(robot.scene)
+        names = ", ".join(f"'{value}/{scene.name}'" for scene in robot.scenes) or "none"
         raise click.BadParameter(f"the scenes of '{value}' are: {names}", ctx, param)
     return existing_file(ctx, param, value)
 
