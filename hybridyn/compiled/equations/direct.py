@@ -20,9 +20,7 @@ from .core import Core, motions_of, own_inertia, rank_guard
 from .direct_legs import LEG_SUMS
 from .direct_outwards import accelerations_outwards, add_wrists, legs_on_paths
 from .expressions import congruence, pack, symmetric, symmetric_product, upper, zeros
-from .factors import Handed
 from .guarded_elimination import solve_definite
-from .held_loops import followed, opened_loops
 from .least_inertia import NEARLY_NO_INERTIA, least_inertia, unforced_spins
 from .module_plan import ModulePlan
 from .options import Options
@@ -99,24 +97,24 @@ def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
     return crf(resting(V), momentum(own, resting(V))) if velocity else zeros(6)
 
 
-def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = None) -> WrittenModule:
+def write_direct(plan: ModulePlan, options: Options, *, motion: bool = False) -> WrittenModule:
     """Write a module's direct model and cut it into its stages: outwards, inwards, outwards, wrists.
 
     Args:
-        motion: What is held of the loops (`held_loops`), where the accelerations along the core's motions are
-            given, "u_dot of core". Nothing is solved for, and the second stage computes how the loops open.
+        motion: Whether the accelerations along the core's motions are given, "u_dot of core". Nothing is
+            solved for, and the second stage is empty.
     """
     parts, (outwards, inwards, back, last) = (
         plan.parts,
         (GivenColumns(), GivenColumns(), GivenColumns(), GivenColumns()),
     )
-    if motion is not None:
+    if motion:
         options = replace(options, carries=(False,) * len(options.carries))
     core, (q, v, _), (V, _) = begun(plan, options, outwards)
     A, forced = back.base_acceleration(options), []
     outputs = [_motion_outwards(core, plan, options), {}, {}, {}]
-    if motion is not None:
-        y, outputs[1] = _along(core, plan, motion, options, (inwards, back))
+    if motion:
+        y = _along(core, plan, A, back.take("u_dot of core", len(plan.motions)))
     else:
         right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
         X, doubts = motions_of(plan, core.rows.K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
@@ -129,27 +127,24 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
     outputs[2] = accelerations_outwards(core, options, s, joints)
     wrists, guard = add_wrists(core, plan, (q, v), (V, A), s, last)
     if wrists:
-        outputs[3] = {"a_wrists": pack(list(wrists.values()))}
-        outputs[3] |= {"guard": ca.SX(guard)} if motion is None else {}
+        outputs[3] = {"a_wrists": pack(list(wrists.values()))} | ({} if motion else {"guard": ca.SX(guard)})
     at = {"a_core": parts.v[joints], "a_legs": legs_on_paths(plan), "tau": parts.tree_v[forced]}
     at["a_wrists"] = np.array(list(wrists), dtype=int)
     return WrittenModule(cut([outwards, inwards, back, last], outputs), *read_by_core(plan), at)
 
 
-def _along(
-    core: Core, plan: ModulePlan, motion: Handed, options: Options, stages: tuple[GivenColumns, GivenColumns]
-) -> tuple[Expression, dict[str, ca.SX]]:
-    """Return the core's accelerations at given motions, shape (n,), and the output of the second stage.
-
-    Args:
-        stages: Filled with the columns of the second and of the third stage.
-    """
-    inwards, back = stages
-    inwards["held"], held = motion.again("held")
-    opened = opened_loops(core, inwards.base_acceleration(options), held)
-    back["held"], held = motion.again("held")
-    u_dot, rows = back.take("u_dot of core", len(plan.motions)), back.take("opened", len(opened))
-    return followed(plan, u_dot, rows, held), {"opened": pack(opened)} if len(opened) else {}
+def _along(core: Core, plan: ModulePlan, A: Expression, u_dot: Expression) -> Expression:
+    """Compute the core's accelerations at those of its base and along its motions, shape (n,)."""
+    K, spins = core.rows.K, plan.parts.spins
+    y = zeros(K.shape[1] - 6, 1)
+    y[plan.motions[len(spins) :], 0] = u_dot[len(spins) :]
+    right = -dot(K[:, :6], A) - core.rows.gamma - dot(K[:, 6:], y[:, 0])
+    y = y + plan.solved(K[:, 6:], right[:, None])[0][:, :1]
+    for spin, x in zip(spins, u_dot, strict=False):
+        spin.taken_out(y)
+        for col, share in zip(spin.cols, spin.axis, strict=True):
+            y[col, 0] = y[col, 0] + times(share, x)
+    return y[:, 0]
 
 
 def _motion_outwards(core: Core, plan: ModulePlan, options: Options) -> dict[str, ca.SX]:

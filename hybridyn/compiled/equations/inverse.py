@@ -17,7 +17,6 @@ from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, leg_guard, motions_of, own_inertia, pick, rank_guard, spins_of_legs
 from .expressions import along, pack, zeros
 from .guarded_elimination import Pivots
-from .held_loops import along_motions
 from .legs import PlatformMotion, write_leg
 from .module_plan import ModulePlan
 from .motor_balance import motor_efforts
@@ -33,6 +32,7 @@ def write_inverse(
     pivots: Pivots | None,
     *,
     balance: bool = False,
+    motions: bool = False,
 ) -> WrittenModule:
     """Write a module's inverse model and cut it into its stages.
 
@@ -42,39 +42,29 @@ def write_inverse(
         balance: Whether the output is "Q of core" = Psi^T b, what is left of the forces along the core's
             motions, instead of the motor efforts "tau". Motor efforts are then among the laws. Along a thin
             spin, what is left is its acceleration, which the direct model makes zero.
+        motions: Whether the first stage has the output "u_dot of core", the accelerations along its motions.
     """
-    given, received = GivenColumns(), GivenColumns()
+    parts, given, received = plan.parts, GivenColumns(), GivenColumns()
     core, (q, _, a), base = begun(plan, options, given, accelerations=True)
-    chain = core.chain if options.velocity else without_rates(core, plan, q, a, base)
-    b, terms = required_forces(core, plan, options, chain, a, received)
-    X, guard = guarded_motions(core, plan)
+    chain = core.chain if options.velocity else _without_rates(core, plan, q, a, base)
+    b, terms = _required_forces(core, plan, options, chain, a, received)
+    laws = [k for k, col in enumerate(parts.tree_v) if int(col) in options.laws]
+    at = 6 + np.array(laws, dtype=int)
+    b[at] = b[at] - received.take("laws", len(laws))
+    X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
+    guard = rank_guard(plan, core.rows, core.rows.guard + squares(doubts), X[:, 1:])
     if balance:
-        left = left_along(core, plan, options, dot(X.T, b[6:]), a)
-        efforts = {"guard": ca.SX(guard), "Q of core": pack(left)}
+        efforts = {"guard": ca.SX(guard), "Q of core": pack(_left_along(core, plan, options, X[:, 1:], b, a))}
     else:
-        Psi = X[:, len(plan.parts.spins) :]
+        Psi = X[:, 1 + len(parts.spins) :]
         B = _motor_map(core, plan, options, Psi, received)
         efforts = _balanced(plan, options, (B, Psi), (b, terms), pivots, guard)
-    efforts |= wrench_on_base(core, options, b)
-    stages = cut([given, received], [motion_outwards(core, options), efforts])
-    return WrittenModule(stages, *read_by_core(plan), {"laws": plan.parts.tree_v[lawful(plan, options)]})
-
-
-def lawful(plan: ModulePlan, options: Options) -> list[int]:
-    """Return the freedoms of the core on which laws act."""
-    return [k for k, col in enumerate(plan.parts.tree_v) if int(col) in options.laws]
-
-
-def guarded_motions(core: Core, plan: ModulePlan) -> tuple[Expression, Any]:
-    """Return a core's motions, shape (n, motions), and the guard of its loops and of their rank."""
-    X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
-    return X[:, 1:], rank_guard(plan, core.rows, core.rows.guard + squares(doubts), X[:, 1:])
-
-
-def wrench_on_base(core: Core, options: Options, b: Expression) -> dict[str, ca.SX]:
-    """Return the wrench on a base that moves, of forces over s, as an output."""
-    platforms = (b[core.chain.columns_of(i + 1)] for i in sorted(core.chain.platforms))
-    return {"F_base": pack(sum(platforms, b[:6]))} if options.base is None else {}
+    if options.base is None:
+        platforms = (b[core.chain.columns_of(i + 1)] for i in sorted(core.chain.platforms))
+        efforts["F_base"] = pack(sum(platforms, b[:6]))
+    along = {"u_dot of core": pack(_along_motions(core, plan, a))} if motions else {}
+    stages = cut([given, received], [_motion_outwards(core, options) | along, efforts])
+    return WrittenModule(stages, *read_by_core(plan), {"laws": parts.tree_v[laws]})
 
 
 def _balanced(
@@ -103,15 +93,33 @@ def _balanced(
     return efforts | ({"size_base": pack([size])} if options.measured else {})
 
 
-def left_along(core: Core, plan: ModulePlan, options: Options, left: Expression, a: Expression) -> Expression:
-    """Replace what is left along the core's motions, the spins first, by the acceleration of thin spins."""
-    _, u_dot = along_motions(core, plan, a)
+def _left_along(
+    core: Core, plan: ModulePlan, options: Options, motions: Expression, b: Expression, a: Expression
+) -> Expression:
+    """Return what is left of the forces b along the core's motions; along thin spins, their acceleration."""
+    left = dot(motions.T, b[6:])
+    u_dot = _along_motions(core, plan, a)
     for i, spin in enumerate(plan.spinning(options.rotor)):
         left[i] = plus(times(spin.has, left[i]), times(1.0 - spin.has, u_dot[i]))
     return left
 
 
-def motion_outwards(core: Core, options: Options) -> dict[str, ca.SX]:
+def _along_motions(core: Core, plan: ModulePlan, a: Expression) -> Expression:
+    """Return the accelerations along a module's motions, as `write_direct` does; `a` of the spanning tree."""
+    y = pick(a, plan.parts.v)
+    for i, platform in core.platforms.items():
+        y[np.array(core.chain.columns_of(i + 1)) - 6] = platform.A
+    u_dot = y[plan.motions]
+    for i, spin in enumerate(plan.parts.spins):
+        turned = y[spin.col] / spin.axis[spin.main]  # the others have none of this freedom but by the spin
+        for col, x in zip(spin.cols, spin.axis, strict=True):
+            if col in plan.motions:
+                u_dot[plan.motions.index(col)] = y[col] - times(x, turned)
+        u_dot[i] = along(spin.share, y[list(spin.cols)])
+    return u_dot
+
+
+def _motion_outwards(core: Core, options: Options) -> dict[str, ca.SX]:
     """Return the platforms' motion for the legs, and the motion of outputs that carry modules."""
     out = core.platform_columns()
     for o, body in enumerate(core.outputs):
@@ -127,10 +135,10 @@ def _relative_motion(chain: Chain, body: int, velocity: bool) -> tuple[Expressio
     return (resting(V), classical(V, A)) if velocity else (V, A)
 
 
-def required_forces(
+def _required_forces(
     core: Core, plan: ModulePlan, options: Options, moving: Chain, a: Expression, received: GivenColumns
 ) -> tuple[Expression, list[Any]]:
-    """Compute the forces that a motion requires beyond joint laws; `a` as of the spanning tree.
+    """Compute the forces that a motion requires, without joint laws; `a` as of the spanning tree.
 
     Args:
         moving: The core's motion for inertial forces: its rates are zero without velocity terms.
@@ -152,8 +160,6 @@ def required_forces(
         terms += _works(b_delta, plan)
     for o in range(len(core.outputs)):
         _add_output(core, plan, options, o, b, terms, received)
-    lawful_rows = 6 + np.array(lawful(plan, options), dtype=int)
-    b[lawful_rows] = b[lawful_rows] - received.take("laws", len(lawful_rows))
     return b, terms
 
 
@@ -186,7 +192,7 @@ def _add_output(
     b[:] = b + dot(motion_map(chain, body).T, wrench_to_base(chain.R0[body], chain.p0[body], W))
 
 
-def without_rates(
+def _without_rates(
     core: Core, plan: ModulePlan, q: Expression, a: Expression, base: tuple[Expression, Expression]
 ) -> Chain:
     """Compute the core's motion with zero rates, for inertial forces without velocity terms."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..equations.balance import write_balance_stages
 from ..equations.guarded_elimination import Pivots
 from ..equations.inverse import LEG_WRENCHES, write_inverse, write_inverse_legs
 from ..equations.motor_balance import motor_pivots
@@ -73,8 +72,7 @@ def _write_sweeps(
     for calls in reversed(modules):
         start = len(w.steps)
         sweeps.inwards(calls)
-        held = calls.ports.get("held")  # of which there are no derivatives
-        calls.calls += [call for call in w.calls_from(start) if held is None or held not in call.targets]
+        calls.calls += w.calls_from(start)
     return modules
 
 
@@ -104,8 +102,7 @@ class _InverseSweeps(Sweeps):
             calls.ports["Q of core"] = self.w.result("tau", np.arange(6))
         elif not self.motors:
             calls.ports["tau"] = self.w.result("tau", 6 * self.pushed + calls.module.motor_index)
-        for s in range(1, len(calls.written.stages)):
-            calls.call(s)
+        calls.call(1)
 
     def _calls(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Return the still empty calls of module k; equal modules share their code."""
@@ -113,12 +110,10 @@ class _InverseSweeps(Sweeps):
         plan = self.request.plans[k]
         options = balance_options(self.request, k) if balance else inverse_options(self.request, k)
         key = ("idm", id(plan), options, balance)
-        if self.motors:
-            written = self.w.once(key, write_balance_stages, plan, options)
-        else:
-            pivots = None if balance else self._motor_pivots(k, options)
-            written = self.w.once(key, write_inverse, plan, options, pivots, balance=balance)
-        return self.begun(k, modules, options, written, key, [PARTS[0], *PARTS[1:] * 3])
+        pivots = None if balance else self._motor_pivots(k, options)
+        flags = {"balance": balance, "motions": self.motors}
+        written = self.w.once(key, write_inverse, plan, options, pivots, **flags)
+        return self.begun(k, modules, options, written, key, PARTS)
 
     def _motor_pivots(self, k: int, options: Options) -> Pivots | None:
         """Return the pivots of the motor map of module k; equal modules share them."""
