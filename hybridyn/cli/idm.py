@@ -113,8 +113,16 @@ def _plan(
 
         states = partial(motor_states, efforts=inverse, dc=dc)
         return CommandPlan(states, None, [LoadReport(robot, tables, dc)], chosen, remarks)
-    columns = [f"{name}/effort" for name in robot.motors]
-    observers: list[Observer] = []
+    rows, columns, observers = _columns(robot, outputs, on, inverse)
+    observers.append(Summary(robot, "effort", robot.effort_units, columns))
+    return CommandPlan(rows, columns, observers, chosen, remarks)
+
+
+def _columns(
+    robot: HybridRobot, outputs: Sequence[str] | None, on: Effects, inverse: Callable[..., Any]
+) -> tuple[Callable[..., Any], list[str], list[Observer]]:
+    """Return what computes the columns of a table of efforts, their names, and who else is told of them."""
+    columns, observers = [f"{name}/effort" for name in robot.motors], list[Observer]()
     if outputs:
         from ..studies.map_table import map_columns
         from .common.maps import MapSummary, map_rows
@@ -122,11 +130,10 @@ def _plan(
         columns = map_columns(robot, outputs, motion=True, efforts=bool(on.names))
         inverse = partial(map_rows, joints=outputs, efforts=inverse if on.names else None)
         observers.append(MapSummary(robot, outputs))
-    elif dc is not None:
-        columns += [f"{robot.motors[i]}/{what}" for what in ("current", "voltage") for i in dc.motors]
-        inverse = partial(with_supply, efforts=inverse, dc=dc)
-    observers.append(Summary(robot, "effort", robot.effort_units, columns))
-    return CommandPlan(inverse, columns, observers, chosen, remarks)
+    elif on.dc is not None:
+        columns += [f"{robot.motors[i]}/{what}" for what in ("current", "voltage") for i in on.dc.motors]
+        inverse = partial(with_supply, efforts=inverse, dc=on.dc)
+    return inverse, columns, observers
 
 
 def _check(

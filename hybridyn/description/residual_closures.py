@@ -49,6 +49,16 @@ def checked_closure(found: Extension) -> ResidualMaker:
     return ResidualMaker(found.value, found.package)
 
 
+def _one_number(closure: str, maker: ResidualMaker, found: Any) -> Any:
+    """Return a residual on symbols; refuse what is not one number."""
+    import casadi as ca
+
+    count = found.numel() if isinstance(found, ca.SX) else np.size(found)
+    if count != 1:
+        raise refused("closures", closure, maker.package, f"returns {count} numbers: a residual is one")
+    return ca.SX(found)
+
+
 def residual(
     closure: str, joints: Sequence[str], numbers: Mapping[str, Any], zeros: Mapping[str, float],
     frames: Sequence[str] = (), tree: Sequence[Joint] = (),
@@ -73,11 +83,7 @@ def residual(
     stated = [(joint, ca.SX.sym(joint)) for joint in joints]
     carried = [(joint, ca.SX.sym(joint)) for joint in _moving(closure, maker, frames, tree)]
     places = [placement_of(tree, frames[0], link, dict(carried)) for link in frames[1:]]
-    found = _made(closure, maker, [*(x for _, x in stated), *places], numbers)
-    count = found.numel() if isinstance(found, ca.SX) else np.size(found)
-    if count != 1:
-        raise refused("closures", closure, maker.package, f"returns {count} numbers: a residual is one")
-    r = ca.SX(found)
+    r = _one_number(closure, maker, _made(closure, maker, [*(x for _, x in stated), *places], numbers))
     idle = [joint for joint, one in stated if ca.gradient(r, one).is_zero()]
     carried = [(joint, one) for joint, one in carried if not ca.gradient(r, one).is_zero()]
     if idle or (frames and not carried):

@@ -1,8 +1,10 @@
 """Inverse dynamic model: compute motor efforts from a motion, Eqs. (30)-(33) in their general form."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Literal, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +23,9 @@ from .loads import Loads, all_loads
 from .reactions import Reactions
 from .results import Result
 from .state_checks import check_closed
+
+if TYPE_CHECKING:
+    from ..effects.load_friction import OnLoads
 
 #: Advice in the error message if a passive motion would need an effort.
 HINT = 'Give the accelerations that need no effort there, or pass passive="solved"'
@@ -136,31 +141,38 @@ def inverse_model(
         hint += f"; the file's actuators {listed(robot.description.left_out)} are no motors here"
     sharing = Sharing(_weights(robot, weights), on_singular, hint)
     solved = passive == "solved"
-    if (law := on.loaded) is not None:
-        from .friction_of_motion import answers_to_friction  # which most robots need not
-        from .load_friction import answers_one_by_one, settle
-
-        def under(efforts: Array) -> Reactions:
-            """Compute the reactions under efforts of joints."""
-            more = replace(loads, joints=loads.joints + efforts)
-            found = under_loads(robot, q, v, a, more, sharing, solved=solved, reactions=True).reactions
-            assert found is not None
-            return found
-
-        def answers(D: Array) -> Array:
-            """Compute the wrenches that unit frictions cause; solved accelerations change with them."""
-            assert law is not None
-            if solved:
-                return answers_one_by_one(law, D, under)
-            return answers_to_friction(robot, _states(robot, on, q, v, a)[0], law, D, sharing)
-
-        friction = settle(law, v, under, answers)
-        loads = replace(loads, joints=loads.joints + friction)
+    if on.loaded is not None:
+        loads = _with_friction(robot, on, on.loaded, q, v, a, loads, sharing, solved=solved)
     out = under_loads(robot, q, v, a, loads, sharing, solved=solved, reactions=reactions)
     if on.gears is not None:
         out = out._replace(values=on.gears.before(out.values, v))
     on.check_bounds(robot, out.values, v)
     return out
+
+
+def _with_friction(
+    robot: HybridRobot, on: Effects, law: OnLoads, q: Array, v: Array, a: Array, loads: Loads,
+    sharing: Sharing, *, solved: bool,
+) -> Loads:  # fmt: skip
+    """Add to the loads the friction that grows with what joints carry."""
+    from .friction_of_motion import answers_to_friction  # which most robots need not
+    from .load_friction import answers_one_by_one, settle
+
+    def under(efforts: Array) -> Reactions:
+        """Compute the reactions under efforts of joints."""
+        more = replace(loads, joints=loads.joints + efforts)
+        found = under_loads(robot, q, v, a, more, sharing, solved=solved, reactions=True).reactions
+        assert found is not None
+        return found
+
+    def answers(D: Array) -> Array:
+        """Compute the wrenches that unit frictions cause; solved accelerations change with them."""
+        if solved:
+            return answers_one_by_one(law, D, under)
+        return answers_to_friction(robot, _states(robot, on, q, v, a)[0], law, D, sharing)
+
+    friction = settle(law, v, under, answers)
+    return replace(loads, joints=loads.joints + friction)
 
 
 def under_loads(

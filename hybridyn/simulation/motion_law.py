@@ -79,13 +79,7 @@ class MotionLaw:
                 "'base_motion' (`hybridyn.effects.BaseMotion`), another must not have it"
             )
         self._law = effort if callable(effort) else None
-        self._effort = np.zeros(len(robot.motors))
-        if effort is not None and not callable(effort):
-            self._effort = np.asarray(effort, dtype=float)
-            if self._effort.shape != (len(robot.motors),) or not np.isfinite(self._effort).all():
-                raise TrajectoryError(
-                    f"effort must be {len(robot.motors)} finite numbers, or a callable of (t, q, v)"
-                )
+        self._effort = _constant(robot, None if callable(effort) else effort)
 
     def _check_compiled(self, compiled: CompiledRobot) -> None:
         """Check that compiled models are of this robot and these effects, and that there are no wrenches."""
@@ -258,3 +252,15 @@ class MotionLaw:
         each = [self._wrenches(*s) for s in zip(t, q, v, strict=True)]
         links = sorted({link for one in each for link in one})
         return {link: np.array([one.get(link, np.zeros(6)) for one in each]) for link in links}
+
+
+def _constant(robot: HybridRobot, effort: Array | None) -> Array:
+    """Return efforts that stay as they are, shape (motors,); none by default."""
+    if effort is None:
+        return np.zeros(len(robot.motors))
+    out = np.asarray(effort, dtype=float)
+    if out.shape != (len(robot.motors),) or not np.isfinite(out).all():
+        raise TrajectoryError(
+            f"effort must be {len(robot.motors)} finite numbers, or a callable of (t, q, v)"
+        )
+    return out

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -71,6 +71,24 @@ def read_model_file(text: bytes, file: str) -> dict[str, Any]:
     return content
 
 
+def _residual_problems(
+    stated: Mapping[str, Any], kinds: Mapping[str, str], links: Collection[str]
+) -> Iterator[str]:
+    """Yield what a closure of a package names that the robot does not have, or does not move."""
+    for link in stated["frames"]:
+        if link not in links:
+            yield f"'{link}' is no link{did_you_mean(link, links)}"
+    if len(stated["frames"]) == 1 or not (stated["joints"] or stated["frames"]):
+        yield "names no joints and no two links: 'joints', 'frames', or both"
+    for joint in stated["joints"]:
+        if kinds.get(joint, "fixed") == "fixed":
+            yield f"'{joint}' is no movable joint{did_you_mean(joint, kinds)}"
+    for joint in stated["zeros"]:
+        if joint not in stated["joints"]:
+            hint = did_you_mean(joint, stated["joints"])
+            yield f"'zeros' names '{joint}', which is none of its joints{hint}"
+
+
 def apply_model_file(
     robot: RobotFile, model: Mapping[str, Any], text: str, file: str
 ) -> dict[str, tuple[float, ...]]:
@@ -86,11 +104,8 @@ def apply_model_file(
         raise ModelError(message, file=file, line=line_of(text, keys), element=keys[-1])
     for name, coupling in model["couplings"].items():
         line = line_of(text, ("couplings", name))
-        curve = coupling.get("curve") and Curve(
-            tuple(coupling["curve"]["terms"].items()),
-            tuple(coupling["curve"]["coefficients"]),
-            coupling["curve"]["reference"],
-        )
+        bent = coupling.get("curve")
+        curve = bent and Curve(tuple(bent["terms"].items()), tuple(bent["coefficients"]), bent["reference"])
         terms = tuple(coupling["terms"].items())
         robot.couplings.append(Coupling(name, terms, coupling["offset"], line, curve))
     for name, stated in model["residuals"].items():
@@ -144,18 +159,7 @@ def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tupl
         if numbers.get("gear_ratio") == 0:
             yield ("joints", name), "a gear ratio of 0 moves nothing"
     for name, stated in model["residuals"].items():
-        for link in stated["frames"]:
-            if link not in links:
-                yield ("residuals", name), f"'{link}' is no link{did_you_mean(link, links)}"
-        if len(stated["frames"]) == 1 or not (stated["joints"] or stated["frames"]):
-            yield ("residuals", name), "names no joints and no two links: 'joints', 'frames', or both"
-        for joint in stated["joints"]:
-            if kinds.get(joint, "fixed") == "fixed":
-                yield ("residuals", name), f"'{joint}' is no movable joint{did_you_mean(joint, kinds)}"
-        for joint in stated["zeros"]:
-            if joint not in stated["joints"]:
-                hint = did_you_mean(joint, stated["joints"])
-                yield ("residuals", name), f"'zeros' names '{joint}', which is none of its joints{hint}"
+        yield from ((("residuals", name), problem) for problem in _residual_problems(stated, kinds, links))
     for name, coupling in model["couplings"].items():
         bent = (coupling.get("curve") or {}).get("terms", {})
         for joint, factor in (*coupling["terms"].items(), *bent.items()):

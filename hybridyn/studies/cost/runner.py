@@ -138,14 +138,11 @@ class Runner:
         for method in ("dopri5", "implicit"):
             found: list[tuple[Setting, Run]] = []
             try:
+                setting = setting_of(method, FIRST, self.compiled, self.sticks)
                 self.duration = BEGINNING * whole
-                self.run(
-                    setting_of(method, FIRST, self.compiled, self.sticks), np.inf
-                )  # builds and loads what it needs
+                self.run(setting, np.inf)  # builds and loads what it needs
                 self.duration = whole
-                first, _ = self.run(
-                    setting_of(method, FIRST, self.compiled, self.sticks), limit / SHORTER, watch=True
-                )
+                first, _ = self.run(setting, limit / SHORTER, watch=True)
                 self.duration = float(first.state.t) / (1.0 if first.status != "interrupted" else SHORTER)
                 for one in self._tighter(method, limit):
                     found.append(one)

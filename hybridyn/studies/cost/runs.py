@@ -50,6 +50,17 @@ def states_of(ready: SceneStage, duration: float, effects: Effects) -> Trajector
     return Trajectory(run.q, run.v, ddm(ready.robot, run.q, run.v, run.tau, effects=effects), run.t)
 
 
+def _not_compiled(ready: SceneStage, runner: Runner) -> str:
+    """Build the compiled models of a scene; return why it has none."""
+    if runner.sticks:
+        return "joints that stick are simulated on the general path"
+    try:
+        compile(ready.robot, ready.effects, wait=True)
+    except HybridynError as error:  # effects of time, of contact, and losses that grow with load
+        return str(error)
+    return ""
+
+
 def study_runs(
     ready: SceneStage, duration: float, progress: Progress = lambda result: None, seconds: float = SECONDS,
     study: CostStudy | None = None, target: float = ADVISED,
@@ -73,13 +84,9 @@ def study_runs(
     study = CostStudy("", "per run") if study is None else study
     study.subject = "the last posture"
     runner, limit = Runner(ready, duration), seconds * ONE_FAMILY
-    try:
-        if runner.sticks:
-            raise HybridynError("joints that stick are simulated on the general path")
-        compile(ready.robot, ready.effects, wait=True)
-    except HybridynError as error:  # nor can effects of time, of contact, and losses that grow with load
+    if why := _not_compiled(ready, runner):
         runner.compiled = False
-        study.remarks.append(f"no compiled models: {error}")
+        study.remarks.append(f"no compiled models: {why}")
     first = runner.find_reference(seconds * REFERENCE)
     _tell_reference(study, runner, first)
     tried, every = dict[str, Setting](), every_effect(ready)
