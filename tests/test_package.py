@@ -153,6 +153,7 @@ def test_every_public_name_is_there_and_no_file() -> None:
 
 def test_dir_and_help_show_the_public_names() -> None:
     assert set(hybridyn.__all__) - {"__version__"} <= set(dir(hybridyn))
+    assert set(hybridyn.effects.__all__) == set(dir(hybridyn.effects))
     text = pydoc.render_doc(hybridyn, renderer=pydoc.plaintext)
     assert "hybridyn.assemble(robot, motors=" in text
     for name in ("idm", "mass_matrix", "joint_map", "simulate"):
