@@ -17,4 +17,4 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __version__ = "0.1.0"
-__all__ = [*__all__, "__version__"]
+__all__ = [*(name for name in __all__ if name != "effects"), "__version__"]  # `hybridyn.effects` is a room

@@ -1,5 +1,6 @@
 """The public names and the files they live in: one table for imports, `__all__` and type checkers."""
 
+from . import effects as effects
 from .assembly.assemble import assemble
 from .assembly.task import closure_residual
 from .compiled import CompiledRobot, compile, ddm, ddm_jacobian, idm, idm_jacobian

@@ -3,6 +3,8 @@
 import ast
 import pydoc
 import re
+import subprocess
+import sys
 import tomllib
 from collections import Counter
 from functools import cache
@@ -151,9 +153,15 @@ def test_every_public_name_is_there_and_no_file() -> None:
         assert not (PACKAGE / name).exists()
 
 
+def test_effects_are_reached_by_the_package() -> None:
+    """`hybridyn.effects.Coulomb...` needs no import of its own, whatever was imported before."""
+    code = "import hybridyn; print(hybridyn.effects.CoulombFriction.__name__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "CoulombFriction\n"
+
+
 def test_dir_and_help_show_the_public_names() -> None:
     assert set(hybridyn.__all__) - {"__version__"} <= set(dir(hybridyn))
-    assert set(hybridyn.effects.__all__) == set(dir(hybridyn.effects))
     text = pydoc.render_doc(hybridyn, renderer=pydoc.plaintext)
     assert "hybridyn.assemble(robot, motors=" in text
     for name in ("idm", "mass_matrix", "joint_map", "simulate"):

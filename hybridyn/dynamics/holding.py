@@ -80,11 +80,9 @@ class Hold:
         forward, backward = np.maximum(forward, least), np.maximum(backward, least)
         out, ratio, motion = efforts.copy(), 0.0, np.zeros(len(efforts))
         for joints, null in self.loops:
-            own, part, along = _least_part(efforts[joints], null, forward[joints], backward[joints])
-            out[joints] = own
-            if part > ratio:
-                ratio, motion = part, np.zeros(len(efforts))
-                motion[joints] = along
+            out[joints], part, along = _least_part(efforts[joints], null, forward[joints], backward[joints])
+            ratio = max(ratio, part)
+            motion[joints] = along if part > 1.0 else 0.0
         return Held(out, ratio, motion)
 
     def begin(self, a: Array, forward: Array, backward: Array) -> Array:

@@ -40,8 +40,9 @@ class OnSticking(NamedTuple):
         out = np.zeros(v.shape)
         for law in self.laws:
             assert isinstance(law.effect, DryFriction)
-            at = np.searchsorted(self.columns, law.columns)
-            out[..., at] += law.effect.size(law.p, v[..., at], signs[..., at])
+            own = np.isin(law.columns, self.columns)  # the others have none
+            at = np.searchsorted(self.columns, law.columns[own])
+            out[..., at] += law.effect.size([x[own] for x in law.p], v[..., at], signs[..., at])
         return out
 
     def sliding(self, v: Array, signs: Array) -> Array:
@@ -54,6 +55,14 @@ class OnSticking(NamedTuple):
         assert self.loaded is not None
         speeds = np.abs(v[self.of_load])
         return np.array([float(self.loaded.larger(j, x)) for j, x in enumerate(speeds)])
+
+
+def _rubbing(law: OnJoints) -> list[int]:
+    """Return the freedoms of a law that have some friction at rest: a level of zero holds nothing."""
+    assert isinstance(law.effect, DryFriction)
+    rest = np.zeros(len(law.columns))
+    sizes = (law.effect.size(law.p, rest, np.full_like(rest, s)) for s in (1.0, -1.0))
+    return list(map(int, law.columns[np.maximum(*sizes) > 0]))
 
 
 def on_sticking(on: Effects, robot: HybridRobot) -> OnSticking:
@@ -72,6 +81,7 @@ def on_sticking(on: Effects, robot: HybridRobot) -> OnSticking:
             "directed_friction or load_friction among the effects, or leave stiction out"
         )
     columns: dict[int, str] = {}
+    rubbing = {column for x in laws for column in _rubbing(x)}
     for name, effect in names.items():
         at = robot.v_slices[robot.joint_index[name]]
         if at.stop - at.start > 1:
@@ -79,7 +89,8 @@ def on_sticking(on: Effects, robot: HybridRobot) -> OnSticking:
                 f"stiction: joint '{name}' has {at.stop - at.start} freedoms, and only joints of one can "
                 f"stick: leave it out of {effect}, or leave stiction out", element=name,
             )  # fmt: skip
-        columns[at.start] = name
+        if at.start in rubbing or (on.loaded is not None and name in on.loaded.joints):
+            columns[at.start] = name
     joints = tuple(columns[at] for at in sorted(columns))
     of_load = [] if on.loaded is None else [joints.index(name) for name in on.loaded.joints]
     others = tuple(x for x, is_dry in zip(on.joints, dry, strict=True) if not is_dry)

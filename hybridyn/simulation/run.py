@@ -113,7 +113,8 @@ class Run:
         self._state, self._values = self._stepper.accept(leap), values
         if self._sticking is not None and taken is not None:
             ended = replace(self._state, signs=before.signs)
-            self._state = ended if last is not None else self._sticking.after(taken, self._state)
+            self._state = now = ended if last is not None else self._sticking.after(taken, self._state)
+            self._values = [e.function(now.t, now.q, now.v) for e in self._events]
         if interrupt is not None:
             raise interrupt
         if self._progress is not None and not several and last is None:
@@ -152,7 +153,10 @@ class Run:
                 if k != at or between is None:
                     between = self._between(leap.state(k - 1) if k else before, leap.state(k))
                     at = k
-                self._add(t, *between.at(t), before.signs)
+                q, v = between.at(t)
+                if self._sticking is not None:
+                    q, v = self._sticking.between(before, t, q, v)
+                self._add(t, q, v, before.signs)
             self._next += 1
 
     def _add(self, t: float, q: Array, v: Array, signs: Array) -> None:

@@ -122,7 +122,7 @@ def simulate(
         raise TrajectoryError("stiction: time must rise, since what joints at rest did before is not known")
     system = System(Manifold(robot), law)
     origin = Origin(robot.name, solver.method, digest(robot), scene)
-    earlier = _earlier(resume, origin, times)
+    earlier = _earlier(resume, origin, times, len(law.signs))
     state = earlier.state if earlier else _start(system, q0, v0, float(times[0]), initial_velocity)
     sticking = None
     if law.sticking is not None:
@@ -153,9 +153,9 @@ def _sampled(
 
 
 def _earlier(
-    resume: SimulationResult | str | PathLike[str] | None, origin: Origin, times: Array
+    resume: SimulationResult | str | PathLike[str] | None, origin: Origin, times: Array, sticking: int
 ) -> SimulationResult | None:
-    """Return the run to continue, from its file if that is given.
+    """Return the run to continue, from its file if that is given; so many joints can stick.
 
     Raises:
         TrajectoryError: It is of another robot, method or scene, or ended before this run's start.
@@ -177,6 +177,10 @@ def _earlier(
             f"resume: that run was of a robot '{there.robot}' with other numbers",
         ),
         (there.scene != origin.scene, of_scene),
+        (
+            len(earlier.state.signs) != sticking,
+            "resume: that run was of other joints that stick: give 'stiction' and dry friction as there",
+        ),
         (backwards, f"resume: that run reached t = {earlier.state.t:g} s, before the start, {times[0]:g} s"),
     ):
         if wrong:

@@ -22,6 +22,10 @@ from .motion_law import StepError
 from .stepping import Leap, Stepper
 from .system import State, System
 
+#: Part of what joints hold, at and above which they are released without a look at when it was reached.
+OVER = 1.0 + 1e-12
+#: Part of a step after which joints that could not begin to move at once are judged again.
+SOON = 2.0**-20
 #: Rate of a joint, over the largest, that counts as rest where others are stopped.
 STANDING = 1e-11
 #: What a parabola over a step may miss of the held part, before the step is shortened to its first quarter.
@@ -68,6 +72,7 @@ class Sticking:
             AssemblyError: The loops cannot be closed, however short the step.
             StepError: A step's equations cannot be solved.
         """
+        before = self._judged(before)
         while True:
             self._law.signs = before.signs
             leap = stepper.advance(before, 1)
@@ -100,6 +105,26 @@ class Sticking:
             )
         slides = reached.v[self._columns] * signs > 0
         return self._settled(reached, np.where(slides, signs, 0.0))
+
+    def _judged(self, before: State) -> State:
+        """Return the start of a step at which joints slide their way and hold their load.
+
+        Both fail where a run is resumed, and where several joints reach what they hold at one time.
+        """
+        against = before.v[self._columns] * before.signs < 0
+        if not against.any():
+            if before.signs.all():
+                return before
+            free = self._law.free(before.t, before.q, before.v)
+            held = friction_of(free, before.signs, held=True).held
+            if held is None or held.ratio <= OVER:
+                return before
+        return self._settled(before, np.where(against, 0.0, before.signs))
+
+    def between(self, before: State, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return what an interpolation of a step says, with sticking joints where they stuck."""
+        state = self._still(before, replace(before, t=t, q=q, v=v))
+        return state.q, state.v
 
     def _up_to_change(
         self,
@@ -144,12 +169,13 @@ class Sticking:
     def _first_release(
         self, before: State, between: StepInterpolation, times: Array, parts: Array
     ) -> float | None:
-        """Return when the load first exceeds what sticking joints hold: at the end if it always does."""
-        if (parts > 1).all():
-            return float(times[-1])
+        """Return when the load first exceeds what sticking joints hold: soon if it does at the start."""
+        if parts[0] > OVER:  # they could not begin to move there
+            return float(times[0] + SOON * (times[-1] - times[0]))
         for k, (x0, x1) in enumerate(pairwise(parts)):
-            if x0 <= 1 < x1:
-                return _passed(lambda t: self._held(between, before, t) - 1.0, *times[k : k + 2])
+            if x0 <= OVER < x1:
+                edge = 1.0 if x0 <= 1 else OVER
+                return _passed(lambda t: self._held(between, before, t) - edge, *times[k : k + 2])  # noqa: B023
         return None
 
     def _held(self, between: StepInterpolation, before: State, t: float) -> float:

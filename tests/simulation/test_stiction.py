@@ -19,7 +19,7 @@ from hybridyn.errors import ModelError, TrajectoryError
 from hybridyn.simulation.motion_law import Effort
 from hybridyn.simulation.result import SimulationResult
 from hybridyn.spatial import Array
-from tests.effects.test_friction_statics import WELD, Z, linkage
+from tests.effects.test_friction_statics import WELD, X, Z, linkage
 from tests.effects.test_load_friction import END, LINK, SLIDE, wedge
 from tests.support.comparing import refused
 from tests.support.files import save
@@ -272,3 +272,40 @@ def test_a_joint_that_cannot_stick_is_named() -> None:
     ):
         start = robot.home, np.zeros(robot.nv), (0, 1)
         refused(lambda: simulate(robot, *start, effects=["default", law], stiction=True), ModelError, words)  # noqa: B023
+
+
+def sliders(names: str, level: float) -> tuple[hybridyn.HybridRobot, CoulombFriction]:
+    """Sliders side by side, of 1 kg each, with equal friction."""
+    rows = [(n, "prismatic", "ground", n.upper(), (0, i), X) for i, n in enumerate(names)]
+    return linkage(rows, [], list(names)), CoulombFriction(dict.fromkeys(names, level))
+
+
+def test_joints_that_reach_their_limits_together_start_together() -> None:
+    robot, law = sliders("abc", 3.0)
+    run = simulate(robot, [0.0] * 3, [0.0] * 3, (0, 6.0), effects=["inertia", law], stiction=True,
+                   effort=lambda t, q, v: np.full(3, t))  # fmt: skip
+    assert np.abs(run.v[-1] - 4.5).max() < 1e-11  # (t - 3)^2 / 2, from rest within 1e-12 of their limits
+
+
+def test_a_joint_whose_friction_is_zero_never_sticks() -> None:
+    rows = [("a", "prismatic", "ground", "A", (0, 0), X), ("b", "prismatic", "A", "B", (0, 0), X)]
+    robot, law = linkage(rows, [], ["b"]), CoulombFriction({"a": 0.0, "b": 3.0})
+    run = simulate(robot, [0.0] * 2, [0.0] * 2, (0, 5.0), effects=["inertia", law], stiction=True,
+                   effort=lambda t, q, v: np.array([t]))  # fmt: skip
+    assert np.abs(run.v[-1] - [-2.0, 4.0]).max() < 1e-11  # they stick to each other until t = 3
+
+
+def test_a_resumed_run_judges_its_start_anew(tmp_path: Path) -> None:
+    """A joint that an event stopped stays at rest; one under another load starts at once."""
+    robot, law, state = block(tmp_path), CoulombFriction({"x": 3.0}), tmp_path / "state"
+    options = {"effects": ["default", law], "stiction": True}
+    at_rest = hybridyn.Event("rest", lambda t, q, v: float(v[0]), terminal=True)
+    simulate(robot, [0.0], [1.2], (0, 2.0), events=[at_rest], checkpoint=state, **options)
+    run = simulate(robot, None, None, (0, 2.0), resume=state, **options)
+    assert run.v[-1] == 0.0
+    assert abs(run.q[-1, 0] - 0.48) < GROWS
+    simulate(robot, [0.0], [0.0], (0, 1.0), effort=np.array([1.0]), checkpoint=state, **options)
+    run = simulate(robot, None, None, (0, 2.0), effort=np.array([5.0]), resume=state, **options)
+    assert abs(run.v[-1, 0] - 1.0) < GROWS
+    refused(lambda: simulate(robot, None, None, (0, 2.0), resume=state, effects=["default", law]),
+            TrajectoryError, "other joints that stick")  # fmt: skip
