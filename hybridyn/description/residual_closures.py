@@ -98,7 +98,12 @@ def residual(
     written = ca.Function("residual", x, [r, *ca.vertsplit(gradient), *entries]).serialize()
     terms = tuple((joint, 1.0) for joint, _ in (*stated, *carried))
     added_to = (*(zeros.get(joint, 0.0) for joint in joints), *(0.0 for _ in carried))
-    return Residual(terms, closure, (*numbers.items(),), added_to, written, (*frames,), len(joints))
+    made = Residual(terms, closure, (*numbers.items(),), added_to, written, (*frames,), len(joints))
+    if frames and not any(size for _, size in made.sizes):  # slopes cancel in numbers alone
+        raise refused(
+            "closures", closure, maker.package, f"does not depend on the frames {', '.join(frames)}"
+        )
+    return made
 
 
 def _moving(closure: str, maker: ResidualMaker, frames: Sequence[str], tree: Sequence[Joint]) -> list[str]:

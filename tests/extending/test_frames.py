@@ -179,9 +179,13 @@ def test_wrong_frames_are_refused(name: str, workshop: Path, tmp_path: Path) -> 
     refused(lambda: load(tmp_path, "rod", ARMS, ROD.replace(old, new)), ModelError, words)
 
 
-def test_a_residual_that_sees_no_frame_is_refused(packages: Path, tmp_path: Path) -> None:
-    """Its angle about the hinge is the one thing that moves."""
-    text = "def circle(x, centre: float, radius: float, point: float): return x[0].R[1, 1] - 1.0"
+@pytest.mark.parametrize("part", ["R[1, 1] - 1.0", "np.exp(2 * p[0]) * np.exp(-2 * p[0])"])
+def test_a_residual_that_sees_no_frame_is_refused(part: str, packages: Path, tmp_path: Path) -> None:
+    """Of the hinge nothing but its angle moves; slopes of a product of one are zero in numbers alone."""
+    text = (
+        "import numpy as np\n"
+        f"def circle(x, centre: float, radius: float, point: float):\n    (R, p), = x\n    return {part}\n"
+    )
     refused(
         lambda: on_circle(packages, tmp_path, text), ModelError, "does not depend on the frames base, arm"
     )
