@@ -53,10 +53,26 @@ def _one_number(closure: str, maker: ResidualMaker, found: Any) -> Any:
     """Return a residual on symbols; refuse what is not one number."""
     import casadi as ca
 
-    count = found.numel() if isinstance(found, ca.SX) else np.size(found)
-    if count != 1:
+    try:
+        count = found.numel() if isinstance(found, ca.SX) else np.size(found)
+        r = ca.SX(found) if count == 1 else None
+    except (TypeError, ValueError, NotImplementedError):  # of CasADi and NumPy: no numbers
+        why = f"returns {str(found)[:40]}: a residual is one number"
+        raise refused("closures", closure, maker.package, why) from None
+    if r is None:
         raise refused("closures", closure, maker.package, f"returns {count} numbers: a residual is one")
-    return ca.SX(found)
+    if _has_nan(ca.Function("r", ca.symvar(r), [r])):
+        why = "is not a number on symbols: take NumPy's functions, not math's"
+        raise refused("closures", closure, maker.package, why)
+    return r
+
+
+def _has_nan(function: Any) -> bool:
+    """Whether a constant is not a number, as what Python's math makes of a symbol."""
+    import casadi as ca
+
+    steps = (i for i in range(function.n_instructions()) if function.instruction_id(i) == ca.OP_CONST)
+    return any(np.isnan(function.instruction_constant(i)) for i in steps)
 
 
 def residual(

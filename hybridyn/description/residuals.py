@@ -81,6 +81,8 @@ class Residual:
         function = _function(self.written)
         if np.asarray(x[0]).dtype != object:
             shape = np.shape(x[0])
+            if 0 in shape:  # CasADi takes no samples for one zero
+                return [np.zeros(shape)] * function.n_out()
             return [
                 np.array(part).reshape(shape) for part in function.call([np.atleast_2d(one) for one in x])
             ]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.errors import ModelError
+from hybridyn.errors import AssemblyError, ModelError
 from tests.extending.packages import files, install
 from tests.support.comparing import close_to, refused
 from tests.support.engines import engine_of
@@ -143,6 +143,9 @@ RESIDUALS = {
     "kink": "abs(x[0] - x[1])",
     "condition": "x[0] if x[0] > x[1] else x[1]",
     "fails": "1 / 0",
+    "nothing": "None",
+    "text": "'a'",
+    "math": "x[0] + x[1] + __import__('math').cos(x[0])",
     "whole": "x[0] - x[1] * k",
 }
 ODD = "def odd(x, k: float = 1.0): return RESULT"
@@ -152,6 +155,9 @@ MISTAKES = {
     "kink": ("", r"is not smooth \(fabs\)"),
     "condition": ("", "fails: RuntimeError"),
     "fails": ("", "fails: ZeroDivisionError"),
+    "nothing": ("", "the closure 'odd' of the package 'odd' returns None: a residual is one number"),
+    "text": ("", "the closure 'odd' of the package 'odd' returns a: a residual is one number"),
+    "math": ("", "'odd' is not a number on symbols: take NumPy's functions, not math's"),
     "whole": ("numbers = { K = 1 }", "press.model.toml:4: 'residuals.lift.numbers.K': unknown key 'K'"),
 }
 
@@ -164,6 +170,14 @@ def test_a_closure_that_cannot_be_used_is_one_sentence(name: str, packages: Path
     )
     text = f"[residuals.lift]\nclosure = 'odd'\njoints = ['shaft', 'plunger']\n{more}\n"
     refused(lambda: press(tmp_path, text), ModelError, words)
+
+
+def test_a_loop_that_is_never_closed_is_one_sentence(packages: Path, tmp_path: Path) -> None:
+    """None of its tried postures is left, and the residual takes no samples."""
+    code = {"odd.py": "def odd(x): return x[0] ** 2 + x[1] ** 2 + 1.0"}
+    install(packages, "odd", {"closures": {"odd": "odd:odd"}}, code)
+    text = "[residuals.lift]\nclosure = 'odd'\njoints = ['shaft', 'plunger']\n"
+    refused(lambda: press(tmp_path, text), AssemblyError, "no posture closes its loops")
 
 
 FILES = {
