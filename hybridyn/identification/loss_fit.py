@@ -18,7 +18,7 @@ import numpy as np
 from ..dynamics.load_friction import check_jamming
 from ..effects.gears import GearEfficiency
 from ..effects.load_friction import LoadFriction
-from ..errors import TrajectoryError
+from ..errors import ActuationError, TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .estimators import AGREED, MOST_ROUNDS, Fit, estimate
@@ -182,7 +182,7 @@ def _unseen(
             data = lossy.data
             known = estimate(data.Y[seen], (data.measured - data.known)[seen], names[:r]).x
             left.append(_left(lossy, known, lossy.fit(names, seen).x, hidden))
-    except TrajectoryError:  # of half a motion
+    except (ActuationError, TrajectoryError):  # of half a motion
         return None
     both = (np.concatenate(parts) for parts in zip(*left, strict=True))
     return _relative(lossy.data.measured, *both)

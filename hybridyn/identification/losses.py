@@ -13,7 +13,7 @@ Wrenches depend on more numbers than efforts tell. Those that no effort tells ke
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,7 +40,7 @@ from .standard import StandardParameters
 
 @dataclass(frozen=True, eq=False)
 class SoughtLosses:
-    """Losses that are sought: those with a number among the effects, whatever the number.
+    """Losses that are sought: those with a number among the effects, whatever the number above zero.
 
     Attributes:
         load: Load friction, or None.
@@ -90,6 +90,7 @@ def sought_losses(robot: HybridRobot, effects: Choice) -> tuple[Choice, SoughtLo
     if len(linear) == len(units):
         return effects, None
     on = choose(robot, units)
+    _check_sought(units)
     if redundant(robot):
         raise ModelError(
             f"the effect '{on.losses[0]}' cannot be identified with redundant motors, whose single efforts "
@@ -104,6 +105,33 @@ def sought_losses(robot: HybridRobot, effects: Choice) -> tuple[Choice, SoughtLo
         )  # fmt: skip
     found = SoughtLosses(on.loaded, on.gears)
     return [*linear, *(OFFSETS for word in words if isinstance(word, str) and word == OFFSETS)], found
+
+
+def _check_sought(units: Iterable[object]) -> None:
+    """Check that losses have coefficients, none of which is zero.
+
+    Raises:
+        ModelError: A loss has none, or one of load friction is zero.
+    """
+    for unit in units:
+        if isinstance(unit, LoadFriction):
+            tables = {word: getattr(unit, word) for word in ("radial", "axial", "tilt", "normal")}
+            zero = [(word, joint) for word, table in tables.items() for joint, x in table.items() if not x]
+            if zero:
+                word, joint = zero[0]
+                raise ModelError(
+                    f"{unit.name}: {word} of joint '{joint}' is 0, which is not sought: state a first guess "
+                    "above zero, or leave the joint out", element=joint,
+                )  # fmt: skip
+            empty = not unit.joints
+        else:
+            empty = isinstance(unit, GearEfficiency) and not unit.efficiency
+        if empty:
+            name = LoadFriction.name if isinstance(unit, LoadFriction) else GearEfficiency.name
+            raise ModelError(
+                f"{name}: no coefficient is sought: state a first guess above zero, or leave the effect out",
+                element=name,
+            )
 
 
 @dataclass(frozen=True, eq=False)

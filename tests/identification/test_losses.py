@@ -12,10 +12,11 @@ from scipy import stats
 
 import hybridyn
 from hybridyn.effects import GearEfficiency, LoadFriction
-from hybridyn.errors import HybridynError, ModelError
+from hybridyn.errors import ActuationError, HybridynError, ModelError
 from hybridyn.identification.base_parameters import base_parameters
+from hybridyn.identification.estimators import estimate
 from hybridyn.identification.logs import read_log
-from hybridyn.identification.loss_fit import LossyRows
+from hybridyn.identification.loss_fit import LossyRows, _unseen
 from hybridyn.identification.losses import sought_losses
 from hybridyn.identification.robot_with import with_losses, with_parameters
 from hybridyn.identification.rows import LogSource
@@ -174,6 +175,22 @@ def test_the_command_identifies_what_the_robot_s_files_state_and_writes_it(
     assert stated["load_friction"]["radial"] == pytest.approx(dict(guess[0].radial), abs=5e-4)
 
 
+def test_a_half_whose_friction_does_not_settle_tells_nothing_of_unseen_efforts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    one, parts = lossy("five_bar", 100.0), list[slice]()
+    data, r = one.rows.data, len(one.rows.rows.start)
+    plain = estimate(data.Y, data.measured - data.known, one.names[:r])
+
+    def unsettled(_: LossyRows, __: object, part: slice) -> None:
+        parts.append(part)
+        raise ActuationError("friction does not settle")
+
+    monkeypatch.setattr(LossyRows, "fit", unsettled)
+    assert _unseen(one.rows, None, one.names, plain, plain) is None
+    assert len(parts) == 1
+
+
 REDUNDANT = "cannot be identified with redundant motors"
 REFUSED: dict[str, tuple[Callable[[hybridyn.HybridRobot], Any], dict[str, Any], str]] = {
     "method": (lambda robot: losses_of(robot)[0], {"method": "irls"}, "by the method 'wls', not 'irls'"),
@@ -185,6 +202,12 @@ REFUSED: dict[str, tuple[Callable[[hybridyn.HybridRobot], Any], dict[str, Any], 
         lambda robot: LoadFriction(axial={robot.motors[0]: 1e-3}), {},
         "redundant closures share loads on which friction depends",
     ),
+    "zero": (
+        lambda robot: LoadFriction(radial={robot.motors[0]: 1e-3, "m1_left_elbow": 0.0}), {},
+        "radial of joint 'm1_left_elbow' is 0, which is not sought: state a first guess above zero",
+    ),
+    "no friction": (lambda _: LoadFriction(), {}, "load_friction: no coefficient is sought"),
+    "no gear": (lambda _: GearEfficiency({}), {}, "gear_efficiency: no coefficient is sought"),
 }  # fmt: skip
 
 
