@@ -162,6 +162,7 @@ def test_effects_are_reached_by_the_package() -> None:
 
 def test_dir_and_help_show_the_public_names() -> None:
     assert set(hybridyn.__all__) - {"__version__"} <= set(dir(hybridyn))
+    assert set(hybridyn.effects.__all__) == set(dir(hybridyn.effects))
     text = pydoc.render_doc(hybridyn, renderer=pydoc.plaintext)
     assert "hybridyn.assemble(robot, motors=" in text
     for name in ("idm", "mass_matrix", "joint_map", "simulate"):

@@ -16,5 +16,10 @@ import lazy_loader
 
 from ..structure.bodies import Payload
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ = [*__all__, "Payload"]
+
+
+def __dir__() -> list[str]:
+    """Return what is public, also of other folders."""
+    return [*__all__]
