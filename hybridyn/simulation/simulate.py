@@ -129,7 +129,7 @@ def simulate(
         from .sticking import Sticking  # which most runs need not
 
         sticking = Sticking(system)
-        state = state if earlier else sticking.begin(state)
+        state = sticking.resume(state) if earlier else sticking.begin(state)
     stepper = Stepper(system, build_method(solver.method, system), solver, float(times[-1]), state)
     if earlier is not None:
         stepper.resume(earlier.next_step, earlier.on_grid, earlier.start)

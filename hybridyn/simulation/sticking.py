@@ -65,6 +65,16 @@ class Sticking:
         size = float(np.abs(state.v / self._system.manifold.unit).max(initial=0.0))
         return self._settled(state, self._moving(state.v, size))
 
+    def resume(self, state: State) -> State:
+        """Return the start of a run that goes on, at which joints slide their way and hold their load.
+
+        They need not where an event ended the earlier run, or where another load acts now.
+        """
+        against = state.v[self._columns] * state.signs < 0
+        if against.any() or self._ratio(state.t, state.q, state.v, state.signs) > OVER:
+            return self._settled(state, np.where(against, 0.0, state.signs))
+        return state
+
     def take(self, stepper: Stepper, before: State) -> UpToChange:
         """Take one step, up to the first change in it.
 
@@ -72,7 +82,6 @@ class Sticking:
             AssemblyError: The loops cannot be closed, however short the step.
             StepError: A step's equations cannot be solved.
         """
-        before = self._judged(before)
         while True:
             self._law.signs = before.signs
             leap = stepper.advance(before, 1)
@@ -106,21 +115,6 @@ class Sticking:
         slides = reached.v[self._columns] * signs > 0
         return self._settled(reached, np.where(slides, signs, 0.0))
 
-    def _judged(self, before: State) -> State:
-        """Return the start of a step at which joints slide their way and hold their load.
-
-        Both fail where a run is resumed, and where several joints reach what they hold at one time.
-        """
-        against = before.v[self._columns] * before.signs < 0
-        if not against.any():
-            if before.signs.all():
-                return before
-            free = self._law.free(before.t, before.q, before.v)
-            held = friction_of(free, before.signs, held=True).held
-            if held is None or held.ratio <= OVER:
-                return before
-        return self._settled(before, np.where(against, 0.0, before.signs))
-
     def between(self, before: State, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return what an interpolation of a step says, with sticking joints where they stuck."""
         state = self._still(before, replace(before, t=t, q=q, v=v))
@@ -141,7 +135,7 @@ class Sticking:
         changed = stop is not None
         if (before.signs == 0).any():
             until = times if stop is None else before.t + (stop - before.t) * np.arange(PARTS + 1) / PARTS
-            parts = np.array([self._held(between, before, t) for t in until.tolist()])
+            parts = np.array([self._ratio(t, *between.at(t), before.signs) for t in until.tolist()])
             release = self._first_release(before, between, until, parts)
             changed, stop = (True, release) if release is not None else (changed, stop)
             foretold = [[3 / 8, 3 / 4, -1 / 8], [-1 / 8, 3 / 4, 3 / 8]] @ parts[[0, 2, 4]]
@@ -175,12 +169,17 @@ class Sticking:
         for k, (x0, x1) in enumerate(pairwise(parts)):
             if x0 <= OVER < x1:
                 edge = 1.0 if x0 <= 1 else OVER
-                return _passed(lambda t: self._held(between, before, t) - edge, *times[k : k + 2])  # noqa: B023
+                return _passed(
+                    lambda t: self._ratio(t, *between.at(t), before.signs) - edge,  # noqa: B023
+                    *times[k : k + 2],
+                )
         return None
 
-    def _held(self, between: StepInterpolation, before: State, t: float) -> float:
-        """Return the largest part that sticking joints need at a time of what they can hold."""
-        held = friction_of(self._law.free(t, *between.at(t)), before.signs, held=True).held
+    def _ratio(self, t: float, q: Array, v: Array, signs: Array) -> float:
+        """Return the largest part that sticking joints need at a state of what they can hold."""
+        if signs.all():
+            return 0.0
+        held = friction_of(self._law.free(t, q, v), signs, held=True).held
         return 0.0 if held is None else held.ratio
 
     def _moving(self, v: Array, size: float) -> Array:
