@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import required
+from ..errors import ModelError, required
 from ..extensions import Extension, added, refused, running
 from ..spatial import numpy_on_symbols
 from .residual_frames import joints_of_frames, placement_of
@@ -31,11 +31,17 @@ class ResidualMaker(NamedTuple):
 
     Attributes:
         make: Computes the residual, from the joints' positions and the numbers of the file.
+        name: Its name.
         package: Its package.
     """
 
     make: Callable[..., Any]
+    name: str
     package: str
+
+    def refused(self, why: str) -> ModelError:
+        """Return the error for a residual that cannot be used."""
+        return refused("closures", self.name, self.package, why)
 
 
 def checked_closure(found: Extension) -> ResidualMaker:
@@ -46,10 +52,10 @@ def checked_closure(found: Extension) -> ResidualMaker:
     """
     if not callable(found.value):
         raise found.refused("closures", f"is {found.value!r}, no function of positions and numbers")
-    return ResidualMaker(found.value, found.package)
+    return ResidualMaker(found.value, found.name, found.package)
 
 
-def _one_number(closure: str, maker: ResidualMaker, found: Any) -> Any:
+def _one_number(maker: ResidualMaker, found: Any) -> Any:
     """Return a residual on symbols; refuse what is not one number."""
     import casadi as ca
 
@@ -58,12 +64,12 @@ def _one_number(closure: str, maker: ResidualMaker, found: Any) -> Any:
         r = ca.SX(found) if count == 1 else None
     except (TypeError, ValueError, NotImplementedError):  # of CasADi and NumPy: no numbers
         why = f"returns {str(found)[:40]}: a residual is one number"
-        raise refused("closures", closure, maker.package, why) from None
+        raise maker.refused(why) from None
     if r is None:
-        raise refused("closures", closure, maker.package, f"returns {count} numbers: a residual is one")
+        raise maker.refused(f"returns {count} numbers: a residual is one")
     if _has_nan(ca.Function("r", ca.symvar(r), [r])):
         why = "is not a number on symbols: take NumPy's functions, not math's"
-        raise refused("closures", closure, maker.package, why)
+        raise maker.refused(why)
     return r
 
 
@@ -97,32 +103,32 @@ def residual(
     maker: ResidualMaker = added("closures", closure)
     ca = required("casadi", "compiled", f"the closure '{closure}' of the package '{maker.package}'")
     stated = [(joint, ca.SX.sym(joint)) for joint in joints]
-    carried = [(joint, ca.SX.sym(joint)) for joint in _moving(closure, maker, frames, tree)]
+    carried = [(joint, ca.SX.sym(joint)) for joint in _moving(maker, frames, tree)]
     places = [placement_of(tree, frames[0], link, dict(carried)) for link in frames[1:]]
-    r = _one_number(closure, maker, _made(closure, maker, [*(x for _, x in stated), *places], numbers))
+    r = _one_number(maker, _made(maker, [*(x for _, x in stated), *places], numbers))
     idle = [joint for joint, one in stated if ca.gradient(r, one).is_zero()]
     carried = [(joint, one) for joint, one in carried if not ca.gradient(r, one).is_zero()]
-    if idle or (frames and not carried):
-        on = f"joint '{idle[0]}'" if idle else f"the frames {', '.join(frames)}"
-        raise refused("closures", closure, maker.package, f"does not depend on {on}")
+    unseen = maker.refused(f"does not depend on the frames {', '.join(frames)}")
+    if idle:
+        raise maker.refused(f"does not depend on joint '{idle[0]}'")
+    if frames and not carried:
+        raise unseen
     x = [one for _, one in (*stated, *carried)]
     column = ca.vertcat(*x)
     gradient = ca.densify(ca.gradient(r, column))
     hessian = ca.densify(ca.jacobian(gradient, column))
     entries = [hessian[i, j] for i in range(len(x)) for j in range(len(x))]
-    _check_smooth(closure, maker.package, ca.Function("r", x, [r]))
+    _check_smooth(maker, ca.Function("r", x, [r]))
     written = ca.Function("residual", x, [r, *ca.vertsplit(gradient), *entries]).serialize()
     terms = tuple((joint, 1.0) for joint, _ in (*stated, *carried))
     added_to = (*(zeros.get(joint, 0.0) for joint in joints), *(0.0 for _ in carried))
     made = Residual(terms, closure, (*numbers.items(),), added_to, written, (*frames,), len(joints))
     if frames and not any(size for _, size in made.sizes):  # slopes cancel in numbers alone
-        raise refused(
-            "closures", closure, maker.package, f"does not depend on the frames {', '.join(frames)}"
-        )
+        raise unseen
     return made
 
 
-def _moving(closure: str, maker: ResidualMaker, frames: Sequence[str], tree: Sequence[Joint]) -> list[str]:
+def _moving(maker: ResidualMaker, frames: Sequence[str], tree: Sequence[Joint]) -> list[str]:
     """Return the joints between frames that move.
 
     Raises:
@@ -135,24 +141,24 @@ def _moving(closure: str, maker: ResidualMaker, frames: Sequence[str], tree: Seq
                 f"cannot have the frames {', '.join(frames)}: joint '{joint.name}' between them is "
                 f"{joint.kind}, and joints between frames have one freedom; write it as hinges and slides"
             )
-            raise refused("closures", closure, maker.package, why)
+            raise maker.refused(why)
     if frames and not moving:
         why = f"has frames that no joint moves: {', '.join(frames)}"
-        raise refused("closures", closure, maker.package, why)
+        raise maker.refused(why)
     return [joint.name for joint in moving]
 
 
-def _made(closure: str, maker: ResidualMaker, x: Sequence[Any], numbers: Mapping[str, Any]) -> Any:
+def _made(maker: ResidualMaker, x: Sequence[Any], numbers: Mapping[str, Any]) -> Any:
     """Return what a closure of a package makes of the symbols x of its joints.
 
     Raises:
         ModelError: Its code fails on symbols.
     """
-    with running("closures", closure, maker.package), numpy_on_symbols():
+    with running("closures", maker.name, maker.package), numpy_on_symbols():
         return maker.make(x, **numbers)
 
 
-def _check_smooth(closure: str, package: str, function: Any) -> None:
+def _check_smooth(maker: ResidualMaker, function: Any) -> None:
     """Check that a residual has two derivatives.
 
     Raises:
@@ -162,7 +168,6 @@ def _check_smooth(closure: str, package: str, function: Any) -> None:
 
     used = {function.instruction_id(i) for i in range(function.n_instructions())}
     if bent := [name for name in NOT_SMOOTH if getattr(ca, f"OP_{name}", None) in used]:
-        raise refused(
-            "closures", closure, package,
-            f"is not smooth ({bent[0].lower()}): loops are followed by two derivatives of the residual",
-        )  # fmt: skip
+        raise maker.refused(
+            f"is not smooth ({bent[0].lower()}): loops are followed by two derivatives of the residual"
+        )
