@@ -8,12 +8,26 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ModelError
-from ..spatial import Array, Index
+from ..spatial import Array, Index, Mask
 from ..structure.robot import HybridRobot
 from .choice import Effects
 from .joint_laws import DryFriction
 from .joints import OnJoints
 from .load_friction import OnLoads
+
+
+class DryLaw(NamedTuple):
+    """Dry friction that does not depend on load, of some joints that can stick.
+
+    Attributes:
+        effect: The law.
+        p: Its parameters, each of shape (n,).
+        at: Numbers of its joints among those that can stick.
+    """
+
+    effect: DryFriction
+    p: list[Array]
+    at: Index
 
 
 class OnSticking(NamedTuple):
@@ -30,7 +44,7 @@ class OnSticking(NamedTuple):
 
     joints: tuple[str, ...]
     columns: Index
-    laws: tuple[OnJoints, ...]
+    laws: tuple[DryLaw, ...]
     loaded: OnLoads | None
     of_load: Index
     besides: Effects
@@ -39,10 +53,7 @@ class OnSticking(NamedTuple):
         """Compute the size of friction that does not depend on load, of rates and directions, (..., k)."""
         out = np.zeros(v.shape)
         for law in self.laws:
-            assert isinstance(law.effect, DryFriction)
-            own = np.isin(law.columns, self.columns)  # the others have none
-            at = np.searchsorted(self.columns, law.columns[own])
-            out[..., at] += law.effect.size([x[own] for x in law.p], v[..., at], signs[..., at])
+            out[..., law.at] += law.effect.size(law.p, v[..., law.at], signs[..., law.at])
         return out
 
     def sliding(self, v: Array, signs: Array) -> Array:
@@ -57,12 +68,12 @@ class OnSticking(NamedTuple):
         return np.array([float(self.loaded.larger(j, x)) for j, x in enumerate(speeds)])
 
 
-def _rubbing(law: OnJoints) -> list[int]:
-    """Return the freedoms of a law that have some friction at rest: a level of zero holds nothing."""
+def _rubs(law: OnJoints) -> Mask:
+    """Return which freedoms of a law have some friction at rest: a level of zero holds nothing."""
     assert isinstance(law.effect, DryFriction)
     rest = np.zeros(len(law.columns))
     sizes = (law.effect.size(law.p, rest, np.full_like(rest, s)) for s in (1.0, -1.0))
-    return list(map(int, law.columns[np.maximum(*sizes) > 0]))
+    return np.maximum(*sizes) > 0
 
 
 def on_sticking(on: Effects, robot: HybridRobot) -> OnSticking:
@@ -73,26 +84,33 @@ def on_sticking(on: Effects, robot: HybridRobot) -> OnSticking:
     """
     dry = [isinstance(x, OnJoints) and isinstance(x.effect, DryFriction) for x in on.joints]
     laws = tuple(x for x, is_dry in zip(on.joints, dry, strict=True) if is_dry and isinstance(x, OnJoints))
+    rubs = [_rubs(x) for x in laws]
     names = {name: x.effect.name for x in laws for name in x.joints}
-    names |= {} if on.loaded is None else dict.fromkeys(on.loaded.joints, on.loaded.effect.name)
-    if not names:
-        raise ModelError(
-            "stiction: no joint has dry friction: name coulomb_friction, stribeck_friction, "
-            "directed_friction or load_friction among the effects, or leave stiction out"
-        )
+    loaded = {} if on.loaded is None else dict.fromkeys(on.loaded.joints, on.loaded.effect.name)
+    rubbing = {column for x, some in zip(laws, rubs, strict=True) for column in x.columns[some].tolist()}
     columns: dict[int, str] = {}
-    rubbing = {column for x in laws for column in _rubbing(x)}
-    for name, effect in names.items():
+    for name, effect in (names | loaded).items():
         at = robot.v_slices[robot.joint_index[name]]
         if at.stop - at.start > 1:
             raise ModelError(
                 f"stiction: joint '{name}' has {at.stop - at.start} freedoms, and only joints of one can "
                 f"stick: leave it out of {effect}, or leave stiction out", element=name,
             )  # fmt: skip
-        if at.start in rubbing or (on.loaded is not None and name in on.loaded.joints):
+        if at.start in rubbing or name in loaded:
             columns[at.start] = name
-    joints = tuple(columns[at] for at in sorted(columns))
+    if not columns:
+        raise ModelError(
+            "stiction: no joint has dry friction: name coulomb_friction, stribeck_friction, "
+            "directed_friction or load_friction among the effects, or leave stiction out"
+        )
+    every = np.array(sorted(columns))
+    joints = tuple(columns[at] for at in every.tolist())
     of_load = [] if on.loaded is None else [joints.index(name) for name in on.loaded.joints]
     others = tuple(x for x, is_dry in zip(on.joints, dry, strict=True) if not is_dry)
     besides = replace(on, joints=others, loaded=None)
-    return OnSticking(joints, np.array(sorted(columns)), laws, on.loaded, np.array(of_load, int), besides)
+    own = tuple(
+        DryLaw(x.effect, [n[some] for n in x.p], np.searchsorted(every, x.columns[some]))
+        for x, some in zip(laws, rubs, strict=True)
+        if isinstance(x.effect, DryFriction)
+    )
+    return OnSticking(joints, every, own, on.loaded, np.array(of_load, int), besides)

@@ -293,6 +293,9 @@ def test_a_joint_whose_friction_is_zero_never_sticks() -> None:
     run = simulate(robot, [0.0] * 2, [0.0] * 2, (0, 5.0), effects=["inertia", law], stiction=True,
                    effort=lambda t, q, v: np.array([t]))  # fmt: skip
     assert np.abs(run.v[-1] - [-2.0, 4.0]).max() < 1e-11  # they stick to each other until t = 3
+    refused(lambda: simulate(robot, [0.0] * 2, [0.0] * 2, (0, 1.0), stiction=True,
+                             effects=["inertia", CoulombFriction({"a": 0.0})]),
+            ModelError, "no joint has dry friction")  # fmt: skip
 
 
 def test_a_resumed_run_judges_its_start_anew(tmp_path: Path) -> None:
