@@ -125,6 +125,15 @@ def find_data(word: str) -> str | None:
     return shown(file) if file.is_file() and word.partition("/")[0] in shipped_robots() else None
 
 
+def data_names() -> list[str]:
+    """Return the names of the files of shipped robots, like "lx4/traj.csv", as `find_data` takes them."""
+    folder = data_folder()
+    if folder is None:
+        return []
+    files = (file for name in shipped_robots() for file in sorted((folder / "models" / name).glob("*.*")))
+    return [f"{file.parent.name}/{file.name}" for file in files]
+
+
 def own_trajectory(file: str) -> str | None:
     """Return the path of the sample trajectory of a shipped robot, or None if there is none."""
     own = (one for one in shipped_robots().values() if os.path.realpath(file) == os.path.realpath(one.file))

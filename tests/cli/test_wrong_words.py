@@ -39,7 +39,9 @@ USAGE = [
     ("idm {root}/urdf", "is a folder"),
     ("idm nowhere/arm.urdf traj.csv", "no folder 'nowhere'"),
     ("idm fivebar", "did you mean 'five_bar'"),
-    ("idm five_bar five_bar/trj.csv", "there is no folder 'five_bar'"),
+    ("idm five_bar five_bar/trj.csv", "no folder 'five_bar' (did you mean 'five_bar/traj.csv'?)"),
+    ("simulate five_bar/swim.toml", "no folder 'five_bar' (did you mean 'five_bar/swing.toml'?)"),
+    ("simulate FIVE_BAR", "no shipped robot of that name (did you mean 'five_bar'?)"),
     ("compare five_bar --with bullet", "there is no engine 'bullet'"),
     *(
         (words, f"'{words.split()[-1]}' is not a regular file but a pipe or a device")

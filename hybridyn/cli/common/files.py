@@ -11,8 +11,16 @@ from typing import Any, TypeVar
 
 import click
 
-from ...description.names import closest
-from ...description.shipped import BARE_NAME, find_data, no_such_robot, shipped_file, shipped_robots, shown
+from ...description.names import closest, did_you_mean
+from ...description.shipped import (
+    BARE_NAME,
+    data_names,
+    find_data,
+    no_such_robot,
+    shipped_file,
+    shipped_robots,
+    shown,
+)
 from ...description.writing import write_text
 from ...errors import HybridynError
 from ...tables.bag_folder import is_bag
@@ -37,7 +45,8 @@ def existing_file(ctx: click.Context, param: click.Parameter, value: Path) -> Pa
         return shipped
     folder, name = os.path.split(value)
     if folder and not os.path.isdir(folder):
-        raise click.BadParameter(f"there is no folder '{folder}'", ctx, param)
+        hint = did_you_mean(value, data_names())
+        raise click.BadParameter(f"there is no folder '{folder}'{hint}", ctx, param)
     near = closest(name, os.listdir(folder or "."))
     hint = f" (did you mean '{os.path.join(folder, near)}'?)" if near else ""
     raise click.BadParameter(f"there is no file '{value}'{hint}", ctx, param)
@@ -89,6 +98,8 @@ def scene_file(ctx: click.Context, param: click.Parameter, value: str) -> str:
             return shown(robot.scene)
         names = ", ".join(f"'{value}/{scene.name}'" for scene in robot.scenes) or "none"
         raise click.BadParameter(f"the scenes of '{value}' are: {names}", ctx, param)
+    if BARE_NAME.fullmatch(value) and not os.path.exists(value) and closest(value, shipped_robots()):
+        raise click.BadParameter(no_such_robot(value), ctx, param)
     return existing_file(ctx, param, value)
 
 
