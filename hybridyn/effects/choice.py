@@ -88,8 +88,13 @@ class Effects:
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """Names of losses that grow with load, and of DC motors, which the general path alone computes."""
+        """Names of losses that grow with load, and of DC motors."""
         return tuple(law.effect.name for law in (self.loaded, self.gears, self.dc) if law is not None)
+
+    @property
+    def uncompiled(self) -> tuple[str, ...]:
+        """Names of those that the general path alone computes."""
+        return tuple(law.effect.name for law in (self.loaded, self.dc) if law is not None)
 
     @property
     def unbounded(self) -> Effects:
@@ -228,20 +233,21 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
     return replace(out, names=out.named(found.names))
 
 
-def without_losses(on: Effects, what: str) -> Effects:
+def without_losses(on: Effects, what: str, *, gears: bool = False) -> Effects:
     """Return effects, for those who do not compute losses that grow with load, nor DC motors.
 
     Args:
         on: The effects.
         what: Who asks, for the message: "compiled models do not compute".
+        gears: Whether they compute losses of gears.
 
     Raises:
         ModelError: There are such effects.
     """
-    if on.losses:
+    if names := on.uncompiled if gears else on.losses:
         raise ModelError(
-            f"{what} the effect '{on.losses[0]}': hybridyn.idm, ddm, power and simulate do, on the general "
-            "path. Leave it out here", element=on.losses[0],
+            f"{what} the effect '{names[0]}': hybridyn.idm, ddm, power and simulate do, on the general "
+            "path. Leave it out here", element=names[0],
         )  # fmt: skip
     return on
 

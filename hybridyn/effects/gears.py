@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -52,8 +52,8 @@ class OnGears(NamedTuple):
 
     def before(self, tau: Array, v: Array) -> Array:
         """Compute the efforts of motors from those of joints, shape (T, motors), and rates (T, nv)."""
-        out, own = tau.copy(), tau[:, self.motors]
-        out[:, self.motors] = self.mean * own + self._slopes(v) * np.abs(own)
+        out = tau.copy()
+        out[:, self.motors] = needed(self.mean, self._slopes(v), tau[:, self.motors])
         return out
 
     def behind(self, robot: HybridRobot, tau: Array, v: Array) -> Array:
@@ -73,14 +73,31 @@ class OnGears(NamedTuple):
                 "motor's effort. Raise back, or ask the inverse model for efforts",
                 direction=motor, size=float(least[t, i]), sample=int(t),
             )  # fmt: skip
-        own = tau[:, self.motors]
-        out[:, self.motors] = own / (self.mean + slope * np.sign(own))
+        out[:, self.motors] = passed_on(self.mean, slope, tau[:, self.motors])
         return out
 
     def _slopes(self, v: Array) -> Array:
         """Compute what the direction of motion adds, per size of the effort, shape (T, motors of the law)."""
-        out: Array = self.half * np.tanh(v[:, self.columns] / self.effect.width)
+        out: Array = slopes(self.half, v[:, self.columns], self.effect.width)
         return out
+
+
+def slopes(half: Any, v: Any, width: float) -> Any:
+    """Compute what the direction of motion adds to the effort that a motor needs, per size of the effort.
+
+    This and the next two run on numbers and symbols.
+    """
+    return half * np.tanh(v / width)
+
+
+def needed(mean: Any, slope: Any, tau: Any) -> Any:
+    """Compute the efforts of motors from those of joints."""
+    return mean * tau + slope * np.abs(tau)
+
+
+def passed_on(mean: Any, slope: Any, tau: Any) -> Any:
+    """Compute the efforts of joints from those of motors, where the gear does not lock itself."""
+    return tau / (mean + slope * np.sign(tau))
 
 
 def on_gears(effect: GearEfficiency, robot: HybridRobot) -> OnGears | None:

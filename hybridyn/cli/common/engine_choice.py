@@ -102,7 +102,7 @@ def choose_engine(
     if asked == "general":
         return EngineChoice(None, "as asked")
     size = (samples or 0) * robot.nv
-    wanted = ", ".join([*(name for name, there in obstacles.items() if there), *effects.losses])
+    wanted = ", ".join([*(name for name, there in obstacles.items() if there), *effects.uncompiled])
     cached = (
         alone
         and not wanted

@@ -244,7 +244,7 @@ def request(
     Raises:
         ModelError: An effect is not available in compiled models, or no wrench can act on a link.
     """
-    on = without_losses(choose(robot, effects), "compiled models do not take")
+    on = without_losses(choose(robot, effects), "compiled models do not take", gears=True)
     for unit in (*on.links, *((on.base,) if on.base else ())):
         follows = isinstance(unit, LinkEffect) and unit.of_motion
         if contacts and follows:

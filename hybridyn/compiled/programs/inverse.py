@@ -10,6 +10,7 @@ from ..equations.motor_balance import motor_pivots
 from ..equations.options import Options, balance_options, inverse_options
 from ..equations.request import Request
 from ..program import Program, Shared
+from .gears import lossy, write_needed
 from .kinematics import unit_base
 from .module_calls import ModuleCalls, Ports, Stages, same_structure
 from .module_sweeps import Sweeps
@@ -101,8 +102,21 @@ class _InverseSweeps(Sweeps):
         if self.pushed and calls.k == 0:
             calls.ports["Q of core"] = self.w.result("tau", np.arange(6))
         elif not self.motors:
-            calls.ports["tau"] = self.w.result("tau", 6 * self.pushed + calls.module.motor_index)
+            self._drive(calls)
+            return
         calls.call(1)
+
+    def _drive(self, calls: ModuleCalls) -> None:
+        """Add the efforts of a module's motors."""
+        motors, gears = calls.module.motor_index, self.request.on.gears
+        result = self.w.result("tau", 6 * self.pushed + motors)
+        if gears is None or not lossy(gears, motors):
+            calls.ports["tau"] = result
+            calls.call(1)
+            return
+        joint_side = calls.ports["tau"] = self.w.shared(len(motors))
+        calls.call(1)
+        write_needed(self.w, gears, motors, joint_side, result)
 
     def _calls(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Return the still empty calls of module k; equal modules share their code."""

@@ -18,6 +18,7 @@ from ..equations.expressions import pack
 from ..equations.request import Request
 from ..program import Constants, Shared, Source
 from .acting import ActingWrenches
+from .gears import lossy, write_passed_on
 from .module_calls import ModuleCalls, Stages, moving_base
 from .on_symbols import written_effort
 from .writer import Writer
@@ -83,10 +84,13 @@ class Sweeps:
         return place
 
     def _motors_of(self, module: Module, columns: Index) -> Source:
-        """Return the source of motor efforts."""
+        """Return the source of motor efforts, behind the gears, shape (copies, entries)."""
         numbers = dict(zip(module.motor_columns, module.motor_index, strict=True))
-        index = np.array([6 * self.pushed + numbers[c] for c in columns.ravel()], dtype=int)
-        return self.w.from_given("tau", index.reshape(columns.shape))
+        motors = np.array([numbers[c] for c in columns.ravel()], dtype=int).reshape(columns.shape)
+        given, gears = self.w.from_given("tau", 6 * self.pushed + motors), self.request.on.gears
+        if gears is None or not lossy(gears, motors):
+            return given
+        return write_passed_on(self.w, gears, motors, given)
 
     def _sum(self, module: Module, column: int, mark: str, place: Shared, more: list[Shared]) -> None:
         """Add the call that computes the sum of motor effort, laws, and `more` efforts on one freedom."""
@@ -99,7 +103,7 @@ class Sweeps:
         total: Any = ca.SX(0.0)
         if self.motors and "motor" in mark:
             total = ca.SX.sym("tau")
-            inputs, sources = [total], [self._motors_of(module, np.array([column]))]
+            inputs, sources = [total], [self._motors_of(module, np.array([[column]]))]
         for other in more:
             inputs, sources = [*inputs, ca.SX.sym("more")], [*sources, other]
             total = total + inputs[-1]

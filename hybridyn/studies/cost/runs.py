@@ -44,8 +44,8 @@ def states_of(ready: SceneStage, duration: float, effects: Effects) -> Trajector
     on, sticks = ready.effects, ready.source.scene.solver.stiction
     run = simulate(
         ready.robot, ready.q0, ready.v0, (0.0, duration), effort=ready.effort, effects=on,
-        compiled=None if on.losses or sticks else compile(ready.robot, on, wait=True), events=ready.events,
-        rtol=OF_EFFECTS, stiction=sticks,
+        compiled=None if on.uncompiled or sticks else compile(ready.robot, on, wait=True),
+        events=ready.events, rtol=OF_EFFECTS, stiction=sticks,
     )  # fmt: skip
     return Trajectory(run.q, run.v, ddm(ready.robot, run.q, run.v, run.tau, effects=effects), run.t)
 

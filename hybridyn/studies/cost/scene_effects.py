@@ -116,7 +116,7 @@ def every_effect(ready: SceneStage) -> Effects:
         joints=(*on.joints, *more.joints), rotors=(*on.rotors, *more.rotors),
     )  # fmt: skip
     every = replace(every, names=every.named({*on.names, *more.names}))
-    counted = every.without(*every.losses)
+    counted = every.without(*every.uncompiled)
     whole = operations(robot, counted, "ddm")
     some = [name for name in DROPPABLE if name in counted.names]
     return every.without(*(name for name in some if operations(robot, counted.without(name), "ddm") == whole))

@@ -58,8 +58,8 @@ def by_effects(run: Measured, target: float) -> Iterator[Worth | CostPoint]:
             yield worth[-1]
     if gone := spared(worth, target, error):
         left = on.without(*gone)
-        name, engine, dtype = (GENERAL, "general", "") if left.losses else (IN_C, "compiled", "float64")
+        name, engine, dtype = (GENERAL, "general", "") if left.uncompiled else (IN_C, "compiled", "float64")
         method = Method(name, quantity, partial(set_up, quantity, left, dtype), batches=True)
-        what = f"drop {worded(gone)}" + " and compute in C" * (not left.losses)
+        what = f"drop {worded(gone)}" + " and compute in C" * (not left.uncompiled)
         lines = model_fragment(left.names, engine, quantity)
         yield from run.by_way(Way(method, "command", what, lines, f"without {worded(gone)}"))

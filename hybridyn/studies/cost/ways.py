@@ -118,15 +118,15 @@ def share_left_out(
 ) -> float:
     """Compute the part of a model's work that some effects spare.
 
-    It follows from the operations of the compiled models; from times of the general path where losses grow
-    with load, which no compiled model has.
+    It follows from the operations of the compiled models; from times of the general path for effects that no
+    compiled model has.
 
     Args:
         every: The effects that are computed.
         left: Those that are left.
         state: Many samples, as the quantity takes them.
     """
-    if every.losses or left.losses:
+    if every.uncompiled or left.uncompiled:
         whole, rest = timed(*(partial(solver(quantity, robot, on), *state) for on in (every, left)))
         return 1.0 - rest / whole
     return 1.0 - operations(robot, left, quantity) / operations(robot, every, quantity)

@@ -209,7 +209,7 @@ class Quantities:
         spare = [len(module.motors) - module.mobility for module in modules]
         if only and any(spare):
             return None
-        if self.effects.of_motion:  # not odd in the rates, and not zero at rest
+        if self.effects.losses or self.effects.of_motion:  # not linear in efforts; not odd in the rates
             return None
         moves = self._following(joints)
         ready = self.robot.base != "floating" or (moves and self._pushed_models)

@@ -1,0 +1,68 @@
+"""Losses of gears in programs: efforts of motors from those of joints, and the reverse."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from ...effects.gears import OnGears, needed, passed_on, slopes
+from ...spatial import Index, numpy_on_symbols
+from ..program import Constants, Each, GivenPlace, ResultPlace, Shared, Source, Worst
+from .writer import Writer
+
+
+def lossy(gears: OnGears | None, motors: Index) -> bool:
+    """Return whether a gear of some motors, by their numbers in the robot, is among those that lose."""
+    return gears is not None and bool(np.isin(motors, gears.motors).any())
+
+
+def write_needed(w: Writer, gears: OnGears, motors: Index, joint_side: Shared, result: ResultPlace) -> None:
+    """Add the efforts of motors.
+
+    Args:
+        w: The program under construction.
+        gears: The law.
+        motors: Numbers of the motors in the robot.
+        joint_side: Efforts behind the gears.
+        result: Where those before the gears go.
+    """
+    tau, mean, half, v = (ca.SX.sym(name) for name in ("tau", "mean", "half", "v"))
+    with numpy_on_symbols():
+        effort = needed(mean, slopes(half, v, gears.effect.width), tau)
+    function = ca.Function("gear", [tau, mean, half, v], [effort])
+    target = ResultPlace(result.index.reshape(-1, 1))
+    sources = [Each(joint_side.start, 1), *_numbers(w, gears, motors)]
+    w.call(w.kernel("gears, inverse", function, "effects"), len(motors), sources, [target])
+
+
+def write_passed_on(w: Writer, gears: OnGears, motors: Index, given: GivenPlace | ResultPlace) -> Each:
+    """Add the efforts of joints, and a guard that is infinite where a gear locks itself; return their place.
+
+    Args:
+        w: The program under construction.
+        gears: The law.
+        motors: Numbers of the motors in the robot, shape (copies, entries).
+        given: Efforts of the motors.
+    """
+    tau, mean, half, v = (ca.SX.sym(name) for name in ("tau", "mean", "half", "v"))
+    with numpy_on_symbols():
+        slope = slopes(half, v, gears.effect.width)
+        effort, least = passed_on(mean, slope, tau), mean - np.abs(slope)
+    guard = ca.if_else(least > 0, 0.0, np.inf)
+    function = ca.Function("gear", [tau, mean, half, v], [effort, guard])
+    place = w.each(*motors.shape)
+    single = type(given)(given.index.reshape(-1, 1))
+    sources: list[Source] = [single, *_numbers(w, gears, motors.ravel())]
+    kernel = w.kernel("gears, direct", function, "effects")
+    w.call(kernel, motors.size, sources, [Each(place.start, 1), Worst()])
+    return place
+
+
+def _numbers(w: Writer, gears: OnGears, motors: Index) -> list[Source]:
+    """Return the sources of mean, half and rate of motors; a gear without loss has 1, 0, and any rate."""
+    at = {int(motor): n for n, motor in enumerate(gears.motors)}
+    own = [at.get(int(motor)) for motor in motors]
+    mean = np.array([[1.0 if n is None else gears.mean[n]] for n in own])
+    half = np.array([[0.0 if n is None else gears.half[n]] for n in own])
+    rates = np.array([[gears.columns[n or 0]] for n in own])
+    return [Constants(mean), Constants(half), w.from_given("v", rates)]
