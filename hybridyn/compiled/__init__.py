@@ -1,9 +1,9 @@
 """One robot compiled to straight-line C.
 
-Read `program` (kernels and the order of their calls), `equations/` (one module in CasADi), `programs/` (a
-whole robot as calls), `code/` (programs to C), `library/` (compiler, cache, calls), then `model`
-(`CompiledRobot`), `compiling` (`hybridyn.compile`), `failures` and `verifying`. `exporting` writes C for a
-controller, `derivatives` differentiates the models.
+Read `program` (kernels and the order of their calls), `equations/` (one module in CasADi), `loops/` (how its
+loops close), `programs/` (a whole robot as calls), `code/` (programs to C), `library/` (compiler, cache,
+calls), then `model` (`CompiledRobot`), `compiling` (`hybridyn.compile`), `failures` and `verifying`.
+`exporting` writes C for a controller, `derivatives` differentiates the models.
 
 `inertial_columns` are those of a regressor. `__init__.pyi` is the door: the names that other rooms use.
 

@@ -14,6 +14,7 @@ its limit, it is NaN if one number is, and it needs two operations a number and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import Any
@@ -45,6 +46,10 @@ class Pivots:
     rows: tuple[int, ...]
     cols: tuple[int, ...]
     sizes: tuple[float, ...]
+
+    def first(self, count: int) -> Pivots:
+        """Return the first pivots."""
+        return Pivots(self.rows[:count], self.cols[:count], self.sizes[:count])
 
 
 def choose_pivots(
@@ -104,19 +109,23 @@ def _score(size: Array) -> Array:
     return np.asarray(score)
 
 
-def solve(K: Expression, right: Expression, pivots: Pivots) -> tuple[Expression, Expression]:
+def solve(
+    K: Expression, right: Expression, pivots: Pivots, free: Sequence[int] | None = None
+) -> tuple[Expression, Expression]:
     """Solve K x = right for the pivots' unknowns in terms of the others.
 
     Args:
         K: Matrix, shape (m, n); rows without a pivot are assumed to depend on the others.
         right: Right-hand sides, shape (m, k).
+        pivots: The pivots.
+        free: Unknowns without pivots that are wanted, by default all in order; the others are zero.
 
     Returns:
-        X: All unknowns over [right-hand sides, unknowns without pivots in order], shape (n, k + free).
+        X: All unknowns over [right-hand sides, unknowns that are free], shape (n, k + free).
         doubts: Least trusted size of each pivot over the pivot, of either sign (`squares`).
     """
     n, k = K.shape[1], right.shape[1]
-    free = [c for c in range(n) if c not in pivots.cols]
+    free = [c for c in range(n) if c not in pivots.cols] if free is None else list(free)
     W = np.concatenate([K[:, list(pivots.cols)], right, -K[:, free]], axis=1)[list(pivots.rows)]
     inverses, _ = eliminate(W)
     doubts = [times(TRUSTED_PIVOT * size, x) for size, x in zip(pivots.sizes, inverses, strict=True)]
@@ -203,17 +212,17 @@ def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expres
     sparse rows.
 
     Args:
-        K: Matrix, shape (m, n), with a pivot for every unknown.
+        K: Matrix, shape (m, n).
         size: Bounds of the right-hand side, shape (m,).
 
     Returns:
-        Bounds of abs(x), shape (n,).
+        Bounds of abs(x), shape (n,); zero for unknowns without a pivot.
     """
     rows, cols = list(pivots.rows), list(pivots.cols)
     W = K[rows][:, cols]
     inverses, factors = eliminate(W)
     tries = (_bounded(W, factors, inverses, size[rows], first) for first in reversed(range(len(W) + 1)))
-    by_factors, bounds = next(tries), zeros(len(W))
+    by_factors, bounds = next(tries), zeros(K.shape[1])
     most = (1.0 + INVERTED) * ca.n_nodes(pack(by_factors))
     bounds[cols] = [by_factors, *takewhile(lambda x: ca.n_nodes(pack(x)) <= most, tries)][-1]
     return bounds

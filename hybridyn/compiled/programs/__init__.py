@@ -5,5 +5,5 @@ Read `writer` (collects kernels and calls), `module_calls`, `inverse`, `direct`,
 `model_calls` runs the models for `CompiledRobot`, `postures` closes its loops, `designs` and `evaluating`
 those of many designs; `control` joins both, and `walking` is the same for exported C and Warp.
 
-May import: `equations`, `code`, `program`, and what `compiled` may.
+May import: `equations`, `loops`, `code`, `program`, and what `compiled` may.
 """

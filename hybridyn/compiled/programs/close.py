@@ -2,13 +2,9 @@
 
 "close" is for controllers that measure motors only. The independent coordinates are those of the motors and
 of joints that no motor moves. From a nearby posture, such as that of the last tick, the program takes one
-Newton step for the positions of the other joints and computes their rates and accelerations:
-
-    K_d step = -residual(q)      K_d v_d = -K_i v_i      K_d a_d = -K_i a_i - K_dot v
-
-(d: dependent, i: independent freedoms). Independent freedoms that only move what is idle, such as the spin of
-a rod between two balls, are not read: step, rates and accelerations are the least, as `assembly.assemble`
-has them (`least_norm`). In "lift" the coordinates of a module are its independent joints.
+Newton step for the positions of the other joints and computes their rates and accelerations (`loops.engine`).
+Independent freedoms that only move what is idle, such as the spin of a rod between two balls, are not read.
+In "lift" the coordinates of a module are its independent joints.
 They are chosen once, such that the pivots of K over the other joints are large at generic postures. About a
 posture q_0, with q = move(q_0, xi), the step and the rates are the same, and xi_dot = T(xi)^-1 v.
 
@@ -25,16 +21,15 @@ import numpy as np
 
 from ...assembly.follow import MOST_TURNING
 from ...joints import displacement
-from ...linkage.tree import Tree
 from ...spatial import Index
 from ...structure.robot import HybridRobot
-from ...symbols import Expression, dot, is_zero
+from ...symbols import dot, is_zero
 from ..equations.arguments import OTHER_STRUCTURE, ChosenNumbers
-from ..equations.expressions import pack, symbols, unpack
-from ..equations.guarded_elimination import TRUSTED_PIVOT, solve
-from ..equations.loops import LoopRows
+from ..equations.expressions import pack, symbols
+from ..equations.guarded_elimination import TRUSTED_PIVOT
 from ..equations.request import Request
 from ..equations.scales import GUARD_CLOSED, largest, squares
+from ..loops.engine import drift
 from ..program import Program
 from .loop_kernels import Kernel, LoopKernel, loop_kernels
 from .writer import ModuleWriter
@@ -120,42 +115,33 @@ def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
         closed: Largest step of closed loops. Where numbers are arguments, the guard includes the rows without
             a pivot, which may depend on the others no longer, or not on this branch.
     """
-    m, tree = kernel.m, kernel.tree
+    m, loops, tree = kernel.m, kernel.loops, kernel.loops.tree
     (q_col, q), (v_col, v), (a_col, a) = symbols("q", tree.nq), symbols("v", tree.nv), symbols("a", tree.nv)
-    (w_col, w), a = symbols("w", tree.nv), kernel.independent(a)
+    w_col, w = symbols("w", tree.nv)
     rows = kernel.rows(q, w)
     K, residual = rows.K, rows.residual
-    step, v, doubts = kernel.step(rows, v)
-    right = -dot(K, a) - drift(rows, q_col, w_col, v, tree)
-    a = kernel.solved(rows, right[:, None], a)[0][:, 0]
-    guard = ca.fmax(squares(doubts), largest(step / m.spanning_col_scale) / closed)
-    if len(K) and (kernel.specs or len(K) > len(kernel.pivots.rows)):
-        scale, unit = m.spanning_row_scale, m.spanning_col_scale
-        speed = largest(v / unit)
+    step, v, doubts = loops.step(rows, loops.independent(v))
+    a = loops.accelerations(rows, loops.independent(a), drift(tree, rows, q_col, w_col, v))
+    guard = ca.fmax(squares(doubts), largest(step / loops.unit) / closed)
+    if len(K) and (kernel.specs or len(K) > len(loops.pivots.rows)):
+        scale = m.spanning_row_scale
+        speed = largest(v / loops.unit)
         guard = ca.fmax(guard, largest(residual * scale) / closed)
         held = largest(dot(K, v) * scale) <= closed * speed
         guard = ca.fmax(guard, ca.if_else(held, 0.0, OTHER_STRUCTURE))
-    moved = tree.by_joint(displacement.moved, [q], [step])
+    moved = loops.moved(q, step)
     return kernel.kernel("close", [q_col, v_col, a_col], [pack(moved), pack(v), pack(a), guard])
 
 
 def _turning(kernel: LoopKernel) -> Kernel:
     """Return the kernel that compares two postures of modules, see `turning_program`."""
-    (near_col, near), (q_col, q) = (symbols(name, kernel.tree.nq) for name in ("near", "q"))
-    unit = kernel.m.spanning_col_scale[kernel.dependent]
+    loops = kernel.loops
+    (near_col, near), (q_col, q) = (symbols(name, loops.tree.nq) for name in ("near", "q"))
     K, K_there = (kernel.rows(x).K for x in (near, q))
-    change, _ = solve(K, (K_there - K)[:, kernel.dependent] * unit, kernel.pivots)
-    rows = change[kernel.dependent, : len(unit)] / unit[:, None]
+    rows, _ = loops.turned(K, K_there, loops.dependent)
     sums = (sum(ca.fabs(x) for x in row if not is_zero(x)) for row in rows)
     turned = reduce(ca.fmax, sums, ca.SX(0.0))
     return kernel.kernel("turning", [near_col, q_col], [turned / MOST_TURNING])
-
-
-def drift(rows: LoopRows, q: ca.SX, w: ca.SX, v: Expression, tree: Tree) -> Expression:
-    """Compute K_dot v, shape (rows,), from rows at symbols of positions q and of rates w."""
-    rate = tree.by_joint(displacement.rate, [unpack(q)], [unpack(w)])
-    changes = ca.jtimes(pack(rows.rates), q, pack(rate)) + pack(rows.drift)
-    return unpack(ca.substitute(changes, w, pack(v)))
 
 
 #: Largest rounding of over-determined closures in the robot's file. Above it they can only be met in the
@@ -187,18 +173,18 @@ def lift_program(request: Request) -> Program | None:
 
 def _lift(kernel: LoopKernel) -> Kernel:
     """Return the kernel of modules of one shape, see `lift_program`."""
-    m, tree = kernel.m, kernel.tree
+    m, loops, tree = kernel.m, kernel.loops, kernel.loops.tree
     (q_col, q_0), (xi_col, xi) = symbols("q_0", tree.nq), symbols("xi", tree.nv)
     v_col, v = symbols("v", tree.nv)
-    rows = kernel.rows(tree.by_joint(displacement.moved, [q_0], [xi]))
-    step, rates, doubts = kernel.step(rows, v)
+    rows = kernel.rows(loops.moved(q_0, xi))
+    step, rates, doubts = loops.step(rows, loops.independent(v))
     outputs = [
-        pack(tree.by_joint(displacement.moved, [q_0], [xi + step])),
+        pack(loops.moved(q_0, xi + step)),
         pack(xi + step),
         pack(rates),
         pack(tree.by_joint(displacement.pull, [], [xi, rates])),
-        pack(kernel.independent(np.ones(tree.nv))),
-        largest(step / m.spanning_col_scale),
+        pack(loops.independent(np.ones(tree.nv))),
+        largest(step / loops.unit),
         ca.fmin(1.0, TRUSTED_PIVOT / largest(doubts)),
         largest(rows.residual * m.spanning_row_scale),
     ]

@@ -19,13 +19,12 @@ import numpy as np
 from ...assembly.posture import check_joints, modules_of
 from ...dynamics.quantities.joint_map import joint_map, motors_beside
 from ...dynamics.quantities.regular_map import regular_map
-from ...joints import displacement
 from ...linkage.tree import Tree
 from ...spatial import Array, Index
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ...symbols import Expression
-from ..equations.expressions import pack, symbols, zeros
+from ..equations.expressions import pack, symbols
 from ..equations.loops import LoopRows
 from ..equations.request import Request
 from ..equations.scales import GUARD_CLOSED, largest, squares
@@ -149,17 +148,18 @@ def _kernel(module: Module, given: Side, wanted: Side, closed: float) -> Kernel:
         one.check_independent(
             f"{side.name}s", f"the {side.name}s {', '.join(side.joints)} are not independent"
         )
-    near_col, near = symbols("near", kernel.tree.nq)
+    loops = kernel.loops
+    near_col, near = symbols("near", loops.tree.nq)
     columns = [symbols(name, len(A)) for name in ("position", "rate", "effort")]
     position, rate, effort = (values for _, values in columns)
-    q = _placed(kernel.tree, near, A, position)
+    q = _placed(loops.tree, near, A, position)
     rows = kernel.rows(q)
     step, guard, there = _followed(kernel, rows, B)
     _, of_back, per_wanted = _followed(back, rows, A)
-    size = largest(step / kernel.m.spanning_col_scale) / closed
-    moved = kernel.tree.by_joint(displacement.moved, [q], [step])
+    size = largest(step / loops.unit) / closed
+    moved = loops.moved(q, step)
     outputs = [
-        pack(moved), pack(_positions(kernel.tree, moved, B)), pack(there.dot(rate)),
+        pack(moved), pack(_positions(loops.tree, moved, B)), pack(there.dot(rate)),
         pack(per_wanted.T.dot(effort)), pack(there), ca.fmax(ca.fmax(guard, of_back), size),
     ]  # fmt: skip
     return kernel.kernel("map", [near_col, *(column for column, _ in columns)], outputs)
@@ -167,9 +167,8 @@ def _kernel(module: Module, given: Side, wanted: Side, closed: float) -> Kernel:
 
 def _followed(kernel: LoopKernel, rows: LoopRows, wanted: list[int]) -> tuple[Expression, Any, Expression]:
     """Return a Newton step, the guard of its pivots, and rates of wanted freedoms over the given ones."""
-    step, motions, doubts = kernel.solved(rows, -rows.residual[:, None], zeros(kernel.tree.nv))
-    free = [c for c in range(kernel.tree.nv) if c not in kernel.dependent]
-    return step[:, 0], squares(doubts), motions[np.ix_(wanted, [free.index(a) for a in kernel.given])]
+    step, motions, doubts = kernel.loops.solved(rows.K, -rows.residual[:, None], kernel.given)
+    return step[:, 0], squares(doubts), motions[wanted]
 
 
 def _freedoms(module: Module, side: Side) -> list[int]:

@@ -6,5 +6,5 @@ targets as expressions), `unknowns`, `kernels`, `closing_source` (programs and t
 `checked_rows` and `libraries` (found, or built and checked), `assembling` (rows in C, `library.closed_rows`,
 and the general path behind them) and `tables` (which rows of a table are closed in C).
 
-May import: `writer`, `equations`, `code`, `library`, and what `programs` may.
+May import: `writer`, `equations`, `loops`, `code`, `library`, and what `programs` may.
 """

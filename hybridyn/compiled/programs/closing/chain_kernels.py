@@ -25,12 +25,11 @@ import numpy as np
 from ....joints import displacement
 from ....spatial import Array
 from ....symbols import Expression, dot, is_zero, times
-from ...equations.expressions import Folding, pack, symbols, symmetric_product, unpack, upper, zeros
+from ...equations.expressions import pack, symbols, symmetric_product, unpack, upper, zeros
 from ...equations.factors import Definite, Handed, Triangular
-from ...equations.guarded_elimination import TRUSTED_PIVOT, Pivots
+from ...equations.guarded_elimination import TRUSTED_PIVOT
 from ...equations.idle import least_norm
 from ...equations.scales import largest, squares
-from ..close import drift
 from ..loop_kernels import Kernel
 from .kernels import ModuleKernels
 from .rows import TreeRows
@@ -87,14 +86,18 @@ class ChainKernels(ModuleKernels):
             ports: The bodies that carry targets.
             rank: Number of independent own rows over the free freedoms of the tree after the cuts.
         """
-        self.rank, self.ports, self._folding = rank, ports, Folding()
+        self.rank, self.ports = rank, ports
         own = self.u.free[: self.u.own]
         weights = [1.0 / (one[own] * self.e.unit[own]) ** 2 for one in ease]
         weight = zeros(self.e.tree.nv)
         weight[own] = self._folding.array(weights)
-        self._weight, self._z = weight, symbols("z", self.e.tree.nq)
-        self._numbers = self._rows(self._z[1], self._folding, self.u.rates[1], exact=True)
+        self._weight = weight
         return self
+
+    @cached_property
+    def _here(self) -> TreeRows:
+        """The rows at positions z, and at rates of all freedoms."""
+        return self._rows(self._z[1], self.u.rates[1], exact=True)
 
     @property
     def motions(self) -> int:
@@ -104,19 +107,7 @@ class ChainKernels(ModuleKernels):
     @cached_property
     def _others(self) -> list[int]:
         """Freedoms without a pivot, of those that are free."""
-        return [c for c in self.u.free.tolist() if c not in self._pivots.cols]
-
-    @cached_property
-    def _pivots(self) -> Pivots:
-        """The pivots, of all freedoms."""
-        p = self.pivots
-        return Pivots(p.rows, tuple(self.u.free[list(p.cols)].tolist()), p.sizes)
-
-    def kernel(self, name: str, inputs: Sequence[ca.SX], outputs: Sequence[Any]) -> Kernel:
-        """Return a kernel of what is computed at positions z, those of the first posture."""
-        found = ca.substitute([ca.SX(x) for x in outputs], [self._z[0]], [pack(self.u.positions(0))])
-        function = ca.Function(name, [*inputs, self._folding.symbol()], found)
-        return function, self._folding.table(len(self.u.modules))
+        return [c for c in self.u.free.tolist() if c not in self.loops.pivots.cols]
 
     @property
     def here(self) -> list[ca.SX]:
@@ -125,7 +116,7 @@ class ChainKernels(ModuleKernels):
 
     def place(self) -> Kernel:
         """From a posture to the placements of the ports in the base: R row by row, and p."""
-        motion = self._numbers.writer.motion
+        motion = self._here.writer.motion
         placed = [x[0, body] for body in self.ports.bodies for x in (motion.R, motion.p)]
         return self.kernel("place", self.here, [pack(*placed)])
 
@@ -141,7 +132,7 @@ class ChainKernels(ModuleKernels):
         self, factors: Triangular, K: Expression, right: Expression, *, motions: bool
     ) -> tuple[Expression, Expression]:
         """Return particular solutions, shape (nv, k), and Psi, shape (nv, d), both orthogonal to spins."""
-        spins, others, p = [spin.col for spin in self.u.spins], self._others if motions else [], self._pivots
+        spins, others, p = [*self.loops.idle], self._others if motions else [], self.loops.pivots
         rows, n = list(p.rows), self.e.tree.nv
         solved = factors.solve(np.concatenate([right[rows], -K[rows][:, [*others, *spins]]], axis=1))
         out = zeros(n, solved.shape[1])
@@ -166,16 +157,17 @@ class ChainKernels(ModuleKernels):
             right: Right-hand sides of its own rows, shape (rows, k).
             held: Motions of given freedoms, shape (nv, k).
         """
-        factors = Triangular.of(rows.K, self._pivots)
+        factors = Triangular.of(rows.K, self.loops.pivots)
         x, Psi = self._solved_by(factors, rows.K, right, motions=True)
         doubts = [
-            times(TRUSTED_PIVOT * s, y) for s, y in zip(self._pivots.sizes, factors.inverses, strict=True)
+            times(TRUSTED_PIVOT * s, y)
+            for s, y in zip(self.loops.pivots.sizes, factors.inverses, strict=True)
         ]
         M, measured, guard = self._measured(Psi, x)
         J = self._twists(rows)
         A = dot(T, dot(J, Psi))
         x = x - dot(Psi, M.solve(measured))
-        missed = [i for i in range(self.u.loops) if i not in self._pivots.rows]
+        missed = [i for i in range(self.u.loops) if i not in self.loops.pivots.rows]
         bent = largest((dot(rows.K[missed], x[:, 0]) - right[missed, 0]) * self.u.scale[missed]) / REDUNDANT
         return {
             "x": x + held, "Psi": Psi, "M": M, "Z": dot(Psi, M.solve(A.T)), "S": M.weighed(A.T), "J": J,
@@ -192,7 +184,7 @@ class ChainKernels(ModuleKernels):
         From (q, p, g, T) to (S, e, open, kept, motion, guards): S and e are added up, `kept` is for `settle`,
         and the motion is handed to `move`.
         """
-        rows, (column, T) = self._rows(self._z[1], self._folding, exact=True), self.ports.symbols("T")
+        rows, (column, T) = self._here, self.ports.symbols("T")
         found = self._least(rows, -rows.residual[:, None], T, self._still(1))
         own = (rows.residual * self.u.scale)[: self.u.loops]
         far = sum((x * x for x in own if not is_zero(x)), ca.SX(0.0))
@@ -215,8 +207,8 @@ class ChainKernels(ModuleKernels):
             factors.upper[:first, :first], factors.lower[:first, :first], factors.inverses[:first]
         )
         unit = self.e.unit
-        solved = leading.solve(change[list(self._pivots.rows[:first])][:, own] * unit[own])
-        return ca.sqrt(squares(solved / unit[list(self._pivots.cols[:first])][:, None]))
+        solved = leading.solve(change[list(self.loops.pivots.rows[:first])][:, own] * unit[own])
+        return ca.sqrt(squares(solved / unit[list(self.loops.pivots.cols[:first])][:, None]))
 
     def _path(self, J: Expression) -> list[int]:
         """Return the freedoms that move a port."""
@@ -225,13 +217,13 @@ class ChainKernels(ModuleKernels):
     @cached_property
     def kept(self) -> int:
         """Number of numbers that tell how the targets turn (`_turned`)."""
-        return self.motions * len(self._path(self._twists(self._numbers)))
+        return self.motions * len(self._path(self._twists(self._here)))
 
     def move(self, motion: Handed, rows: int) -> Kernel:
         """From (q, p, g, motion, l) to (q, p, step, wrist) of the next posture."""
         (column, known), (l_column, multipliers) = motion.again("motion"), symbols("l", rows)
         step = known["x"][:, 0] + dot(known["Z"], multipliers)
-        moved = self.e.tree.by_joint(displacement.moved, [self._z[1]], [step])
+        moved = self.loops.moved(self._z[1], step)
         return self.kernel(
             "move", [*self.here, column, l_column], [*self.u.outside(moved), *self._sizes(step)]
         )
@@ -242,14 +234,14 @@ class ChainKernels(ModuleKernels):
         From (q, p, g, T, q_1, p_1, g_0, T_0, kept, g_dot) to (S, e, S_0, F, turned, open, motion, factors,
         guards). With `kept`, S_0 is S at the start, and F measures the change of the targets' rows since.
         """
-        rows = self._rows(self._z[1], self._folding)
+        rows = self._rows(self._z[1])
         (t_col, T), (t0_col, T_0) = self.ports.symbols("T"), self.ports.symbols("T_0")
         given = self.u.given.columns(self.e.tree)
         held = self._still(2)
         held[given, 1] = self.u.of("g_dot")
         right = np.stack([-rows.residual, -dot(rows.K, held[:, 1])], axis=1)
         found = self._least(rows, right, T, held)
-        before = self._rows(self.u.positions(1, "g_0"), self._folding)
+        before = self._rows(self.u.positions(1, "g_0"))
         path = self._path(found["J"])
         k_col, kept = symbols("kept", self.kept)
         N = kept.reshape(self.motions, len(path)).T
@@ -279,10 +271,10 @@ class ChainKernels(ModuleKernels):
 
     def rate(self, motion: Handed) -> Kernel:
         """From (q, p, g, motion, l) to (q, p, rates, twists of the ports, step): l of step and rates."""
-        rows = self._numbers
+        rows = self._here
         (column, known), (l_col, multipliers) = motion.again("motion"), symbols("l", 2 * self.ports.rows)
         step, rate = (known["x"] + dot(known["Z"], multipliers.reshape(2, -1).T)).T
-        moved = self.e.tree.by_joint(displacement.moved, [self._z[1]], [step])
+        moved = self.loops.moved(self._z[1], step)
         outputs = [
             *self.u.outside(moved),
             pack(rate),
@@ -297,7 +289,7 @@ class ChainKernels(ModuleKernels):
         From (q, p, g, T, rates, factors, l, w_dot, g_ddot) to (e, motion): l of the rates, and w_dot the
         change of T^T l.
         """
-        rows, tree, (v_col, v) = self._numbers, self.e.tree, self.u.rates
+        rows, tree, (v_col, v) = self._here, self.e.tree, self.u.rates
         (t_col, T), (f_col, known) = self.ports.symbols("T"), factors.again("factors")
         (l_col, multipliers), (w_col, w_dot) = (
             symbols("l", self.ports.rows),
@@ -305,7 +297,7 @@ class ChainKernels(ModuleKernels):
         )
         given, held = self.u.given.columns(tree), self._still(1)
         held[given, 0] = self.u.of("g_ddot")
-        right = -drift(rows, self._z[0], v_col, v, tree)[:, None] - dot(rows.K, held)
+        right = -self._drift(v)[:, None] - dot(rows.K, held)
         found = Triangular(known["upper"], known["lower"], known["inverses"])
         x, _ = self._solved_by(found, rows.K, right, motions=False)
         J, M, Psi = self._twists(rows), Definite(known["M"], known["D"]), known["Psi"]
@@ -322,7 +314,7 @@ class ChainKernels(ModuleKernels):
         self, rows: TreeRows, J: Expression, factors: Triangular, v: Expression, w: Expression
     ) -> Expression:
         """Compute d/dt (K^T m - J^T w) at constant m and w, over the free freedoms but those of wrists."""
-        own, p, tree = self.u.free[: self.u.own], self._pivots, self.e.tree
+        own, p, tree = self.u.free[: self.u.own], self.loops.pivots, self.e.tree
         weighed = np.array([times(a, b) for a, b in zip(self._weight, v, strict=True)], dtype=object)
         balance = dot(J.T, w) - weighed
         first = self.rank  # pivots of wrists have no part
@@ -342,13 +334,13 @@ class ChainKernels(ModuleKernels):
 
     def accelerate(self, motion: Handed, motion_of_rates: Handed) -> Kernel:
         """From (q, p, g, motion of rates, motion, rates, l) to (rates, accelerations, guard)."""
-        rows, tree, (v_col, v) = self._numbers, self.e.tree, self.u.rates
+        rows, (v_col, v) = self._here, self.u.rates
         (r_col, by), (column, known) = motion_of_rates.again("by"), motion.again("motion")
         l_col, multipliers = symbols("l", self.ports.rows)
         acceleration = known["x"][:, 0] + dot(by["Z"], multipliers)
         guard = ca.SX(0.0)
-        if any(i not in self._pivots.rows for i in range(self.u.loops)):
-            changes = drift(rows, self._z[0], v_col, v, tree) + dot(rows.K, acceleration)
+        if any(i not in self.loops.pivots.rows for i in range(self.u.loops)):
+            changes = self._drift(v) + dot(rows.K, acceleration)
             guard = self._kept((dot(rows.K, v), changes), (v, acceleration))
         outputs = [self.u.rates_outside(v), self.u.rates_outside(acceleration), guard]
         return self.kernel("accelerate", [*self.here, r_col, column, v_col, l_col], outputs)

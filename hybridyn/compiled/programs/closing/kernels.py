@@ -13,6 +13,7 @@ Rows of the tree after the cuts come first and do not depend on the wrists, so o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property, reduce
 from typing import Any
 
@@ -26,13 +27,12 @@ from ....spatial import Array, Index
 from ....structure.module import Module
 from ....symbols import Expression, dot, is_zero
 from ...equations.arguments import ModuleArguments
-from ...equations.expressions import Folding, pack, symbols, zeros
-from ...equations.guarded_elimination import Pivots, choose_pivots, largest_solutions, solve
-from ...equations.idle import least_norm
+from ...equations.expressions import Folding, pack, sampled, symbols, zeros
+from ...equations.guarded_elimination import Pivots, choose_pivots, largest_solutions
 from ...equations.scales import GUARD_CLOSED, Scale, largest, squares, weighed
 from ...equations.spins import Spin
 from ...equations.states import generic_positions, seen_postures
-from ..close import drift
+from ...loops.engine import Loops, drift
 from ..loop_kernels import Kernel
 from .given import Given
 from .rows import Places, TreeRows, rows_at
@@ -67,18 +67,22 @@ class ModuleKernels:
         """
         self.u, self.blocks = Unknowns(modules, given, arguments, places, spins), blocks
         self.e, self.rank = self.u.e, self.u.own
+        self._folding, self._z = Folding(), symbols("z", self.e.tree.nq)
 
     @cached_property
-    def pivots(self) -> Pivots:
-        """Pivots over the free freedoms: `rank` of the tree after the cuts, then those of the wrists."""
+    def loops(self) -> Loops:
+        """Closes the loops: the first `rank` pivots are of the tree after the cuts, then those of wrists."""
+        e, spins = self.e, {spin.col: None for spin in self.u.spins}
+        return Loops(e.tree, self._pivots(), e.unit, e.weight, spins)
+
+    def _pivots(self) -> Pivots:
+        """Choose pivots over the free freedoms."""
         u, folding = self.u, Folding()
         rows = rows_at(u.trees, u.given, folding, u.positions(0), u.targets(), u.places)
-        function = ca.Function("K", [*u.symbols("q_0", "p_0", "g"), folding.symbol()], [pack(rows.K)])
-        table, samples = folding.table(len(u.modules)), []
-        for module, numbers in zip(u.modules, table, strict=True):
-            for q, p, g in zip(*self._postures(module), strict=True):
-                samples.append(np.array(function(q, p, g, numbers)).reshape(rows.K.shape))
-        K = np.array(samples)[:, :, u.free]
+        columns, table = [*u.symbols("q_0", "p_0", "g"), folding.symbol()], folding.table(len(u.modules))
+        each = zip(u.modules, table, strict=True)
+        points = [(*x, own) for module, own in each for x in zip(*self._postures(module), strict=True)]
+        K = sampled(rows.K, columns, points)[:, :, u.free]
         unit = self.e.unit[u.free]
         split = (slice(0, u.loops), slice(0, u.own)), (slice(u.loops, None), slice(u.own, None))
         ranks = self.rank, len(unit) - u.own
@@ -86,11 +90,9 @@ class ModuleKernels:
             choose_pivots(K[:, r, c], rank, u.scale[r], unit[c], SPARSE_CLOSING)
             for rank, (r, c) in zip(ranks, split, strict=True)
         )
-        return Pivots(
-            first.rows + tuple(r + u.loops for r in second.rows),
-            first.cols + tuple(c + u.own for c in second.cols),
-            first.sizes + second.sizes,
-        )
+        cols = u.free[[*first.cols, *(c + u.own for c in second.cols)]]
+        rows_of = first.rows + tuple(r + u.loops for r in second.rows)
+        return Pivots(rows_of, tuple(cols.tolist()), first.sizes + second.sizes)
 
     def _postures(self, module: Module) -> tuple[Array, Array, Array]:
         """Return generic postures of a module: positions, platforms, and what is prescribed there."""
@@ -111,23 +113,27 @@ class ModuleKernels:
             turning, guard): how far the Jacobian has turned from the start, (q_1, p_1, g_0), at most.
         branch: From (q_0, p_0, g_0, q_1, p_1, q_2, p_2, g, numbers) to (off, turned, guard).
         """
-        folding, z = Folding(), symbols("z", self.e.tree.nq)
-        rows = self._rows(z[1], folding, self.u.rates[1])
-        functions = self._newton(rows, z, folding), self._settle(rows, z, folding), self._branch(folding)
-        table = folding.table(len(self.u.modules))
-        return {name: (x, table) for name, x in zip(("newton", "settle", "branch"), functions, strict=True)}
+        return {"newton": self._newton(), "settle": self._settle(), "branch": self._branch()}
 
-    def _at(self, z: ca.SX, folding: Folding, name: str, inputs: str, outputs: list[Any]) -> ca.Function:
-        """Return a kernel from what is computed at positions z, those of the first posture."""
-        found = ca.substitute([*map(ca.SX, outputs)], [z], [pack(self.u.positions(0))])
-        return ca.Function(name, [*self.u.symbols(*inputs.split()), folding.symbol()], found)
+    def kernel(self, name: str, inputs: Sequence[ca.SX], outputs: Sequence[Any]) -> Kernel:
+        """Return a kernel of what is computed at positions z, those of the first posture."""
+        found = ca.substitute([ca.SX(x) for x in outputs], [self._z[0]], [pack(self.u.positions(0))])
+        function = ca.Function(name, [*inputs, self._folding.symbol()], found)
+        return function, self._folding.table(len(self.u.modules))
 
-    def _rows(
-        self, z: Expression, folding: Folding, v: Expression | None = None, *, exact: bool = False
-    ) -> TreeRows:
+    @cached_property
+    def _here(self) -> TreeRows:
+        """The rows at positions z, and at rates of all freedoms."""
+        return self._rows(self._z[1], self.u.rates[1])
+
+    def _rows(self, z: Expression, v: Expression | None = None, *, exact: bool = False) -> TreeRows:
         """Write the rows with arguments at positions of the joints and rates v; `exact` as in `rows_at`."""
         trees, places = self.u.with_arguments, self.u.places_with_arguments
-        return rows_at(trees, self.u.given, folding, z, self.u.targets(), places, v, exact=exact)
+        return rows_at(trees, self.u.given, self._folding, z, self.u.targets(), places, v, exact=exact)
+
+    def _drift(self, v: Expression) -> Expression:
+        """Compute K_dot v at positions z, shape (rows,)."""
+        return drift(self.e.tree, self._here, self._z[0], self.u.rates[0], v)
 
     def _guard(self, doubts: Expression, rows: TreeRows) -> Any:
         """Return the guard of pivots and of axes that must not point the wrong way."""
@@ -139,57 +145,42 @@ class ModuleKernels:
         size = step[self.u.free] / self.e.unit[self.u.free]
         return ca.SX(largest(size[: self.u.own])), ca.SX(largest(size[self.u.own :]))
 
-    def _solved(self, rows: TreeRows, right: Expression) -> tuple[Expression, Expression]:
-        """Solve K_f x = right; the entries of given freedoms are zero, shape (nv, k).
-
-        Of spins, which the rows leave open, x has the least.
-        """
-        k, spins = right.shape[1], [spin.col for spin in self.u.spins]
-        out, motions = zeros(self.e.tree.nv, k), zeros(self.e.tree.nv, len(spins))
-        solved, doubts = solve(rows.K[:, [*self.u.free, *spins]], right, self.pivots)
-        known = len(self.u.free)
-        out[self.u.free], motions[self.u.free] = solved[:known, :k], solved[:known, k:]
-        motions[spins, range(len(spins))] = 1.0
-        least_norm(out, motions, self.e.weight)
-        return out, doubts
-
-    def _newton(self, rows: TreeRows, z: tuple[ca.SX, Expression], folding: Folding) -> ca.Function:
+    def _newton(self) -> Kernel:
         """Return the kernel of a Newton step, no longer than `LONGEST_STEP`."""
-        step, doubts = self._solved(rows, -rows.residual[:, None])
+        rows = self._here
+        step, _, doubts = self.loops.solved(rows.K, -rows.residual[:, None])
         size, wrist = self._sizes(step[:, 0])
         factor = ca.fmin(1.0, LONGEST_STEP / ca.fmax(ca.fmax(size, wrist), 1e-300))
         limited = np.array([0.0 if is_zero(x) else factor * x for x in step[:, 0]], dtype=object)
-        moved = self.e.tree.by_joint(displacement.moved, [z[1]], [limited])
+        moved = self.loops.moved(self._z[1], limited)
         own = (rows.residual * self.u.scale)[: self.u.loops]
         far = sum((x * x for x in own if not is_zero(x)), ca.SX(0.0))
         outputs = [*self.u.outside(moved), size, wrist, far, squares(doubts)]
-        return self._at(z[0], folding, "newton", "q_0 p_0 g", outputs)
+        return self.kernel("newton", self.u.symbols("q_0", "p_0", "g"), outputs)
 
-    def _settle(self, rows: TreeRows, z: tuple[ca.SX, Expression], folding: Folding) -> ca.Function:
+    def _settle(self) -> Kernel:
         """Return the kernel of a last step and of the rates before it."""
-        given, tree = self.u.given.columns(self.e.tree), self.e.tree
+        rows, given, tree = self._here, self.u.given.columns(self.e.tree), self.e.tree
         rate, acceleration = zeros(tree.nv), zeros(tree.nv)
         g_dot, g_ddot = self.u.of("g_dot"), self.u.of("g_ddot")
         rate[given], acceleration[given] = g_dot[: len(given)], g_ddot[: len(given)]
         wanted = self._wanted(rows, g_dot[len(given) :])
-        right = np.stack([-rows.residual, wanted - dot(rows.K, rate)], axis=1)
-        solved, doubts = self._solved(rows, right)
-        step, rate = solved[:, 0], rate + solved[:, 1]
-        wanted_dot = self._wanted(rows, g_ddot[len(given) :]) - drift(rows, z[0], self.u.rates[0], rate, tree)
-        solved, _ = self._solved(rows, (wanted_dot - dot(rows.K, acceleration))[:, None])
-        acceleration = acceleration + solved[:, 0]
+        step, rate, doubts = self.loops.step(rows, rate, wanted)
+        wanted_dot, drift = self._wanted(rows, g_ddot[len(given) :]), self._drift(rate)
+        acceleration = self.loops.accelerations(rows, acceleration, drift, wanted_dot)
         guard = ca.fmax(self._guard(doubts, rows), self._bounded(rate, given, wanted))
-        left = dot(rows.K, rate) - wanted, dot(rows.K, acceleration) - wanted_dot
+        left = dot(rows.K, rate) - wanted, dot(rows.K, acceleration) - (wanted_dot - drift)
         outputs = [
-            *self.u.outside(tree.by_joint(displacement.moved, [z[1]], [step])),
+            *self.u.outside(self.loops.moved(self._z[1], step)),
             self.u.rates_outside(rate),
             self.u.rates_outside(acceleration),
             ca.fmax(*self._sizes(step)),
             largest(rows.residual * self.u.scale),
-            self._turning(rows.K, self._rows(self.u.positions(1, "g_0"), folding).K),
+            self._turning(rows.K, self._rows(self.u.positions(1, "g_0")).K),
             ca.fmax(guard, self._kept(left, (rate, acceleration))),
         ]
-        return self._at(z[0], folding, "settle", "q_0 p_0 q_1 p_1 g_0 g g_dot g_ddot", outputs)
+        names = ("q_0", "p_0", "q_1", "p_1", "g_0", "g", "g_dot", "g_ddot")
+        return self.kernel("settle", self.u.symbols(*names), outputs)
 
     def _wanted(self, rows: TreeRows, targets: Expression) -> Expression:
         """Return the prescribed rates (or accelerations) of all rows, shape (rows,)."""
@@ -212,35 +203,32 @@ class ModuleKernels:
         Where arguments may move a rod's end off its line, it looks at all rows.
         """
         moved = bool(self.u.spins) and self.u.with_arguments != self.u.trees
-        rest = [i for i in range(self.u.loops) if moved or i not in self.pivots.rows]
+        rest = [i for i in range(self.u.loops) if moved or i not in self.loops.pivots.rows]
         rate, acceleration = (largest(x / self.e.unit) for x in motion)
         guard, scale = ca.SX(0.0), Scale(1.0, GUARD_CLOSED["float64"])
         for miss, size in zip(left, (rate, acceleration + rate * rate), strict=True):
             guard = guard + weighed([((miss * self.u.scale)[rest], 1.0)], scale.weight(size))
         return guard
 
-    def _branch(self, folding: Folding) -> ca.Function:
+    def _branch(self) -> Kernel:
         """Return the kernel that compares a step with its prediction, see `assembly.follow`.
 
         The first posture is the start, the second the predicted one, the third the one that was found.
         """
         predicted, found = self.u.positions(1), self.u.positions(2)
-        here, there = (self._rows(z, folding) for z in (self.u.positions(0, "g_0"), found))
+        here, there = (self._rows(z) for z in (self.u.positions(0, "g_0"), found))
         off = self.e.tree.by_joint(displacement.chord, [predicted, found], [])
         own = self.u.free[: self.u.own]
-        J, J_there = (K[: self.u.loops, own] for K in (here.K, there.K))
-        solved, doubts = solve(J, J_there - J, self._own_pivots)
-        unit = self.e.unit[own]
-        turned = solved[:, : len(own)] * unit / unit[:, None]
-        outputs = [ca.SX(largest(off[own] / unit)), self._largest_block(turned), ca.SX(squares(doubts))]
+        turned, doubts = self._own_loops.turned(here.K, there.K, own.tolist())
+        far = largest(off[own] / self.e.unit[own])
+        outputs = [ca.SX(far), self._largest_block(turned), ca.SX(squares(doubts))]
         names = ("q_0", "p_0", "g_0", "q_1", "p_1", "q_2", "p_2", "g")
-        return ca.Function("branch", [*self.u.symbols(*names), folding.symbol()], outputs)
+        return self.kernel("branch", self.u.symbols(*names), outputs)
 
     @property
-    def _own_pivots(self) -> Pivots:
-        """Pivots of the tree after the cuts."""
-        p, n = self.pivots, self.rank
-        return Pivots(p.rows[:n], p.cols[:n], p.sizes[:n])
+    def _own_loops(self) -> Loops:
+        """The loops of the tree after the cuts."""
+        return replace(self.loops, pivots=self.loops.pivots.first(self.rank))
 
     def _turning(self, K: Expression, K_start: Expression) -> ca.SX:
         """Bound what "branch" computes, with J here in the place of J at the start: |J^-1 (J - J_start)|.
@@ -248,10 +236,9 @@ class ModuleKernels:
         Each row of J^-1 (J - J_start) is at most as long as the sum of its absolute entries.
         """
         own = self.u.free[: self.u.own]
-        unit = self.e.unit[own]
-        J, change = K[: self.u.loops, own], (K - K_start)[: self.u.loops, own] * unit
+        change = (K - K_start)[:, own] * self.e.unit[own]
         size = np.array([sum((ca.fabs(x) for x in row if not is_zero(x)), 0.0) for row in change])
-        bounds = largest_solutions(J, size, self._own_pivots) / unit
+        bounds = largest_solutions(K, size, self._own_loops.pivots)[own] / self.e.unit[own]
         return self._largest_block(np.diag(bounds))
 
     def _largest_block(self, X: Expression) -> ca.SX:
