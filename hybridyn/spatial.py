@@ -35,6 +35,14 @@ TINY = 1e-300
 LARGEST = 1e50
 
 
+#: For each number of axes, the order that brings the samples from the first to the last place, and back.
+_SAMPLES_LAST = [((*range(1, n), 0), (n - 1, *range(n - 1))) if n else ((), ()) for n in range(8)]
+#: Entries up to which a product of vectors takes its time for calls of NumPy, not for numbers.
+_FEW = 10_000
+#: The components after each of x, y, z, and those before.
+_NEXT, _BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
 #: Silences CasADi's warning where NumPy functions take its symbols.
 numpy_on_symbols = partial(warnings.catch_warnings, action="ignore", category=FutureWarning)
 
@@ -68,18 +76,31 @@ def indices(parts: Iterable[slice]) -> Index:
 
 def samples_inside(shape: tuple[int, ...], dtype: DTypeLike = float) -> Array:
     """Return zeros of shape (T, ...) with the samples contiguous in memory (long inner loops are fast)."""
-    return np.zeros((*shape[1:], shape[0]), dtype).transpose(-1, *range(len(shape) - 1))
+    return np.zeros((*shape[1:], shape[0]), dtype).transpose(_SAMPLES_LAST[len(shape)][1])
 
 
-def select(x: Array, numbers: Index) -> Array:
+def run(numbers: Index) -> Index | slice:
+    """Return numbers from zero on as a slice if they are equally spaced: NumPy reads it without a copy."""
+    steps = set(np.diff(numbers).tolist()) or {1}
+    step = steps.pop()
+    return slice(numbers[0], numbers[-1] + 1, step) if not steps and step > 0 and len(numbers) else numbers
+
+
+def select(x: Array, numbers: Index | slice) -> Array:
     """Return x[:, numbers] for x of shape (T, bodies, ...), with the samples contiguous in memory."""
-    chosen: Array = x.transpose(*range(1, x.ndim), 0)[numbers]
-    return chosen.transpose(-1, *range(chosen.ndim - 1))
+    if isinstance(numbers, slice):
+        return x[:, numbers]
+    inner, _ = _SAMPLES_LAST[x.ndim]
+    chosen: Array = x.transpose(inner).take(numbers, 0)
+    return chosen.transpose(_SAMPLES_LAST[chosen.ndim][1])
 
 
 def symbolic(*arrays: Array) -> bool:
     """Return whether some array holds symbols."""
-    return any(x.dtype.hasobject for x in arrays)
+    for x in arrays:  # noqa: SIM110 - `any` takes as long as a product
+        if x.dtype.hasobject:
+            return True
+    return False
 
 
 def added(a: Array, b: Array) -> Array:
@@ -91,13 +112,26 @@ def added(a: Array, b: Array) -> Array:
     return a + b
 
 
+def _in_order(x: Array) -> bool:
+    """Return whether the last axes of an array change first in memory."""
+    return x.flags.c_contiguous or list(x.strides) == sorted(x.strides, reverse=True)
+
+
 def cross(a: Array, b: Array) -> Array:
     """Compute a x b along the last axis, shapes (..., 3), without the overhead of np.cross."""
     if symbolic(a, b):
         from .symbols import cross
 
         return cross(a, b)
-    out: Array = np.multiply(a, b)  # allocates the result's shape and memory order
+    out: Array
+    if a.ndim == b.ndim and a.size + b.size <= _FEW:
+        inner, back = _SAMPLES_LAST[a.ndim]
+        x, y = a.transpose(inner), b.transpose(inner)
+        if _in_order(x) and _in_order(y):  # as the result: what rounds later sees no change
+            axis = max(a.ndim - 2, 0)
+            out = x.take(_NEXT, axis) * y.take(_BEFORE, axis) - x.take(_BEFORE, axis) * y.take(_NEXT, axis)
+            return out.transpose(back)
+    out = np.multiply(a, b)  # allocates the result's shape and memory order
     a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
     b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
     np.subtract(a1 * b2, a2 * b1, out=out[..., 0])

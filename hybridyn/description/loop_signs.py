@@ -10,6 +10,8 @@ therefore loaded, and every sign is reported: `load` warns, and `info` lists the
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
 from collections.abc import Container, Iterator
 from pathlib import Path
@@ -332,15 +334,21 @@ def _is_suspicious(description: Description, weak: list[Joint]) -> bool:
     return len(weak) == len(description.motors) > 1 or len(ends) > 1
 
 
+def _names_in(folder: Path) -> list[str]:
+    """Return the names in a folder, none where there is no folder that can be read."""
+    with contextlib.suppress(OSError):
+        return os.listdir(folder)
+    return []
+
+
 def _files_beside(description: Description) -> Iterator[Sign]:
     """Yield a sign for files of loops in the robot's folder, or in a folder that Phobos writes."""
     if description.source is None:
         return
     folder = Path(description.source).absolute().parent
-    beside = [place for above in (folder, folder.parent) for place in above.glob("[sS]*")]
-    folders = [folder, *(place for place in beside if place.name.lower().startswith(FOLDERS))]
-    files = [file.name for place in folders for file in sorted(place.glob("*"))]
-    found = [name for name in files if re.fullmatch(BESIDE, name)]
+    beside = [(above, name) for above in (folder, folder.parent) for name in _names_in(above)]
+    folders = [folder, *(above / name for above, name in beside if name.lower().startswith(FOLDERS))]
+    found = [name for place in folders for name in sorted(_names_in(place)) if re.fullmatch(BESIDE, name)]
     if found:
         names = listed(dict.fromkeys(found))
         yield Sign(

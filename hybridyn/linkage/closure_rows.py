@@ -12,15 +12,19 @@ with r = p_B - p_A, the relative angular velocity w = w_B - w_A and the axes of 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from ..joints.kinds import RotationKind
-from ..spatial import Array, added, compose, cross, rotate, rotate_back, rotation_vector, sines, symbolic
+from ..spatial import Array, added, compose, cross, rotate, rotate_back, rotation_vector, run, sines, symbolic
 
 #: Axes of frame A in the rotational rows.
 TURNING = {"free": slice(0), "perpendicular": slice(2, 3), "parallel": slice(2), "fixed": slice(3)}
+
+#: Entries of frame A's axes or of its coordinates by the axes that are constrained.
+_AT = {axes: run(np.array(axes, dtype=int)) for n in range(4) for axes in combinations(range(3), n)}
 
 
 def normals(rotation: RotationKind, A: Array, z: Array) -> Array:
@@ -58,7 +62,7 @@ def residual_of(
         b: Axes and origin of frame B.
     """
     (A, pa), (B, pb) = a, b
-    shift = rotate_back(A, pb - pa)[..., list(translations)]
+    shift = rotate_back(A, pb - pa)[..., _AT[tuple(translations)]]
     if rotation == "free":
         return shift
     relative = compose(np.swapaxes(A, -1, -2), B)

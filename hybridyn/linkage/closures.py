@@ -18,6 +18,7 @@ from ..spatial import (
     compose,
     cross,
     rotate,
+    run,
     samples_inside,
     select,
     slices,
@@ -68,15 +69,15 @@ class _Group:
 
     def __init__(self, tree: Tree, closures: list[TreeClosure], first_rows: list[int]) -> None:
         first = closures[0]
-        self.translations, self.rotation = list(first.translations), first.rotation
-        self.a = np.array([c.body_a for c in closures])
-        self.b = np.array([c.body_b for c in closures])
+        self.translations, self.rotation = first.translations, first.rotation
+        a, b = np.array([c.body_a for c in closures]), np.array([c.body_b for c in closures])
+        self.a, self.b = run(a), run(b)
         self.R_a, self.p_a = np.array([c.R_a for c in closures]), np.array([c.p_a for c in closures])
         self.R_b, self.p_b = np.array([c.R_b for c in closures]), np.array([c.p_b for c in closures])
         self.rows = np.array(first_rows)[:, None] + np.arange(first.rows)
         self.cols = np.array([np.flatnonzero(involved(tree, c)) for c in closures]).reshape(len(closures), -1)
-        on_b = tree.support[self.b[:, None], self.cols].astype(float)
-        self.sign = on_b - tree.support[self.a[:, None], self.cols]
+        on_b = tree.support[b[:, None], self.cols].astype(float)
+        self.sign = (on_b - tree.support[a[:, None], self.cols])[..., None]
 
     def moved_by(self, free: Mask) -> _Group:
         """Return the group restricted to some freedoms, if every closure involves the same number of them."""
@@ -85,7 +86,7 @@ class _Group:
         if (count == count[0]).all():
             chosen = free[self.cols]
             out.cols = self.cols[chosen].reshape(len(self.cols), -1)
-            out.sign = self.sign[chosen].reshape(len(self.cols), -1)
+            out.sign = self.sign[chosen].reshape(len(self.cols), -1, 1)
         return out
 
     def frames(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
@@ -104,7 +105,7 @@ class _Group:
     def matrix(self, tree: Tree, motion: Motion, columns: tuple[Array, Array]) -> Array:
         """Compute the rows over the involved freedoms, shape (T, g, rows, involved)."""
         A, _, B, pb = self.frames(motion)
-        linear, angular = (select(c, self.cols) * self.sign[..., None] for c in columns)
+        linear, angular = (select(c, self.cols) * self.sign for c in columns)
         origin = select(motion.p, tree.dof_body[self.cols])
         at_b = linear + cross(angular, pb[:, :, None, :] - origin)
         return rows_of(directions_of(self.translations, self.rotation, A, B[..., 2]), (at_b, angular))
@@ -163,7 +164,8 @@ class Closures:
         out = np.zeros((len(q), self.rows), motion.p.dtype)
         for group in self._groups:
             out[:, group.rows] = group.residual(motion)
-        out[:, self.rows - len(self.couplings) :] = self._coupled.residual(q)
+        if self.couplings:
+            out[:, self.rows - len(self.couplings) :] = self._coupled.residual(q)
         return out
 
     def matrix(self, motion: Motion, scales: tuple[Array, Array] | None = None) -> Array:
@@ -181,8 +183,9 @@ class Closures:
             rows = group.matrix(self.tree, motion, columns).transpose(1, 2, 3, 0)
             at, cols = group.rows[:, :, None], group.cols[:, None, :]
             by_row[at, cols] = rows * (row_scale[at] * col_scale[cols])[..., None]
-        first = self.rows - len(self.couplings)
-        K[:, first:] = self._coupled.matrix(motion.q) * row_scale[first:, None] * col_scale
+        if self.couplings:
+            first = self.rows - len(self.couplings)
+            K[:, first:] = self._coupled.matrix(motion.q) * row_scale[first:, None] * col_scale
         return K
 
     def moved_by(self, free: Mask) -> Closures:
@@ -206,6 +209,7 @@ class Closures:
         first, second = np.zeros((2, len(v), self.rows), motion.p.dtype)
         for group in self._groups:
             first[:, group.rows], second[:, group.rows] = group.rates(motion)
-        couplings = self.rows - len(self.couplings)
-        first[:, couplings:], second[:, couplings:] = self._coupled.rates(motion.q, v, a)
+        if self.couplings:
+            couplings = self.rows - len(self.couplings)
+            first[:, couplings:], second[:, couplings:] = self._coupled.rates(motion.q, v, a)
         return first, second

@@ -29,12 +29,13 @@ def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
     """
     A = A.copy()
     B, m, _ = A.shape
-    order = np.tile(np.arange(columns), (B, 1))
+    order = np.empty((B, columns), dtype=int)
+    order[:] = np.arange(columns)
     batch = np.arange(B)
     for k in range(rank):
         block = A[:, k:, k:columns]
         best = k + np.argmax(np.einsum("bij,bij->bj", block, block), axis=1)
-        for x in (A.swapaxes(1, 2), order):
+        for x in (A.swapaxes(1, 2), order) if (best > k).any() else ():
             left = x[:, k].copy()
             x[:, k] = x[batch, best]
             x[batch, best] = left
@@ -113,7 +114,7 @@ def null_basis(
     Z[:, :rank] = Y
     Z[:, rank:, :-1] = np.eye(n - rank)
     out = np.empty_like(Z)
-    np.put_along_axis(out, order[:, :, None], Z, axis=1)
+    out[np.arange(B)[:, None], order] = Z
     return out[:, :, :-1], out[:, :, -1], pivot_ratio(R, rank, size), surplus(R, n, rank)
 
 

@@ -194,7 +194,7 @@ class LoopProblem:
             A = np.concatenate([K[:, rows[:, :, None], cols[:, None, :]], rhs[:, rows, None]], axis=-1)
             R, order = pivoted_qr(A.reshape(-1, m, c + 1), c, c)
             x = np.empty((len(R), c))
-            np.put_along_axis(x, order, back_substitute(R[:, :c, :c], R[:, :c, c:])[..., 0], axis=1)
+            x[np.arange(len(R))[:, None], order] = back_substitute(R[:, :c, :c], R[:, :c, c:])[..., 0]
             out[:, cols] = x.reshape(T, count, c)
             easy &= pivot_ratio(R, c).reshape(T, count).min(axis=1) > RANK_TOLERANCE
         return np.flatnonzero(~easy)

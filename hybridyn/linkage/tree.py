@@ -13,7 +13,20 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from ..joints.kinds import Turn
-from ..spatial import Array, Index, Mask, compose, cos, cross, rotate, samples_inside, select, sin, slices
+from ..spatial import (
+    Array,
+    Index,
+    Mask,
+    compose,
+    cos,
+    cross,
+    rotate,
+    run,
+    samples_inside,
+    select,
+    sin,
+    slices,
+)
 from .joints import TreeJoint
 from .motion import Motion
 
@@ -62,20 +75,31 @@ class Tree:
         self._levels = []
         for level in range(1, int(depth.max(initial=0)) + 1):
             children = np.flatnonzero(depth == level)
-            self._levels.append((children, parents[children - 1]))
-        turns = {j.kind.turn for j in joints if j.kind.single}
-        self._turning = {
-            turn: self._where(lambda j, turn=turn: j.kind.single and j.kind.turn is turn)  # type: ignore[misc]
+            self._levels.append((run(children), run(parents[children - 1]), run(children - 1)))
+        self._number_kind = np.result_type(self._placement_R, self._placement_p, float)
+        self._turning = [
+            self._turns(turn)
             for turn in (Turn.ANGLE, Turn.CIRCLE)
-            if turn in turns
-        }
-        self._sliding = self._where(lambda j: j.kind.single and j.slope != 0.0)
+            if any(j.kind.single and j.kind.turn is turn for j in joints)
+        ]
+        self._sliding, self._sliding_q, _ = self._where(lambda j: j.kind.single and j.slope != 0.0)
         self._adding = self._where(lambda j: j.kind.additive)
         self._others = [i for i, j in enumerate(joints) if not j.kind.additive]
         self._of_several = [i for i, j in enumerate(joints) if not j.kind.single]
-        self._single, _, self._single_dofs = self._where(lambda j: j.kind.single)
-        self._turn_parts = np.array([j.turn_parts for j in joints]).reshape(-1, 3, 3, 3).swapaxes(0, 1)
-        self._slides = np.array([j.slope * (j.R @ j.axis) for j in joints]).reshape(-1, 3)
+        single, _, self._single_dofs = self._where(lambda j: j.kind.single)
+        self._single = run(single + 1)
+        self._single_S = [S[self._single_dofs, :, None] for S in (self.S_linear, self.S_angular)]
+        slides = np.array([j.slope * (j.R @ j.axis) for j in joints]).reshape(-1, 3)
+        self._slides = slides[self._sliding, :, None]
+
+    def _turns(self, turn: Turn) -> tuple[Turn, Index | slice, Index, Array]:
+        """Return joints that turn so, their entries in q, and their C0, C1, C2, shape (3, joints, 3, 3, 1).
+
+        Their rotations are C0 + C1 cos + C2 sin.
+        """
+        numbers, at, _ = self._where(lambda j: j.kind.single and j.kind.turn is turn)
+        parts = np.array([self.joints[i].turn_parts for i in numbers]).swapaxes(0, 1)
+        return turn, run(numbers), at, parts[..., None]
 
     def _where(self, chosen: Callable[[TreeJoint], bool]) -> tuple[Index, Index, Index]:
         """Return the indices of the joints that are chosen, and of their first entries in q and in v."""
@@ -86,7 +110,7 @@ class Tree:
 
     def _kind(self, x: Array) -> DTypeLike:
         """Return the type of what is computed at numbers or symbols."""
-        return np.result_type(x, self._placement_R, self._placement_p, float)
+        return self._number_kind if x.dtype == self._number_kind else np.result_type(x, self._number_kind)
 
     def neutral(self) -> Array:
         """Return the zero position, shape (nq,)."""
@@ -141,18 +165,12 @@ class Tree:
         kind = self._kind(q)
         R, p = np.empty((n, 3, 3, T), kind), np.empty((n, 3, T), kind)  # samples innermost in memory
         R[:], p[:] = self._placement_R[..., None], self._placement_p[..., None]
-        still, by_cos, by_sin = self._turn_parts
-        for turn, (numbers, at, _) in self._turning.items():
+        for turn, numbers, at, (still, by_cos, by_sin) in self._turning:
             x = q.T[at]
             c, s = (cos(x), sin(x)) if turn is Turn.ANGLE else (x, q.T[at + 1])
-            R[numbers] = (
-                still[numbers, ..., None]
-                + by_cos[numbers, ..., None] * c[:, None, None]
-                + by_sin[numbers, ..., None] * s[:, None, None]
-            )
-        numbers, at, _ = self._sliding
-        if len(numbers):
-            p[numbers] += self._slides[numbers, :, None] * q.T[at][:, None]
+            R[numbers] = still + by_cos * c[:, None, None] + by_sin * s[:, None, None]
+        if len(self._sliding):
+            p[self._sliding] += self._slides * q.T[self._sliding_q][:, None]
         R, p = R.transpose(3, 0, 1, 2), p.transpose(2, 0, 1)
         for i in self._of_several:
             joint = self.joints[i]
@@ -167,10 +185,10 @@ class Tree:
         R, p = samples_inside((T, n, 3, 3), kind), samples_inside((T, n, 3), kind)
         R[:, 0] = np.eye(3)
         R_local, p_local = self.local(q)
-        for children, parents in self._levels:
+        for children, parents, joints in self._levels:
             R0 = select(R, parents)
-            R[:, children] = compose(R0, select(R_local, children - 1))
-            p[:, children] = select(p, parents) + rotate(R0, select(p_local, children - 1))
+            R[:, children] = compose(R0, select(R_local, joints))
+            p[:, children] = select(p, parents) + rotate(R0, select(p_local, joints))
         return R, p
 
     def sweep(
@@ -200,7 +218,7 @@ class Tree:
         w, p_dot, w_dot, p_ddot = out
         rel_p, rel_w = self._joint_rates(R, v)
         acc_p, acc_w = (np.zeros(()), np.zeros(())) if a is None else self._joint_rates(R, a)
-        for children, parents in self._levels:
+        for children, parents, _ in self._levels:
             r = select(p, children) - select(p, parents)
             w0, wd0 = select(w, parents), select(w_dot, parents)
             slide, turn = select(rel_p, children), select(rel_w, children)
@@ -220,8 +238,7 @@ class Tree:
         T, n = len(R), len(self.joints) + 1
         linear, angular = np.zeros((2, n, 3, T), self._kind(rates))  # samples innermost in memory
         own = rates.T[self._single_dofs][:, None]
-        linear[self._single + 1] = self.S_linear[self._single_dofs, :, None] * own
-        angular[self._single + 1] = self.S_angular[self._single_dofs, :, None] * own
+        linear[self._single], angular[self._single] = (S * own for S in self._single_S)
         for i in self._of_several:
             at = self.v_slices[i]
             linear[i + 1] = self.S_linear[at].T @ rates[:, at].T
