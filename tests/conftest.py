@@ -118,6 +118,24 @@ def optimised() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def build_once() -> None:
+    """Build each module once a session: many tests load the same robots, whose mechanisms never change."""
+    from hybridyn.structure import mechanism, module_builder
+
+    made: dict[object, mechanism.Mechanism] = {}
+
+    def built(spec: Any, tolerances: Any, size: float, like: Any = None) -> mechanism.Mechanism:
+        asked = (spec.key, tolerances, size, mechanism.kept_generic_postures)  # tests replace the last one
+        if like is not None:
+            return mechanism.Mechanism(spec, tolerances, size, like)
+        if asked not in made:
+            made[asked] = mechanism.Mechanism(spec, tolerances, size)
+        return made[asked]
+
+    module_builder.Mechanism = built  # type: ignore[assignment,misc]
+
+
+@pytest.fixture(scope="session", autouse=True)
 def expand_once() -> None:
     """Expand each shipped xacro file once a session."""
     from hybridyn.description import reading
