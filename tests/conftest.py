@@ -24,6 +24,9 @@ from tests.support.extras import all_installed, robots_of_others, skip
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
+#: So many modules are kept at most.
+MODULES = 500
+
 # Some hundred programs are started: each would compile the package anew, 0.2 s of 0.4.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
@@ -125,14 +128,24 @@ def build_once() -> None:
     made: dict[object, mechanism.Mechanism] = {}
 
     def built(spec: Any, tolerances: Any, size: float, like: Any = None) -> mechanism.Mechanism:
-        asked = (spec.key, tolerances, size, mechanism.kept_generic_postures)  # tests replace the last one
         if like is not None:
             return mechanism.Mechanism(spec, tolerances, size, like)
+        asked = (spec.key, tolerances, size)
         if asked not in made:
+            if len(made) == MODULES:
+                made.clear()
             made[asked] = mechanism.Mechanism(spec, tolerances, size)
         return made[asked]
 
     module_builder.Mechanism = built  # type: ignore[assignment,misc]
+
+
+@pytest.fixture
+def built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a test see how modules are built, whatever was built before."""
+    from hybridyn.structure import mechanism, module_builder
+
+    monkeypatch.setattr(module_builder, "Mechanism", mechanism.Mechanism)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -22,6 +22,7 @@ from tests.support.comparing import refused
 from tests.support.files import save
 
 COUNT = 24
+pytestmark = pytest.mark.usefixtures("built_anew")
 
 
 @pytest.fixture
