@@ -70,14 +70,15 @@ class _Group:
     def __init__(self, tree: Tree, closures: list[TreeClosure], first_rows: list[int]) -> None:
         first = closures[0]
         self.translations, self.rotation = first.translations, first.rotation
-        a, b = np.array([c.body_a for c in closures]), np.array([c.body_b for c in closures])
-        self.a, self.b = run(a), run(b)
-        self.R_a, self.p_a = np.array([c.R_a for c in closures]), np.array([c.p_a for c in closures])
-        self.R_b, self.p_b = np.array([c.R_b for c in closures]), np.array([c.p_b for c in closures])
+        a, b = [c.body_a for c in closures], [c.body_b for c in closures]
+        self.bodies = run(np.array([*a, *b]))  # frames A, then frames B: one call of NumPy serves both
+        self.R = np.array([*(c.R_a for c in closures), *(c.R_b for c in closures)])
+        self.p = np.array([*(c.p_a for c in closures), *(c.p_b for c in closures)])
+        self.of_a, self.of_b = slice(len(a)), slice(len(a), None)
         self.rows = np.array(first_rows)[:, None] + np.arange(first.rows)
         self.cols = np.array([np.flatnonzero(involved(tree, c)) for c in closures]).reshape(len(closures), -1)
-        on_b = tree.support[b[:, None], self.cols].astype(float)
-        self.sign = (on_b - tree.support[a[:, None], self.cols])[..., None]
+        on_a, on_b = (tree.support[np.array(x)[:, None], self.cols].astype(float) for x in (a, b))
+        self.sign = (on_b - on_a)[..., None]
 
     def moved_by(self, free: Mask) -> _Group:
         """Return the group restricted to some freedoms, if every closure involves the same number of them."""
@@ -91,11 +92,13 @@ class _Group:
 
     def frames(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
         """Compute axes and origins of A, then of B, in the base: (T, g, 3, 3), (T, g, 3), twice."""
-        Ra, Rb = select(motion.R, self.a), select(motion.R, self.b)
-        return (
-            compose(Ra, self.R_a), select(motion.p, self.a) + rotate(Ra, self.p_a),
-            compose(Rb, self.R_b), select(motion.p, self.b) + rotate(Rb, self.p_b),
-        )  # fmt: skip
+        axes, origins = self._placed(motion)
+        return axes[:, self.of_a], origins[:, self.of_a], axes[:, self.of_b], origins[:, self.of_b]
+
+    def _placed(self, motion: Motion) -> tuple[Array, Array]:
+        """Compute axes and origins of the frames A, then of the frames B, (T, 2 g, 3, 3), (T, 2 g, 3)."""
+        R = select(motion.R, self.bodies)
+        return compose(R, self.R), select(motion.p, self.bodies) + rotate(R, self.p)
 
     def residual(self, motion: Motion) -> Array:
         """Compute the residuals, shape (T, g, rows): metres, then radians."""
@@ -112,13 +115,16 @@ class _Group:
 
     def rates(self, motion: Motion) -> tuple[Array, Array]:
         """Compute the first two time derivatives of the residuals along the motion, shapes (T, g, rows)."""
-        A, pa, B, pb = self.frames(motion)
-        wa, wb, wda, wdb = (select(x, i) for x in (motion.w, motion.w_dot) for i in (self.a, self.b))
-        r, ra, rb = pb - pa, pa - select(motion.p, self.a), pb - select(motion.p, self.b)
-        va, vb = select(motion.p_dot, self.a) + cross(wa, ra), select(motion.p_dot, self.b) + cross(wb, rb)
-        aa = select(motion.p_ddot, self.a) + cross(wda, ra) + cross(wa, cross(wa, ra))
-        ab = select(motion.p_ddot, self.b) + cross(wdb, rb) + cross(wb, cross(wb, rb))
-        slide, slide_dot = slides_of(r, vb - va, ab - aa, wa, wda)
+        axes, p = self._placed(motion)
+        w, w_dot, v, a = (
+            select(x, self.bodies) for x in (motion.w, motion.w_dot, motion.p_dot, motion.p_ddot)
+        )
+        arm = p - select(motion.p, self.bodies)
+        v, a = v + cross(w, arm), a + cross(w_dot, arm) + cross(w, cross(w, arm))
+        r, v, a = (x[:, self.of_b] - x[:, self.of_a] for x in (p, v, a))
+        A, B, wa, wb = (x[:, at] for x in (axes, w) for at in (self.of_a, self.of_b))
+        wda, wdb = w_dot[:, self.of_a], w_dot[:, self.of_b]
+        slide, slide_dot = slides_of(r, v, a, wa, wda)
         z, w = B[..., 2], wb - wa
         along = directions_of(self.translations, self.rotation, A, z)
         first = np.concatenate([rotate(along.axes, slide), rotate(along.turns, w)], axis=-1)
