@@ -155,7 +155,7 @@ def test_a_four_bar_in_plain_bearings_starts_where_the_inverse_model_drives_it(s
     needed = hybridyn.idm(robot, q, v, 0 * a, wrenches=load, effects=["default", drive])[0]
     middle = hybridyn.idm(robot, q, 0 * v, 0 * a, wrenches=load)[0]
     run = simulate(
-        robot, q, 0 * v, (0, 1.1), wrenches=load, effects=["default", LoadFriction(radial=radii)],
+        robot, q, 0 * v, (0, 1.01), wrenches=load, effects=["default", LoadFriction(radial=radii)],
         stiction=True, effort=lambda t, q, v: np.array([middle + t * (needed - middle)]),
     )  # fmt: skip
     assert abs(released(run) - 1.0) < 1e-9  # the rates of 1e-9 rad/s, and rounding over the margin

@@ -585,7 +585,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
     assert (point.error, point.seconds) == (np.inf, pytest.approx(3.5 * 2.0 / early.state.t))
     assert re.fullmatch(r"the first \S+ % of the scene.*, time extrapolated", point.how)
     assert error_words(point, STUDY) == "not known"
-    stopped, _ = scene.run(usual, 45.5)
+    stopped, _ = scene.run(usual, 20.5)
     assert stopped.status == "interrupted"
     assert 0 < stopped.state.t < 2.0
     scene.duration = float(stopped.t[-1])

@@ -72,7 +72,7 @@ def test_a_five_bar_reaches_the_intersection_of_its_annuli(limits: bool) -> None
 
 def test_a_posture_reaches_its_coordinates_and_closes() -> None:
     robot = hybridyn.load("rps3")
-    found = workspace(robot, steps={"z": 0.04, "roll": 0.2, "pitch": 0.2})
+    found = workspace(robot, steps={"z": 0.08, "roll": 0.3, "pitch": 0.3})
     assert found.sweep.names == ("z", "roll", "pitch")  # x, y and yaw follow: parasitic motion
     assert hybridyn.closure_residual(robot, found.q).max() < EXACT
     pose = hybridyn.kinematics(robot, found.q, np.zeros((len(found.q), robot.nv)), links=["m1_platform"])
@@ -226,7 +226,7 @@ def test_a_linkage_that_lies_flat_holds_no_weight(seed: int) -> None:
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The table, the summary and the figure; several processes give the same bytes as one."""
     one, two, figure = (tmp_path / name for name in ("one.csv", "two.csv", "maps.png"))
-    words = ["workspace", "five_bar", "--link", "m1_tool", "--step", "x=0.25,z=0.25"]
+    words = ["workspace", "five_bar", "--link", "m1_tool", "--step", "x=0.3,z=0.3"]
     said = call(capsys, *words, "-o", one, "--plot", figure)
     assert said.out == ""
     call(capsys, *words, "-o", two, "--jobs", "2")
@@ -244,7 +244,7 @@ def test_a_figure_marks_what_ends_the_workspace() -> None:
     """Marks lie between a pose that is reached and one that is not."""
     from hybridyn.figures.workspace import figure_of_workspace
 
-    found = workspace(hybridyn.load("five_bar"), steps={"x": 0.06, "z": 0.06})
+    found = workspace(hybridyn.load("five_bar"), steps={"x": 0.1, "z": 0.1})
 
     def named(coordinates: Array) -> dict[str, Array]:
         return dict(zip(found.sweep.names, coordinates.T, strict=True))

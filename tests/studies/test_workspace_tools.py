@@ -148,18 +148,18 @@ def test_efforts_and_conditioning_go_from_the_motors_to_the_teeth(tmp_path: Path
 
 def test_studies_measure_the_region_of_a_tool(tmp_path: Path) -> None:
     """Largest efforts, least conditioning, and reach are those of the poses that `workspace` finds."""
-    robot, steps = machine(tmp_path, STROKE), {"x": 0.3, "z": 0.3, "pitch": 0.3}
+    robot, steps = machine(tmp_path, STROKE), {"x": 0.3, "z": 0.3, "pitch": 0.4}
     found, words = workspace(robot, link="teeth", steps=steps), ["poses", "size", "reach", "min_conditioning"]
     words += ["max_effort_per_force", "max_effort_per_torque"]
     task = (
-        f"workspace = {{ link = 'teeth', steps = {{ x = 0.3, z = 0.3, pitch = 0.3 }} }}\nmeasure = {words}\n"
+        f"workspace = {{ link = 'teeth', steps = {{ x = 0.3, z = 0.3, pitch = 0.4 }} }}\nmeasure = {words}\n"
     )
     study = "[robot]\nfile = 'excavator.urdf'\n[designs]\nmethod = 'grid'\n[parameters]\n"
     study += f"mass = {{ scale_inertia = 'bucket', values = [1.0] }}\n[tasks.reach]\n{task}"
     source = read_study(save(tmp_path, study, "study.toml"))
     (row,) = evaluate_chunk(source, Chunk(0, designs_of(source)), None).rows
     m, far = found.measures, np.linalg.norm(found.coordinates[:, :2], axis=1).max()
-    wanted = [len(found.index), len(found.index) * 0.3**3, far, m["conditioning"].min()]
+    wanted = [len(found.index), len(found.index) * 0.3**2 * 0.4, far, m["conditioning"].min()]
     wanted += [m["effort_per_force"].max(), m["effort_per_torque"].max()]
     assert row.measures == pytest.approx(wanted, rel=EXACT)
 
@@ -257,7 +257,7 @@ def test_a_link_that_one_of_two_motors_moves_leaves_the_other_to_the_rule() -> N
 def test_the_command_says_what_moves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine(tmp_path, STROKE)
     path = tmp_path / "excavator.urdf"
-    said = call(capsys, "workspace", path, "--link", "teeth", "--step", "x=0.4,z=0.4,pitch=0.3")
+    said = call(capsys, "workspace", path, "--link", "teeth", "--step", "x=0.6,z=0.6,pitch=0.4")
     assert said.out.splitlines()[1 if said.out.startswith("#") else 0].startswith("teeth@cab/pose/x,")
     assert "modules 1, 2, 3: " in said.err
     assert "boom_rod (" in said.err
