@@ -28,16 +28,16 @@ ROUNDS = 8
 States = Sequence[Array]
 
 
-def random_states(robot: HybridRobot, seed: int = 0, *, spins: bool = True) -> States:
+def random_states(robot: HybridRobot, seed: int = 0, *, idle: bool = True) -> States:
     """Draw q, v, tau, a of `SAMPLES` assembled states, shapes (SAMPLES, n).
 
-    The accelerations are any that keep the loops closed, as tables have them. Without `spins` rods do not
-    spin idly.
+    The accelerations are any that keep the loops closed, as tables have them. Without `idle` there are
+    no idle motions.
     """
     from .equations.states import any_accelerations, moving_states  # a start from the cache needs no CasADi
 
-    q, v, tau = moving_states(robot, SAMPLES, seed, spins=spins)
-    return q, v, tau, any_accelerations(robot, q, v, seed + 1, spins=spins)
+    q, v, tau = moving_states(robot, SAMPLES, seed, idle=idle)
+    return q, v, tau, any_accelerations(robot, q, v, seed + 1, idle=idle)
 
 
 def compare_at_states(

@@ -180,7 +180,7 @@ def _efforts(robot: HybridRobot, acting: dict[str, Any], *motion: Array) -> dict
 
 
 def _following(robot: HybridRobot, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-    """Return rates and accelerations of states as they follow from the motors', with the least spins of rods.
+    """Return rates and accelerations of states as they follow from the motors', with the least idle motions.
 
     They are those of the states where the motors do not determine the motion: then nothing is left open.
     """

@@ -18,7 +18,7 @@ from .code.scalars import GUARD_LIMIT
 from .comparing import SAMPLES, of_refused, random_states, refused_states
 
 if TYPE_CHECKING:
-    from .equations.request import Request
+    pass
 
 
 def reason(robot: HybridRobot, on: Effects) -> str:
@@ -41,6 +41,7 @@ def _light(robot: HybridRobot, on: Effects, q: Array) -> str:
     """Name the motion with the least inertia, as a part of that with all other motions locked."""
     import pinocchio as pin
 
+    from .equations.idle.inertia import mass_beside
     from .equations.least_inertia import NEARLY_NO_INERTIA  # a start from the cache needs no CasADi
     from .equations.options import direct_options
     from .equations.request import request
@@ -63,11 +64,9 @@ def _light(robot: HybridRobot, on: Effects, q: Array) -> str:
                 "joint has this motion alone. Give the bodies that it moves an inertia about it, or write "
                 "hinges that cross as one ball)"
             )
-        if beside := _beside(asked, k):
-            return (
-                f" (module '{x.state.module.name}': the spin of {beside} has no inertia, but mass beside its "
-                "line. Put the centre of mass on the line, or give it an inertia about it)"
-            )
+        own, names = asked.robot.modules[k], x.state.module.freedom_names()
+        if beside := mass_beside(asked.plans[k], asked.rotor(own), names, GUARD_LIMIT):
+            return f" (module '{own.name}': {beside})"
     ratio, module, freedom = min((_least(x, locked) for x in modules), default=(1.0, "", ""))
     if ratio > NEARLY_NO_INERTIA:
         return ""
@@ -76,16 +75,6 @@ def _light(robot: HybridRobot, on: Effects, q: Array) -> str:
         f"inertia that it has with these locked, limit {NEARLY_NO_INERTIA:g}: its acceleration loses digits. "
         "Give the bodies that it moves, or those that carry it, an ordinary inertia)"
     )
-
-
-def _beside(asked: Request, k: int) -> str:
-    """Name a rod of module k without inertia about its line and with mass beside it, or return ""."""
-    plan, module = asked.plans[k], asked.robot.modules[k]
-    found = plan.spinning(asked.rotor(module))
-    for spin, one in zip(plan.parts.spins, found, strict=True):
-        if isinstance(one.guard, float) and one.guard > GUARD_LIMIT:
-            return module.freedom_names()[int(plan.parts.tree_v[spin.col])]
-    return ""
 
 
 def _without_inertia(x: ArticulatedModule) -> str:

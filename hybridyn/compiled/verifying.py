@@ -32,7 +32,8 @@ ROUNDINGS = 100
 DRAWS = 8
 
 #: Largest difference that rounding may explain, except where the result solves the equations of motion to
-#: rounding: an inertia that nearly vanishes along a motion (a rod's spin) lets rounding do more, to any path.
+#: rounding: an inertia that nearly vanishes along a motion (a rod's about its line) lets rounding do more, to
+#: any path.
 EXCUSED = 1e-6
 
 #: Largest force that a result of the direct model may leave along a motion, as a part of the largest term.

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 import hybridyn
-from hybridyn.compiled.equations.spins import spins_of
+from hybridyn.compiled.equations.idle.motion import idle_motions
 from hybridyn.description.records import Description, Link
 from hybridyn.dynamics.forward import forward
 from hybridyn.spatial import Array
@@ -209,7 +209,7 @@ def spin(robot: hybridyn.HybridRobot, q: Array, v: Array, a: Array | None, rng: 
     for state in forward(robot, q, v, changed):
         m, at = state.mechanism, state.module.v_index
         tree = state.v if a is None else state.a
-        for one in spins_of(m, state.module.motor_columns):
+        for one in idle_motions(m, state.module.motor_columns):
             cols, axis, share = list(one.cols), one.axis.astype(float), one.share.astype(float)
             tree[:, cols] += (rng.normal(size=len(q)) - tree[:, cols] @ share)[:, None] * axis
         if a is None:

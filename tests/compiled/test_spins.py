@@ -69,7 +69,7 @@ def compare(robot: hybridyn.HybridRobot, size: float, samples: int = 25) -> None
 
 def spins(robot: hybridyn.HybridRobot) -> int:
     """Count the spins that compiled models know."""
-    return sum(len(plan.parts.idle) for plan in request(robot, None).plans)
+    return sum(len(plan.parts.all_idle) for plan in request(robot, None).plans)
 
 
 @pytest.mark.parametrize("thin", [False, True])
@@ -78,7 +78,7 @@ def test_equal_legs_carry_their_spins(thin: bool) -> None:
     for name in ("ball_gough", "slides"):
         (plan,) = request(build_robot(getattr(rods, name)(1, thin=thin)), None).plans
         assert [len(group) for group in plan.parts.groups] == [6]
-        assert not plan.parts.spins
+        assert not plan.parts.idle
 
 
 @pytest.mark.parametrize(("name", "seed", "foot", "thin"), MACHINES)
@@ -179,14 +179,14 @@ def test_shipped_robots_with_balls_at_their_feet(name: str, legs: int, size: flo
 def test_twelve_rods_in_two_modules() -> None:
     """The upper Delta is carried by the lower one's platform, so its spins feel the motion of their base."""
     robot = build_robot(rods.stack())
-    assert [len(plan.parts.idle) for plan in request(robot, None).plans] == [6, 6]
+    assert [len(plan.parts.all_idle) for plan in request(robot, None).plans] == [6, 6]
     compare(robot, 0.3, 9)
 
 
 def test_mass_beside_the_line_is_no_idle_spin() -> None:
     """Its spin moves mass: the efforts of accelerations that no motor gives it are refused, as before."""
     robot = build_robot(rods.crank(3, beside=0.02))
-    assert not request(robot, None).plans[0].parts.idle
+    assert not request(robot, None).plans[0].parts.all_idle
     turning = build_robot(rods.crank(3))
     q, v, a = rods.moved(turning, 5, 0.4)
     refused(lambda: hybridyn.idm(robot, q, v, a), hybridyn.ActuationError, "no motor can produce")
@@ -236,7 +236,7 @@ def test_mass_beside_the_line_by_rounding_of_a_file_is_weighed() -> None:
         for x in description.links
     ]
     robot = build_robot(replace(description, links=tuple(links)))
-    assert not request(robot, None).plans[0].parts.spins
+    assert not request(robot, None).plans[0].parts.idle
     q, v, _, tau = random_states(robot, 5)
     (found,), guard = Interpreted(robot, ("ddm",)).batch("ddm", q, v, tau)
     wanted = hybridyn.ddm(robot, q, v, tau)

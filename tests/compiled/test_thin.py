@@ -139,3 +139,76 @@ def test_designs_are_the_general_paths_or_handed_over(
     sure = {(0.05, 0.0), (1e-6, 0.0)} | (set() if foot == "oblique" else {(0.0, 0.0)})
     assert computed >= sure
     assert foot not in ("ball", "floating") or UNSURE not in computed
+
+
+#: Largest part of the terms that may be left: accelerations of a spin of little inertia reach 1e7 rad/s^2.
+LEFT = 1e-10
+#: Seeds of rods near the border: some by default.
+SEEDS = [[1], slow([0, *range(2, 120)])]
+
+
+def near_the_border(rng: np.random.Generator, link: Link) -> tuple[Link, float, float]:
+    """Return a rod that is thin, nearly thin or round, the inertia of its spin, and its coupling, in m l^2.
+
+    Its centre is beside the line by rounding or by more, and the line is no principal axis.
+    """
+    length, line = 2 * np.linalg.norm(link.com), link.com / np.linalg.norm(link.com)
+    axial, beside = (
+        0.0 if rng.random() < 0.3 else 10.0 ** rng.uniform(*of) for of in ((-16.0, -9.0), (-15.0, -4.0))
+    )
+    skew = 0.9 * np.sqrt(axial / 12) * (0.0 if rng.random() < 0.3 else 10.0 ** rng.uniform(-5.0, 0.0))
+    across = np.cross(line, [0.3, -0.5, 0.8])
+    across /= np.linalg.norm(across)
+    about, tilted = np.outer(line, line), np.outer(across, line)
+    inertia = link.mass * length**2 * ((np.eye(3) - about) / 12 + axial * about + skew * (tilted + tilted.T))
+    changed = replace(link, com=link.com + beside * length * across, inertia=(inertia + inertia.T) / 2)
+    return changed, axial + beside**2, float(np.hypot(beside, skew))
+
+
+@pytest.mark.parametrize("seeds", SEEDS, ids=["few", "many"])
+def test_rods_near_the_border_are_the_general_paths_or_handed_over(seeds: list[int]) -> None:
+    """Of a file, and designs. Rounding of the spin's inertia grows by its coupling with other motions."""
+    computed = set()
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 51])
+        foot: rods.Foot = rng.choice(["ball", "floating", "floating aside", "revolutes"])
+        base: Base = rng.choice(get_args(Base))
+        round_one = rods.crank(int(rng.integers(40)), foot)
+        at = next(i for i, link in enumerate(round_one.links) if "rod" in link.name and link.mass)
+        link, spun, coupled = near_the_border(rng, round_one.links[at])
+        links = (*round_one.links[:at], link, *round_one.links[at + 1 :])
+        robot = build_robot(replace(round_one, links=links), base=base)
+        parameters = Parameters(round_one, [f"centre:{link.name}", f"inertia:{link.name}"])
+        values = np.concatenate([link.com, link.inertia[np.triu_indices(3)]])
+        programs_of = {
+            "file": (robot, (), []),
+            "design": (
+                build_robot(round_one, base=base),
+                parameters.slots,
+                [parameters.slot_values(values[None])[0]],
+            ),
+        }
+        states = [x[0] for x in moving_states(robot, 1, seed)]
+        more = {"base_acceleration": rng.normal(size=6) * 5.0} if base == "moving" else {}
+        for name, (own, slots, numbers) in programs_of.items():
+            program = function_of(programs(own, None, models=("ddm",), parameters=slots)["ddm"])
+            a, guard = program(*states, *more.values(), *numbers)
+            if not float(guard) <= GUARD_LIMIT:
+                continue
+            computed.add(name)
+            near_the_general_path(
+                robot, states, np.array(a).ravel(), more, 2.0**-52 * (coupled / spun) ** 2 if spun else 0.0
+            )
+    assert computed == {"file", "design"}
+
+
+def near_the_general_path(
+    robot: hybridyn.HybridRobot, states: list[Array], found: Array, more: dict[str, Array], growth: float
+) -> None:
+    """Hold accelerations to the equations of motion, and those of motors to the general path's."""
+    q, v, tau = states
+    found[: 6 * len(more)] = next(iter(more.values()), found[:0])
+    left = unbalanced(robot, choose(robot, None), q[None], v[None], found[None], tau[None])
+    assert left[0] <= LEFT
+    wanted = hybridyn.ddm(robot, q, v, tau, **more)[robot.motor_v]
+    assert np.abs(found[robot.motor_v] - wanted).max() <= (MOTORS + growth) * np.abs(wanted).max()

@@ -3,59 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ...assembly.free_motions import IDLE
 from ...linkage.reduction import RANK_TOLERANCE
 from ...spatial import Index, motion_to_base, motion_to_body
 from ...symbols import Expression, dot, is_zero
 from .chains import Chain, Placed, sweep
 from .core_rows import CoreRows, write_rows
-from .expressions import plain, scalar, zeros
-from .leg_groups import Leg
-from .legs import PlatformMotion, WrittenLeg
+from .expressions import plain, zeros
+from .idle.cores import hold_idle, part_idle
+from .legs import PlatformMotion
 from .module_plan import ModulePlan
-from .scales import Scale, largest, size_of, weighed
-from .spins import UNFELT, first_moment
-
-
-def spin_guard(plan: ModulePlan, felt: Expression, moved: Expression, idle: float) -> Any:
-    """Return the guard that a spin is idle where arguments change the closures or the centres of mass.
-
-    Args:
-        felt: How far the closures feel it, without units.
-        moved: `first_moment` of the spin.
-        idle: Largest part of the module's mass and length in it.
-    """
-    unit = plan.mechanism.length * sum(body.mass for body in plan.mechanism.spec.leg_bodies if body)
-    return weighed([(felt, 1.0)], plan.scale.weight_of_positions) + weighed([(moved, unit)], idle**-2)
-
-
-def leg_guard(plan: ModulePlan, leg: WrittenLeg) -> ca.SX:
-    """Return the guard of a leg; with arguments, that its spin is idle, too."""
-    if leg.spin is None or plan.column is None:
-        return leg.guard
-    spin = replace(leg.spin, axis=leg.S[list(leg.spin.cols)])
-    felt = np.concatenate([leg.felt[:3] / plan.mechanism.length, leg.felt[3:]])
-    return ca.SX(leg.guard + spin_guard(plan, felt, first_moment(spin, leg.chain.links), UNFELT))
-
-
-def spins_of_legs(
-    plan: ModulePlan, written: WrittenLeg, group: tuple[Leg, ...], rotor: Sequence[float]
-) -> tuple[Any, Any]:
-    """Return 1 for legs whose spin has inertia, else 0, and the guard that this is certain."""
-    found = [plan.spinning(rotor, leg) for leg in group]
-    if not all(found):
-        return 0.0, 0.0
-    has, guard = (
-        written.folding.array([scalar(x) for x in each])
-        for each in zip(*((one.has, one.guard) for (one,) in found), strict=True)
-    )
-    return has[0], guard[0]
+from .scales import Scale, largest, size_of
 
 
 @dataclass(eq=False)
@@ -106,12 +69,7 @@ def write_core(
     rates = np.concatenate([V_base, twists])
     weights = _weights(plan, (tree_v, tree_a), (V_base, A_base), list(platforms.values()))
     rows = write_rows(chain, parts, tree_q, rates, tree_a, plan.scale, weights)
-    for spin in parts.spins:
-        if plan.column is not None:
-            felt = dot(rows.K[:, 6 + np.array(spin.cols)], spin.axis)
-            felt = felt * plan.mechanism.reduction.row_scale[list(parts.closure_rows)]
-            rows.guard = rows.guard + spin_guard(plan, felt, first_moment(spin, parts.links), IDLE)
-        rows.K[:, 6 + spin.col] = 0.0  # the rows do not feel the freedoms that stand for spins
+    rows.guard = hold_idle(plan, rows.K[:, 6:], rows.guard)
     return Core(chain, platforms, rows, list(plan.mechanism.spec.outputs))
 
 
@@ -177,18 +135,15 @@ def motions_of(plan: ModulePlan, K: Expression, right: Expression) -> tuple[Expr
     """Solve a core's closures K y = right by the chosen pivots.
 
     Returns:
-        X: y over [right-hand sides, spins, other motions], shape (n, k + motions); all but the spins are
-            orthogonal to these.
+        X: y over [right-hand sides, motions], shape (n, k + motions); idle motions come first, and all
+            else is orthogonal to them.
         doubts: As of `solve`.
     """
     X, doubts = plan.solved(K, right)
     k = right.shape[1]
     free = plan.free
     X = X[:, [*range(k), *(k + free.index(col) for col in plan.motions)]]
-    for i, spin in enumerate(plan.parts.spins):
-        spin.taken_out(X)
-        X[:, k + i] = 0.0
-        X[list(spin.cols), k + i] = spin.axis
+    part_idle(plan, X, k)
     return X, doubts
 
 

@@ -14,14 +14,15 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import crf, hat, wrench_to_base
-from ...symbols import Expression, dot, plus, times
+from ...symbols import Expression, dot
 from .chains import forces, mass_matrix, motion_map
 from .core import Core, motions_of, own_inertia, rank_guard
 from .direct_legs import LEG_SUMS
 from .direct_outwards import accelerations_outwards, add_wrists, legs_on_paths
 from .expressions import congruence, pack, symmetric, symmetric_product, upper, zeros
 from .guarded_elimination import solve_definite
-from .least_inertia import NEARLY_NO_INERTIA, least_inertia, unforced_spins
+from .idle.cores import rest_idle, set_idle
+from .least_inertia import NEARLY_NO_INERTIA, least_inertia
 from .module_plan import ModulePlan
 from .options import Options
 from .rigid import classical, inertia_matrix, matrix_moved, momentum, moved, resting
@@ -135,15 +136,12 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: bool = False) ->
 
 def _along(core: Core, plan: ModulePlan, A: Expression, u_dot: Expression) -> Expression:
     """Compute the core's accelerations at those of its base and along its motions, shape (n,)."""
-    K, spins = core.rows.K, plan.parts.spins
+    K = core.rows.K
     y = zeros(K.shape[1] - 6, 1)
-    y[plan.motions[len(spins) :], 0] = u_dot[len(spins) :]
+    y[plan.motions[plan.idle :], 0] = u_dot[plan.idle :]
     right = -dot(K[:, :6], A) - core.rows.gamma - dot(K[:, 6:], y[:, 0])
     y = y + plan.solved(K[:, 6:], right[:, None])[0][:, :1]
-    for spin, x in zip(spins, u_dot, strict=False):
-        spin.taken_out(y)
-        for col, share in zip(spin.cols, spin.axis, strict=True):
-            y[col, 0] = y[col, 0] + times(share, x)
+    set_idle(plan, y, u_dot)
     return y[:, 0]
 
 
@@ -185,7 +183,7 @@ def _solve(
     A_t = congruence(Psi, M_yy)  # Eq. (43)
     E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))  # Eq. (42)
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
-    unforced = _hold_thin(plan, options, (A_t, E, Q_0), f)
+    unforced = rest_idle(plan, options.rotor, (A_t, E, Q_0), f)
     least = None
     if plan.column is not None:
         least, uncertain = least_inertia(plan, Psi, M_yy, A_t)
@@ -230,24 +228,3 @@ def _on_base(
     across = dot(M_yb.T, Psi_b)
     inertia = M[:6, :6] + (across + across.T) + congruence(Psi_b, M_yy) - symmetric_product(E, G)
     return inertia, b[:6] + dot(M_yb.T, y_0) + dot(Psi_b.T, f) + dot(E.T, u_0)
-
-
-def _hold_thin(
-    plan: ModulePlan, options: Options, equation: tuple[Expression, Expression, Expression], f: Expression
-) -> Any:
-    """Give spins without inertia no acceleration, the least; return the guard that they have and feel none.
-
-    Args:
-        equation: A_t, E and Q_0 of the module, changed in place.
-        f: The forces along y, of whose terms those on the spins may be rounding.
-    """
-    A_t, E, Q_0 = equation
-    guard: Any = 0.0
-    for i, spin in enumerate(plan.spinning(options.rotor)):
-        left = np.array([times(1.0 - spin.has, Q_0[i])], dtype=object)
-        guard = guard + spin.guard + unforced_spins(plan, left, f, plan.parts.tree_v)
-        own = plus(times(spin.has, A_t[i, i]), 1.0 - spin.has)
-        for row in (E[i], Q_0[i : i + 1], A_t[i], A_t[:, i]):
-            row[:] = [times(spin.has, x) for x in row]
-        A_t[i, i] = own
-    return guard

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ...spatial import Array, cross, hat
-from ...symbols import Expression, dot, plus, times
+from ...symbols import Expression, dot, plus
 from .chains import forces, mass_matrix
-from .core import leg_guard, spins_of_legs
-from .expressions import along, congruence, numbers, pack, upper, zeros
-from .least_inertia import unforced_spins
+from .expressions import congruence, numbers, pack, upper, zeros
 from .legs import PlatformMotion, WrittenLeg, write_leg
 from .module_plan import ModulePlan
 from .options import Options
@@ -29,7 +26,7 @@ def write_direct_legs(
     """Write the direct model of group n of a module, and return its stages and its legs' own numbers.
 
     Args:
-        motion: Whether one stage computes the accelerations "a" alone, also from those of spins.
+        motion: Whether one stage computes the accelerations "a" alone, also from those of idle motions.
     """
     group, given, later = plan.parts.groups[n], GivenColumns(), GivenColumns()
     leg, forced = group[0], group[0].among(options.motors)
@@ -42,40 +39,39 @@ def write_direct_legs(
     delta = later.take("delta", 6)
     if motion:
         a = leg_accelerations(written, delta)
-        a = plus(a, written.S * later.take("u_dot of leg", 1)) if written.spin else a
+        a = plus(a, written.idle.S * later.take("u_dot of leg", 1)) if written.idle else a
     else:
-        spinning, certain = spins_of_legs(plan, written, group, options.rotor)
-        sums, written = leg_sums(written, tau, options.velocity, rotor, spinning)
+        if written.idle:
+            written.idle = written.idle.decided(plan, written.folding, group, options.rotor)
+        sums, written = leg_sums(written, tau, options.velocity, rotor)
         a = leg_accelerations(written, delta)
-        if written.spin:
+        if written.idle:
             a = plus(a, dot(sums["over_base"], later.base_acceleration(options)))
     inputs = {"numbers": written.folding.symbol()} | given
     if motion:
         return cut([inputs | later], [{"a": pack(a)}]), written.folding.table(len(group))
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
-    if written.spin:
-        left = np.array([times(1.0 - spinning, along(written.S, sums["f"]))], dtype=object)
-        certain = certain + unforced_spins(plan, left, sums["f"], leg.tree_v)
-    outputs["guard"] = leg_guard(plan, written) + certain
+    certain = written.idle.unforced(plan, sums["f"], leg.tree_v) if written.idle else 0.0
+    outputs["guard"] = written.guarded(plan) + certain
     return cut([inputs, later], [outputs, {"a": pack(a)}]), written.folding.table(len(group))
 
 
 def leg_sums(
-    leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression, spinning: Any
+    leg: WrittenLeg, tau: Expression, velocity: bool, rotor: Expression
 ) -> tuple[dict[str, Expression], WrittenLeg]:
-    """Compute a leg's contributions to the direct model, over [V_dot_base; delta], and free its spin.
+    """Compute a leg's contributions to the direct model, over [V_dot_base; delta], and free its idle motion.
 
     Args:
         tau: Generalised forces on its joints.
         velocity: Whether velocity terms are on.
         rotor: Rotor inertias of its joints, shape (nv,).
-        spinning: 1 if its spin has inertia; 0 if not: its acceleration is then zero.
 
     Returns:
         "S1": ten numbers on the base; "B": M_base,delta row by row; "L": M_delta,delta, upper triangle;
-        "b_base", "b_delta": forces at zero accelerations; "over_base": joint accelerations that the spin has
-        over that of the base, shape (nv, 6); "f": forces on the joints before it is free; "A": their inertia.
-        The leg, whose X and y0 have the acceleration of the spin.
+        "b_base", "b_delta": forces at zero accelerations; "over_base": joint accelerations that the idle
+        motion has over that of the base, shape (nv, 6); "f": forces on the joints before it is free; "A":
+        their inertia.
+        The leg, whose X and y0 have the acceleration of the idle motion.
     """
     M, S1 = mass_matrix(leg.chain)
     D, A = M[:6, 6:], M[6:, 6:]
@@ -84,9 +80,10 @@ def leg_sums(
     bias = forces(leg.chain) if velocity else zeros(6 + leg.chain.nv)
     f = bias[6:] + dot(A, leg.y0) - tau
     needed, over_base = f, zeros(leg.chain.nv, 6)
-    if leg.spin:
-        leg, needed, over_base, turned = _with_free_spin(leg, (D, A), f, spinning)
-        S1 = np.concatenate([S1[:4], plus(S1[4:], upper(turned))])
+    if leg.idle:
+        freed = leg.idle.freed((D, A), (leg.X, leg.y0), f)
+        leg, needed, over_base = replace(leg, X=freed.X, y0=freed.y0), freed.needed, freed.over_base
+        S1 = np.concatenate([S1[:4], plus(S1[4:], upper(freed.turned))])
     B = dot(D, leg.X)
     B[:, 3:] = B[:, 3:] - dot(B[:, :3], hat(leg.point))
     sums = {
@@ -100,32 +97,6 @@ def leg_sums(
         "b_delta": leg.wrench(dot(leg.X.T, needed)),
     }
     return sums, leg
-
-
-def _with_free_spin(
-    leg: WrittenLeg, inertia: tuple[Expression, Expression], f: Expression, spinning: Any
-) -> tuple[WrittenLeg, Expression, Expression, Expression]:
-    """Return a leg whose X and y0 have the acceleration of its spin.
-
-    Args:
-        inertia: D and A of the leg, Eq. (34).
-        f: Forces on its joints before the spin is free.
-        spinning: 1 if the spin has inertia, else 0.
-
-    Returns:
-        The leg; the forces on its joints; the joint accelerations that the spin has over that of the base,
-        shape (nv, 6); the inertia about the base's axes that the spin takes away, shape (3, 3).
-    """
-    D, A = inertia
-    h, momenta = dot(D, leg.S), dot(A, leg.S)
-    per = spinning / (spinning * along(leg.S, momenta) + (1.0 - spinning))
-    freed = np.array([[times(-x, per) for x in leg.S]], dtype=object).T  # joint accelerations by a force
-    over_base = dot(freed, h[None])
-    turned = dot(dot(D[3:], freed), h[None, 3:])  # it moves no mass: nothing of this is linear
-    force = np.array([along(leg.S, f)], dtype=object)
-    needed = plus(f, dot(dot(A, freed), force))
-    X = plus(leg.X, dot(freed, dot(momenta[None], leg.X)))
-    return replace(leg, X=X, y0=plus(leg.y0, dot(freed, force))), needed, over_base, turned
 
 
 def leg_accelerations(leg: WrittenLeg, delta: Expression) -> Expression:

@@ -12,11 +12,12 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Array, crf, crm, motion_to_body, wrench_to_base
-from ...symbols import Expression, dot, plus, times
+from ...symbols import Expression, dot
 from .chains import Chain, Placed, forces, motion_map, sweep
-from .core import Core, leg_guard, motions_of, own_inertia, pick, rank_guard, spins_of_legs
-from .expressions import along, pack, zeros
+from .core import Core, motions_of, own_inertia, pick, rank_guard
+from .expressions import pack, zeros
 from .guarded_elimination import Pivots
+from .idle.cores import along_motions, left_on_idle
 from .legs import PlatformMotion, write_leg
 from .module_plan import ModulePlan
 from .motor_balance import motor_efforts
@@ -40,8 +41,8 @@ def write_inverse(
         options: Options of the inverse model.
         pivots: Pivots of the motor map.
         balance: Whether the output is "Q of core" = Psi^T b, what is left of the forces along the core's
-            motions, instead of the motor efforts "tau". Motor efforts are then among the laws. Along a thin
-            spin, what is left is its acceleration, which the direct model makes zero.
+            motions, instead of the motor efforts "tau". Motor efforts are then among the laws. Along an idle
+            motion without inertia, what is left is its acceleration, which the direct model makes zero.
         motions: Whether the first stage has the output "u_dot of core", the accelerations along its motions.
     """
     parts, given, received = plan.parts, GivenColumns(), GivenColumns()
@@ -56,7 +57,7 @@ def write_inverse(
     if balance:
         efforts = {"guard": ca.SX(guard), "Q of core": pack(_left_along(core, plan, options, X[:, 1:], b, a))}
     else:
-        Psi = X[:, 1 + len(parts.spins) :]
+        Psi = X[:, 1 + plan.idle :]
         B = _motor_map(core, plan, options, Psi, received)
         efforts = _balanced(plan, options, (B, Psi), (b, terms), pivots, guard)
     if options.base is None:
@@ -78,14 +79,14 @@ def _balanced(
     """Return the motor efforts that balance forces, Eq. (33), with their guard.
 
     Args:
-        maps: The motor map B and the motions Psi without spins.
+        maps: The motor map B and the motions Psi without idle ones.
         required: The forces, and their terms.
         pivots: Pivots of the motor map.
         guard: Guard of the loops.
     """
     (B, Psi), (b, terms), parts = maps, required, plan.parts
     size = sum(map(ca.fabs, terms), ca.SX(0.0))
-    units = plan.mechanism.reduction.col_scale[parts.tree_v[plan.motions[len(parts.spins) :]]]
+    units = plan.mechanism.reduction.col_scale[parts.tree_v[plan.motions[plan.idle :]]]
     moving, tau = list(options.moving), zeros(len(options.motors))
     Q, share = dot(Psi.T, b[6:]), np.array(options.share)
     tau[moving], measure = motor_efforts(B[:, moving], Q, (size, units, plan.scale), share, pivots)
@@ -96,11 +97,9 @@ def _balanced(
 def _left_along(
     core: Core, plan: ModulePlan, options: Options, motions: Expression, b: Expression, a: Expression
 ) -> Expression:
-    """Return what is left of the forces b along the core's motions; along thin spins, their acceleration."""
+    """Return what is left of the forces b along the core's motions (`left_on_idle`)."""
     left = dot(motions.T, b[6:])
-    u_dot = _along_motions(core, plan, a)
-    for i, spin in enumerate(plan.spinning(options.rotor)):
-        left[i] = plus(times(spin.has, left[i]), times(1.0 - spin.has, u_dot[i]))
+    left_on_idle(plan, options.rotor, left, _along_motions(core, plan, a))
     return left
 
 
@@ -109,14 +108,7 @@ def _along_motions(core: Core, plan: ModulePlan, a: Expression) -> Expression:
     y = pick(a, plan.parts.v)
     for i, platform in core.platforms.items():
         y[np.array(core.chain.columns_of(i + 1)) - 6] = platform.A
-    u_dot = y[plan.motions]
-    for i, spin in enumerate(plan.parts.spins):
-        turned = y[spin.col] / spin.axis[spin.main]  # the others have none of this freedom but by the spin
-        for col, x in zip(spin.cols, spin.axis, strict=True):
-            if col in plan.motions:
-                u_dot[plan.motions.index(col)] = y[col] - times(x, turned)
-        u_dot[i] = along(spin.share, y[list(spin.cols)])
-    return u_dot
+    return along_motions(plan, y)
 
 
 def _motion_outwards(core: Core, options: Options) -> dict[str, ca.SX]:
@@ -236,7 +228,7 @@ def write_inverse_legs(
     """Write the inverse model of group n of a module, and return its stage and its legs' own numbers.
 
     The outputs are `LEG_WRENCHES`; "motors", wrenches along delta of unit efforts of the motors; and "guard".
-    With `motions` those of a spin, too: "u_dot of leg" and "Q of leg" (as of `write_inverse`).
+    With `motions` those of an idle motion, too: "u_dot of leg" and "Q of leg" (as of `write_inverse`).
     """
     group, given = plan.parts.groups[n], GivenColumns()
     leg, width = group[0], len(group[0].v)
@@ -255,12 +247,10 @@ def write_inverse_legs(
     b = forces(moving)
     H = b[6:] - law + a * rotor
     outputs = {"b_base": pack(b[:6]), "b_delta": pack(written.wrench(dot(written.X.T, H)))}
-    outputs["guard"] = ca.SX(leg_guard(plan, written))
-    if motions and written.spin:
-        spinning, _ = spins_of_legs(plan, written, group, options.rotor)
-        spin = along(written.share, a)
-        outputs["u_dot of leg"] = pack([spin])
-        outputs["Q of leg"] = pack([spinning * along(written.S, H) + (1.0 - spinning) * spin])
+    outputs["guard"] = ca.SX(written.guarded(plan))
+    if motions and written.idle:
+        idle = written.idle.decided(plan, written.folding, group, options.rotor)
+        outputs["u_dot of leg"], outputs["Q of leg"] = (pack([x]) for x in idle.along(a, H))
     if driven:
         outputs["motors"] = pack(*(written.wrench(written.X[k]) for k in driven))
     inputs = known | {"numbers": written.folding.symbol()} | given

@@ -1,4 +1,4 @@
-"""What certainly is an inertia along each motion, and that nothing acts on motions without."""
+"""What certainly is an inertia along each motion."""
 
 from __future__ import annotations
 
@@ -7,25 +7,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Index
 from ...symbols import Expression, is_zero, plus, times
 from .expressions import along, zeros
+from .idle.inertia import AMPLIFIED, CERTAIN
 from .module_plan import ModulePlan
-from .scales import size_of, squares
-from .spins import AMPLIFIED, CERTAIN, without_forces
+from .scales import squares
 
 #: Ratio of an inertia to what it is the difference of, below which accelerations lose more than five digits:
 #: of a pivot to its diagonal entry, and of this to the inertia with all other joints locked (of the first
 #: axis of a gimbal-locked wrist of light links).
 NEARLY_NO_INERTIA = 1e-5
-
-
-def unforced_spins(plan: ModulePlan, left: Expression, f: Expression, freedoms: Index) -> Any:
-    """Return the guard of forces on thin spins, from those along some freedoms of the tree after the cuts."""
-    if all(is_zero(x) for x in left):
-        return 0.0
-    size = size_of(f, 1.0 / plan.mechanism.reduction.col_scale[freedoms], [], 1.0)
-    return without_forces(left, size, plan.scale)
 
 
 def least_inertia(
@@ -34,7 +25,7 @@ def least_inertia(
     """Compute what certainly is an inertia along each motion, where arguments change inertias.
 
     It is a part of the inertias of the joints that take part; that about one axis is a difference of those
-    about all. Spins that idle are decided by their own numbers.
+    about all. Idle motions are decided by their own numbers.
 
     Returns:
         These inertias, shape (motions,), and the guard that their rounding does not grow in other motions.
@@ -42,7 +33,7 @@ def least_inertia(
     turned = plan.mechanism.turned_inertia[plan.parts.tree_v]
     joints = np.array([plus(x, float(y)) for x, y in zip(np.diag(M_yy), turned, strict=True)], dtype=object)
     least, growth = zeros(len(A_t)), zeros(len(A_t))
-    for k in range(len(plan.parts.spins), len(A_t)):
+    for k in range(plan.idle, len(A_t)):
         terms = along(np.array([times(x, x) for x in Psi[:, k]], dtype=object), joints)
         least[k] = times(CERTAIN * plan.scale.eps, terms)
         others = [j for j in range(len(A_t)) if j != k and not is_zero(A_t[k, j])]

@@ -12,13 +12,11 @@ from functools import cached_property
 import numpy as np
 
 from ...linkage.closures import TreeClosure
-from ...spatial import Array, Index, indices
+from ...spatial import Index, indices
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
-from ...structure.wrists import axis_frame
-from .expressions import snap
+from .idle.motion import UNFELT, IdleMotion, first_moment, idle_among
 from .rigid import Links
-from .spins import UNFELT, Spin, first_moment
 
 #: Digits in which the axes of equal legs agree; the rest is rounding.
 ROUNDED_AXIS = 14
@@ -68,12 +66,12 @@ class Leg(TreeBranch):
     Attributes:
         closure: Its closure, with frames in aligned axes.
         on_a: Whether the leg's body is the closure's predecessor.
-        spin: Its idle spin, with freedoms of the leg, or None.
+        idle: Its idle motion, with freedoms of the leg, or None.
     """
 
     closure: TreeClosure
     on_a: bool
-    spin: Spin | None
+    idle: IdleMotion | None
 
     @property
     def end(self) -> int:
@@ -85,55 +83,42 @@ class Leg(TreeBranch):
         """Joint of the platform that the closure connects it to."""
         return (self.closure.body_b if self.on_a else self.closure.body_a) - 1
 
-    @property
-    def unspun(self) -> Array:
-        """Basis of its joint rates orthogonal to its spin, shape (nv, rows of the closure)."""
-        basis = np.eye(len(self.tree_v))
-        if self.spin is None:
-            return basis
-        at = list(self.spin.cols)
-        own = snap(axis_frame(self.spin.axis))[:, :2] if len(at) == 3 else np.zeros((1, 0))
-        return np.concatenate([basis[:, : at[0]], basis[:, at] @ own, basis[:, at[-1] + 1 :]], axis=1)
-
-    def of_spin(self, name: str) -> Array:
-        """Return "axis" or "share" of its spin over all its freedoms, zeros without a spin, shape (nv,)."""
-        out = np.zeros(len(self.tree_v))
-        if self.spin:
-            out[list(self.spin.cols)] = getattr(self.spin, name)
-        return out
-
     def among(self, freedoms: Container[int]) -> list[int]:
         """Return those of its freedoms that are among some of `tree_v`, numbered inside the leg."""
         return [j for j, k in enumerate(self.tree_v) if k in freedoms]
 
 
-def held_legs(mechanism: Mechanism, spins: Sequence[Spin], links: Links) -> dict[tuple[int, ...], int]:
+def held_legs(mechanism: Mechanism, idle: Sequence[IdleMotion], links: Links) -> dict[tuple[int, ...], int]:
     """Return the legs that may be grouped, as bodies of the tree, each with the closure at its end.
 
-    A spin that moves mass by more than rounding, if less than `IDLE`, is left to the core, as are those of
-    floating bodies.
+    An idle motion that moves mass by more than rounding, if less than `IDLE`, is left to the core, as are
+    those of floating bodies.
     """
     size = mechanism.length * sum(body.mass for body in mechanism.spec.leg_bodies if body)
     still = [
-        spin
-        for spin in spins
-        if len(spin.cols) <= 3 and np.abs(first_moment(spin, links)).max() <= UNFELT * size
+        motion
+        for motion in idle
+        if len(motion.cols) <= 3 and np.abs(first_moment(motion, links)).max() <= UNFELT * size
     ]
     found = {bodies: _closure_of_leg(mechanism, bodies, still) for bodies in mechanism.spec.legs}
     return {bodies: at for bodies, at in found.items() if at is not None}
 
 
 def leg_of(
-    mechanism: Mechanism, bodies: tuple[int, ...], links: Links, closure: TreeClosure, spins: Sequence[Spin]
+    mechanism: Mechanism,
+    bodies: tuple[int, ...],
+    links: Links,
+    closure: TreeClosure,
+    idle: Sequence[IdleMotion],
 ) -> Leg:
     """Return a leg."""
     own = TreeBranch(mechanism, {i: links[i] for i in sorted(body - 1 for body in bodies)})
-    spin = next(iter(spins_among(spins, own.tree_v)), None)
-    return Leg(mechanism, own.links, closure, closure.body_a in bodies, spin)
+    own_idle = next(iter(idle_among(idle, own.tree_v)), None)
+    return Leg(mechanism, own.links, closure, closure.body_a in bodies, own_idle)
 
 
-def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...], spins: Sequence[Spin]) -> int | None:
-    """Return the one closure that connects a leg to a platform and determines all but its spin, or None."""
+def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...], idle: Sequence[IdleMotion]) -> int | None:
+    """Return the closure between a leg and a platform that determines all but its idle motion, or None."""
     spec, tree, inside = mechanism.spec, mechanism.tree, set(bodies)
     touching = [i for i, c in enumerate(spec.cut_closures) if {c.body_a, c.body_b} & inside]
     wrists = {weld.body_b for weld in mechanism.cut.welds}  # of which some may end in it
@@ -144,9 +129,9 @@ def _closure_of_leg(mechanism: Mechanism, bodies: tuple[int, ...], spins: Sequen
     other = c.body_b if c.body_a in inside else c.body_a
     whole = len(c.translations) == 3 and c.rotation in ("free", "fixed", "parallel")
     cols = np.concatenate([np.arange(tree.nv)[tree.v_slices[b - 1]] for b in bodies])
-    idle = [spin.col for spin in spins_among(spins, cols)]
-    determined = np.delete(cols, idle)
-    if other - 1 not in spec.platforms or not whole or c.rows != len(determined) or len(idle) > 1:
+    own = [motion.col for motion in idle_among(idle, cols)]
+    determined = np.delete(cols, own)
+    if other - 1 not in spec.platforms or not whole or c.rows != len(determined) or len(own) > 1:
         return None
     K = mechanism.reduction.scaled(mechanism.generic_K)[:, mechanism.closures.row_slices[at]][
         :, :, determined
@@ -170,13 +155,7 @@ def grouped_legs(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ..
         links, place = leg.links.values(), {0: 0} | {i + 1: n for n, i in enumerate(leg.links, 1)}
         axes = [tuple(link.axis.round(ROUNDED_AXIS).tolist()) if link.nv == 1 else () for link in links]
         shape = tuple((link.kind, place[link.parent], axis) for link, axis in zip(links, axes, strict=True))
-        acting = tuple(marks[k] for k in leg.tree_v), leg.spin and leg.spin.cols
+        acting = tuple(marks[k] for k in leg.tree_v), leg.idle and leg.idle.cols
         key = shape, acting, place[leg.end], leg.platform, leg.closure.rotation
         out.setdefault(key, []).append(leg)
     return tuple(tuple(group) for group in out.values())
-
-
-def spins_among(spins: Sequence[Spin], tree_v: Index) -> tuple[Spin, ...]:
-    """Return the spins of some freedoms, numbered among these."""
-    number = {int(col): k for k, col in enumerate(tree_v)}
-    return tuple(spin.at(number) for spin in spins if number.keys() >= {*spin.cols})

@@ -5,10 +5,8 @@ V_dot_base,
 
     q_ddot = X [delta at the closure's point] + y_0
 
-so the leg acts on the module only through its inertia over [V_dot_base; delta]. Nothing drives its idle spin
-S (`parts.Spin`), whose acceleration s follows from
-
-    S^T (M [V_dot_base; q_ddot + S s] + b) = 0
+so the leg acts on the module only through its inertia over [V_dot_base; delta]. Nothing drives its idle
+motion, if it has one (`idle.legs`).
 """
 
 from __future__ import annotations
@@ -28,10 +26,11 @@ from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, own_columns, point_acceleration, point_velocity, sweep
 from .expressions import Folding, along, numbers, pack, sampled, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots, solve
+from .idle.legs import LegIdle, other_rates
 from .leg_groups import Leg
+from .module_plan import ModulePlan
 from .rigid import Links
 from .scales import Scale, squares, weighed
-from .spins import Spin
 
 
 @dataclass
@@ -78,10 +77,7 @@ class WrittenLeg:
         point: The closure's point in the base's frame, shape (3,).
         X: Joint rates over the relative motion [v, w] of the closure's point, base axes, shape (nv, 6).
         y0: Joint accelerations at delta = 0, shape (nv,); not of a leg with accelerations.
-        spin: The idle spin of the first leg, or None.
-        S, share: Joint rates at a spin of one, and weights of the spin in joint rates, shape (nv,); X and y0
-            have none of it.
-        felt: How far the closure feels the spin, shape (rows,).
+        idle: Its idle motion, or None; X and y0 have none of it.
     """
 
     folding: Folding
@@ -89,15 +85,18 @@ class WrittenLeg:
     point: Expression
     X: Expression
     y0: Expression
-    spin: Spin | None
-    S: Expression
-    share: Expression
-    felt: Expression
+    idle: LegIdle | None
     guard: ca.SX
 
     def wrench(self, F: Expression) -> Expression:
         """Transform a wrench at the closure's point to the base's frame, shape (6,)."""
         return wrench_to_base(numbers(np.eye(3)), self.point, F)
+
+    def guarded(self, plan: ModulePlan) -> ca.SX:
+        """Return its guard; with arguments, that its idle motion is idle, too."""
+        if self.idle is None or plan.column is None:
+            return self.guard
+        return ca.SX(self.guard + self.idle.guard(plan, self.chain.links))
 
 
 def fold_links(folding: Folding, copies: Sequence[Links]) -> Links:
@@ -153,8 +152,8 @@ def write_leg(
     point = plus(chain.p0[leg.end], dot(R0, p_s))
     rotation, z = leg.closure.rotation, R_s[:, 2]
     directions = closed_directions((0, 1, 2), rotation, R_s, z)
-    J, T = _rows(chain, leg.end, p_s, directions), folding.array([leg.unspun for leg in group])
-    S, share = (folding.array([leg.of_spin(x) for leg in group]) for x in ("axis", "share"))
+    J, T = _rows(chain, leg.end, p_s, directions), folding.array([other_rates(leg) for leg in group])
+    idle = LegIdle.of(folding, group, J)
     apart, turning = _between(R0, (platform.V, point), (V, p_s))
     drift = minus(dot(R0.T, point_acceleration(platform.V, platform.A, point)), point_acceleration(V, c, p_s))
     turning_dot = minus(dot(R0.T, platform.A[3:]), c[3:])
@@ -169,7 +168,7 @@ def write_leg(
     turns = turned, rotate(directions.turns, turning), k[3:]
     opened = _opened(platform, scale, list(zip(gaps, turns, strict=True))[: 2 if a is None else 3])
     guard = squares(doubts) + (opened if scale.compared else 0.0)
-    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], leg.spin, S, share, dot(J, S), guard)
+    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], idle, guard)
 
 
 #: Axes of frames A and B that are perpendicular while a closure holds.
@@ -223,7 +222,7 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
     chain = sweep(links, q, zeros(len(group[0].tree_v)), zeros(6))
     directions = closed_directions((0, 1, 2), group[0].closure.rotation, R_s, R_s[:, 2])
     J = _rows(chain, group[0].end, p_s, directions)
-    J = dot(J, folding.array([leg.unspun for leg in group]))
+    J = dot(J, folding.array([other_rates(leg) for leg in group]))
     numbers_of = zip(group, folding.table(len(group)), strict=True)
     points = [(x[leg.tree_q], own) for leg, own in numbers_of for x in mechanism_postures]
     return choose_pivots(sampled(J, [column, folding.symbol()], points), len(J), *scales)

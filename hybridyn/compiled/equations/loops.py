@@ -19,11 +19,11 @@ from ...structure.module_spec import ModuleSpec
 from ...symbols import Expression, dot
 from .expressions import Folding, numbers, sampled, scalar, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots
+from .idle.motion import idle_motions
 from .legs import fold_links
 from .rigid import Links, links_of
 from .rods import Rod, is_ball, rods_of
 from .spanning_rows import SpanningRows
-from .spins import spins_of
 from .states import generic_positions
 
 #: Pivots smaller than the best by this factor may be chosen to keep the rows sparse. Smaller factors keep
@@ -142,11 +142,9 @@ def folded(folding: Folding, same: Sequence[TreeClosure]) -> TreeClosure:
     return replace(same[0], R_a=R_a, p_a=p_a, R_b=R_b, p_b=p_b)
 
 
-def spinning_rods(
-    m: Mechanism, joints: tuple[TreeJoint, ...], closures: Sequence[TreeClosure]
-) -> dict[int, Rod]:
-    """Return the rods of closures of a module's tree if some of its rods spin, by the closure's number."""
-    return rods_of(links_of(joints), closures) if spins_of(m, ()) else {}
+def idle_rods(m: Mechanism, joints: tuple[TreeJoint, ...], closures: Sequence[TreeClosure]) -> dict[int, Rod]:
+    """Return the rods of closures of a module's tree if some have idle motions, by the closure's number."""
+    return rods_of(links_of(joints), closures) if idle_motions(m, ()) else {}
 
 
 def spanning_closures(
@@ -168,7 +166,7 @@ def spanning_closures(
     m = modules[0].mechanism
     specs = specs or [module.mechanism.spec for module in modules]
     links = fold_links(folding, [links_of(s.spanning) for s in specs])
-    rods = spinning_rods(m, m.spec.spanning, m.spec.closures)
+    rods = idle_rods(m, m.spec.spanning, m.spec.closures)
     out = LoopRows(links, q, v)
     closures, couplings = [along_rods(s.closures, rods) for s in specs], [s.couplings for s in specs]
     out.close_all(closures, couplings, rods, folding, q)

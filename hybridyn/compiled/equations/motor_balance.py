@@ -69,7 +69,7 @@ def _motor_map(plan: ModulePlan, motors: tuple[int, ...]) -> tuple[int, Expressi
     column, q = symbols("q", m.spanning.nq)
     core = write_core(plan, q, zeros(m.spanning.nv), zeros(6))
     X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
-    Psi, guard = X[:, 1 + len(parts.spins) :], squares(doubts)
+    Psi, guard = X[:, 1 + plan.idle :], squares(doubts)
     columns: dict[int, Expression] = dict(zip(parts.tree_v.tolist(), Psi, strict=True))
     for n, group in enumerate(parts.groups):
         for leg in group:

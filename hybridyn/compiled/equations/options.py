@@ -13,8 +13,8 @@ from ...errors import ActuationError
 from ...spatial import Array
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
+from .idle.inertia import idle_without_inertia
 from .request import Request
-from .spins import ROUNDED_SPIN
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def _massless(request: Request, k: int) -> bool:
     motion, rotor = m.tree.sweep(m.postures[:1]), np.array(request.rotor(request.robot.modules[k]))
     Psi = m.basis(m.closures.matrix(motion)).Psi[0]
     motions = np.linalg.qr(Psi / m.reduction.col_scale[:, None])[0]
-    thin = _thin(request, k) / m.reduction.col_scale[:, None]
+    thin = idle_without_inertia(request.plans[k], rotor) / m.reduction.col_scale[:, None]
     if thin.size:
         motions = np.linalg.svd(motions - thin @ (thin.T @ motions))[0][:, : m.mobility - thin.shape[1]]
     motions = motions * m.reduction.col_scale[:, None]
@@ -92,24 +92,6 @@ def _massless(request: Request, k: int) -> bool:
     values = np.linalg.eigvalsh(inertia)
     free = own_inertia(m, np.diag(m.reduction.col_scale)) + np.diag(rotor * m.reduction.col_scale**2)
     return bool(values[0] <= max(MASSLESS_MOTION * values[-1], ROUNDED_MOTION * float(np.trace(free))))
-
-
-def _thin(request: Request, k: int) -> Array:
-    """Return the spins of module k without inertia, as motions of the tree after the cuts, shape (n, spins).
-
-    Those of the file decide, also where arguments change them.
-    """
-    m, spins = request.plans[k].mechanism, request.plans[k].parts.idle
-    rotor, turned = np.array(request.rotor(request.robot.modules[k])), m.turned_inertia
-    M = m.legs.crba(m.postures[:1])[0, 6:, 6:] + np.diag(rotor)
-    out: list[Array] = []
-    for spin in spins:
-        motion = np.zeros(m.tree.nv)
-        motion[list(spin.cols)] = spin.axis
-        reference = turned[list(spin.cols)].max() or turned.max() or 1.0
-        if motion @ M @ motion <= ROUNDED_SPIN * request.plans[k].scale.eps * reference:
-            out.append(motion)
-    return np.array(out).reshape(len(out), m.tree.nv).T
 
 
 def inverse_options(request: Request, k: int) -> Options:

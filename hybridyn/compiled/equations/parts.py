@@ -1,7 +1,7 @@
 """Split a module into its core and groups of equal legs between the base and a platform.
 
 A leg of a group starts at the base and ends at one platform, and its closure determines all its joints from
-the platform's motion, except one idle spin. Everything else (platforms, serial joints, other loops) belongs
+the platform's motion, except one idle motion. Everything else (platforms, serial joints, other loops) belongs
 to the core.
 """
 
@@ -17,10 +17,10 @@ from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from .arguments import ModuleArguments
 from .expressions import plain, settled, zeros
-from .leg_groups import Leg, TreeBranch, grouped_legs, held_legs, leg_of, spins_among
+from .idle.motion import IdleMotion, idle_among, idle_motions
+from .leg_groups import Leg, TreeBranch, grouped_legs, held_legs, leg_of
 from .rigid import Links, aligned, links_of, moved, regrouped, ten_numbers
 from .rods import Rod, rods_of
-from .spins import Spin, spins_of
 from .wrist_paths import Path, path_of
 
 
@@ -37,7 +37,7 @@ class Parts(TreeBranch):
         paths: One path for each wrist of the module.
         base: Ten inertial numbers that regrouping moves to the base.
         rank: Rank of the core's closures.
-        spins: Idle spins of the core.
+        idle: Idle motions of the core.
         rods: Rods at the ends of its closures, by the closure's number.
     """
 
@@ -49,14 +49,14 @@ class Parts(TreeBranch):
     paths: tuple[Path, ...]
     base: Array
     rank: int
-    spins: tuple[Spin, ...]
+    idle: tuple[IdleMotion, ...]
     rods: dict[int, Rod]
 
     @property
-    def idle(self) -> list[Spin]:
-        """All idle spins, with freedoms of the tree after the cuts: first those of legs, by group."""
-        legs = [leg.spin.at(leg.tree_v) for group in self.groups for leg in group if leg.spin]
-        return legs + [spin.at(self.tree_v) for spin in self.spins]
+    def all_idle(self) -> list[IdleMotion]:
+        """All idle motions, with freedoms of the tree after the cuts: first those of legs, by group."""
+        legs = [leg.idle.at(leg.tree_v) for group in self.groups for leg in group if leg.idle]
+        return legs + [motion.at(self.tree_v) for motion in self.idle]
 
 
 def parts_of(
@@ -80,12 +80,12 @@ def parts_of(
     links, base = regrouped(links) if free else (links, np.zeros(10))
     closures = [_turned(c, turns) for c in spec.cut_closures]
     driven = {k for k, mark in enumerate(marks) if "motor" in mark}
-    spins = spins_of(mechanism, driven)
-    held = held_legs(mechanism, spins, constants) if free else {}
+    idle = idle_motions(mechanism, driven)
+    held = held_legs(mechanism, idle, constants) if free else {}
     of_legs = {body for bodies in held for body in bodies}
     kept = [i for i in range(len(spec.tree)) if i + 1 not in of_legs]
     core = TreeBranch(mechanism, {i: links[i] for i in kept})
-    legs = [leg_of(mechanism, bodies, links, closures[at], spins) for bodies, at in held.items()]
+    legs = [leg_of(mechanism, bodies, links, closures[at], idle) for bodies, at in held.items()]
     used = [i for i in range(len(closures)) if i not in held.values()]
     known = [_turned(mechanism.spec.cut_closures[i], axes) for i in used]
     return Parts(
@@ -99,7 +99,7 @@ def parts_of(
         paths=tuple(path_of(mechanism, wrist, links) for wrist in spec.wrists),
         base=base,
         rank=mechanism.reduction.rank - sum(leg.closure.rows for leg in legs),
-        spins=spins_among(spins, core.tree_v),
+        idle=idle_among(idle, core.tree_v),
         rods=rods_of({i: constants[i] for i in kept}, known),
     )
 

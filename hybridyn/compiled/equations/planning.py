@@ -10,6 +10,7 @@ from ...spatial import Array
 from .core import write_core
 from .expressions import sampled, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots
+from .idle.legs import other_rates
 from .legs import leg_pivots
 from .module_plan import ModulePlan
 from .parts import Parts
@@ -33,7 +34,7 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
     for group in parts.groups:
         leg = group[0]
         rows = np.array([1 / m.length] * 3 + [1.0] * (leg.closure.rows - 3))
-        units = np.abs(leg.unspun.T) @ m.reduction.col_scale[leg.tree_v]
+        units = np.abs(other_rates(leg).T) @ m.reduction.col_scale[leg.tree_v]
         groups.append(leg_pivots(group, postures, (rows, units)))
     closed = max(GUARD_CLOSED[dtype], OF_ROUNDED * m.rounding if m.reduction.rounded else 0.0)
     wrists = [wrist_pivots(path, positions) for path in parts.paths]

@@ -138,7 +138,7 @@ class Request:
         """Whether each module, or one below it, has fewer motors that move than motions."""
         out: list[bool] = []
         for module, plan in zip(self.robot.modules, self.plans, strict=True):
-            motions = module.mobility - len(plan.parts.idle)
+            motions = module.mobility - len(plan.parts.all_idle)
             below = module.parent >= 0 and out[module.parent]
             out.append(below or len(module.moving_motors) < motions)
         return out

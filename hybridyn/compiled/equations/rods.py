@@ -1,4 +1,4 @@
-"""Rods: bodies between a closure's point and a joint that lets them spin about the line between."""
+"""Rods: bodies between a closure's point and a joint that lets them turn about the line between."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ...linkage.closures import TreeClosure
 from ...spatial import Array
 from ...structure.wrists import axis_frame
 from .expressions import snap
+from .idle.motion import UNFELT
 from .rigid import Links, freedoms
-from .spins import UNFELT
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ def rods_of(links: Links, closures: Sequence[TreeClosure]) -> dict[int, Rod]:
             for on_a, body, point in ((True, c.body_a, c.p_a), (False, c.body_b, c.p_b))
             if (found := _free_rod(links, closures, k, body, point) or _rod(links, body, point))
         ]
-        if sides:  # a ball before a universal joint: a platform on a wrist is no rod that spins
+        if sides:  # a ball before a universal joint: a platform on a wrist is no rod that turns
             out[k] = max(sides, key=lambda rod: len(rod.turns))
     return out
 

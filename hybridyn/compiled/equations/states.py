@@ -13,7 +13,7 @@ from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
-from .spins import spins_of
+from .idle.motion import take_out_idle
 
 
 def generic_positions(module: Module) -> Array:
@@ -57,13 +57,13 @@ def moving_states(
     seed: int = 0,
     positions: Callable[[Module, int, np.random.Generator], Array] = seen_positions,
     *,
-    spins: bool = True,
+    idle: bool = True,
 ) -> tuple[Array, Array, Array]:
     """Draw assembled states with rates and efforts.
 
     Args:
         positions: Draws positions of a module's spanning tree.
-        spins: Whether rods have idle spins.
+        idle: Whether there are idle motions.
 
     Returns:
         q, v, tau, shapes (count, nq), (count, nv), (count, motors).
@@ -84,23 +84,17 @@ def moving_states(
         rates = np.einsum(
             "tij,tj->ti", basis.Psi, u / np.linalg.norm(basis.Psi / m.reduction.col_scale[:, None], axis=1)
         )
-        if not spins:
-            _take_out_spins(module, rates)
+        if not idle:
+            take_out_idle(module, rates)
         v[:, module.v_index] = m.spanning_rates(own, x, rates, np.zeros_like(rates))[0]
     tau = rng.normal(size=(count, len(robot.motors))) * _weight(robot)
     return q, v, tau
 
 
-def _take_out_spins(module: Module, rates: Array) -> None:
-    """Make rates or accelerations of a module's tree after the cuts orthogonal to its spins, in place."""
-    for spin in spins_of(module.mechanism, module.motor_columns):
-        spin.taken_out(rates.T)
-
-
-def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0, *, spins: bool = True) -> Array:
+def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0, *, idle: bool = True) -> Array:
     """Draw accelerations that keep the loops closed, whatever forces they need, shape (count, nv).
 
-    Those of idle spins are zero without `spins`.
+    Those of idle motions are zero without `idle`.
     """
     rng, out = np.random.default_rng(seed), np.zeros_like(v)
     for state in forward(robot, q, v, out):
@@ -108,8 +102,8 @@ def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0, *, 
         basis = m.basis(state.K, m.closures.rates(m.tree.sweep(state.q, state.v), state.v)[1])
         u_dot = rng.normal(size=basis.Psi.shape[::2])
         x_ddot = np.einsum("tij,tj->ti", basis.Psi, u_dot) + basis.drift
-        if not spins:
-            _take_out_spins(state.module, x_ddot)
+        if not idle:
+            take_out_idle(state.module, x_ddot)
         out[:, at] = state.spanning_accelerations(v, x_ddot)
     if robot.base == "moving":
         out[:, :6] = np.random.default_rng(seed + 1).normal(size=(len(q), 6))

@@ -23,7 +23,7 @@ from ...spatial import Array, Mask
 from ...symbols import Expression, dot
 from ..equations.expressions import pack, unpack, zeros
 from ..equations.guarded_elimination import Pivots, solve
-from ..equations.idle import least_norm
+from ..equations.idle.least import least_norm
 from ..equations.loops import LoopRows
 
 #: Positions of a tree as a column of symbols, and as its entries.

@@ -23,8 +23,8 @@ WHAT = {
     "close": "Loops closed from what the motors do: one Newton step from a posture `near`, in which the "
     "motors are where they are and the others where they were, and all joints' rates and accelerations; of v "
     "and a the motors' entries are read, a free base's, and those of joints that no motor moves. Rods that "
-    "spin idly take the least step, rates and accelerations. Call it again with its q until the guard is at "
-    "most 1: three or four times from the last tick's posture.",
+    "turn idly about their line take the least step, rates and accelerations. Call it again with its q until "
+    "the guard is at most 1: three or four times from the last tick's posture.",
     "idm_from_motors": "A control step: the loops closed from the motors' `position`, on the assembly branch "
     "of `last`, the posture of the last tick, which must close the loops; then motor efforts as of `idm`. v "
     "and a as in `close`; a base and joints that no motor moves are where `last` has them. The guard is "

@@ -143,7 +143,7 @@ class _InverseSweeps(Sweeps):
         key = ("idm of legs", id(plan), n, options.base, *more_of)
         stages, table = self.w.once(key, write_inverse_legs, plan, n, options, motions=self.motors)
         more: Ports = {"numbers": self.w.numbers(table, plan.column)}
-        more |= calls.spin_ports(n) if self.motors else {}
+        more |= calls.idle_ports(n) if self.motors else {}
         if lawful:
             more["laws"] = self.efforts(calls.k, np.array([leg.tree_v[lawful] for leg in group]))
         if driven:

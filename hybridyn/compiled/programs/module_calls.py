@@ -120,6 +120,11 @@ class ModuleCalls:
         return self.request.plans[self.k].parts.groups
 
     @property
+    def idle(self) -> int:
+        """Number of its idle motions, the first of its motions."""
+        return len(self.request.plans[self.k].parts.all_idle)
+
+    @property
     def joints(self) -> Index:
         """Indices of the freedoms of its core in the robot's v."""
         own = self.request.plans[self.k].parts.v
@@ -134,16 +139,16 @@ class ModuleCalls:
         self.stages.call(s, self.ports)
 
     def allocate_motions(self) -> None:
-        """Allocate "u_dot" and "Q" along all motions of the module: spins of legs, then those of the core."""
+        """Allocate "u_dot" and "Q" along all motions of the module, first of its legs, which idle."""
         w, m, plan = self.writer, self.module.mobility, self.request.plans[self.k]
-        first = len(plan.parts.idle) - len(plan.parts.spins)
+        first = self.idle - plan.idle
         for name in ("u_dot", "Q"):
             whole = self.ports[name] = w.shared(m)
             self.ports[f"{name} of core"] = Shared(whole.start + first, m - first)
 
-    def spin_ports(self, n: int) -> Ports:
-        """Return the places of "u_dot" and "Q" along the spins of group n."""
-        first = sum(len(group) for group in self.groups[:n] if group[0].spin)
+    def idle_ports(self, n: int) -> Ports:
+        """Return the places of "u_dot" and "Q" along the idle motions of group n."""
+        first = sum(len(group) for group in self.groups[:n] if group[0].idle)
         return {f"{name} of leg": Each(self.ports[name].start + first, 1) for name in ("u_dot", "Q")}
 
     def start_sums(self, sums: Sequence[tuple[str, int]]) -> None:

@@ -72,7 +72,7 @@ class Postures:
 
         Returns:
             q, v, a as `hybridyn.assemble` returns them, equal up to rounding, in double precision. Rods that
-            nothing keeps from spinning about their line get the least rates there, too; how far they have
+            nothing keeps from turning about their line get the least rates there, too; how far they have
             turned depends on the steps, which are not those of the general path.
 
         Raises:

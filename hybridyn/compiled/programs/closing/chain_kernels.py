@@ -28,7 +28,7 @@ from ....symbols import Expression, dot, is_zero, times
 from ...equations.expressions import pack, symbols, symmetric_product, unpack, upper, zeros
 from ...equations.factors import Definite, Handed, Triangular
 from ...equations.guarded_elimination import TRUSTED_PIVOT
-from ...equations.idle import least_norm
+from ...equations.idle.least import least_norm
 from ...equations.scales import largest, squares
 from ..loop_kernels import Kernel
 from .kernels import ModuleKernels

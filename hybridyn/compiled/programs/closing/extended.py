@@ -102,8 +102,8 @@ def with_arguments(m: Mechanism, spec: ModuleSpec) -> Extended:
 @cache
 def extended(m: Mechanism) -> Extended:
     """Return the extended tree of a mechanism."""
-    from ...equations.loops import along_rods, spinning_rods
+    from ...equations.loops import along_rods, idle_rods
 
-    rods = spinning_rods(m, m.spec.tree, m.spec.cut_closures)
+    rods = idle_rods(m, m.spec.tree, m.spec.cut_closures)
     closures = along_rods(m.closures.closures, rods)
     return Extended(m, m.cut.whole.joints, closures, m.closures.couplings, m.cut.welds, rods)

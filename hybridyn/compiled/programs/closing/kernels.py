@@ -29,8 +29,8 @@ from ....symbols import Expression, dot, is_zero
 from ...equations.arguments import ModuleArguments
 from ...equations.expressions import Folding, pack, sampled, symbols, zeros
 from ...equations.guarded_elimination import Pivots, choose_pivots, largest_solutions
+from ...equations.idle.motion import IdleMotion
 from ...equations.scales import GUARD_CLOSED, Scale, largest, squares, weighed
-from ...equations.spins import Spin
 from ...equations.states import generic_positions, seen_postures
 from ...loops.engine import Loops, drift
 from ..loop_kernels import Kernel
@@ -54,7 +54,7 @@ class ModuleKernels:
         blocks: Sequence[LegBlock],
         arguments: Sequence[ModuleArguments | None] = (),
         places: tuple[Places, Places] = ({}, {}),
-        spins: Sequence[Spin] = (),
+        spins: Sequence[IdleMotion] = (),
     ) -> None:
         """Choose the pivots.
 

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from ....assembly.module_request import ModuleRequest
 from ....assembly.requests import Requests
 from ....assembly.task import module_task
-from ....linkage.newton import LoopProblem
-from ....linkage.tree import Tree
-from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from .coupled import Coupled, Split, coupled_of
 from .given import given_of
 from .module_parts import CONTRADICTING_FILE, MOST_FREEDOMS, Part
 from .own_requests import module_requests, modules_of
-
-if TYPE_CHECKING:
-    from ...equations.spins import Spin
 
 
 class Wanted(NamedTuple):
@@ -81,37 +73,20 @@ def parts_of(
     Raises:
         AssemblyError: What is given does not determine the posture of a module.
     """
+    from ...equations.idle.motion import left_open
+
     parts: list[Part] = []
     carrying = {part: one.ports(i) for one in coupled for i, part in enumerate(one.parts)}
     for (_, module), request in zip(modules_of(robot), wanted, strict=True):
         given, m, number = given_of(request), module.mechanism, len(parts)
         task = module_task(robot, module, request, alone=number not in carrying)
         free = int(task.problem.free.sum())
-        spins = _open_spins(module, task.problem) if task.problem.rank != free else ()
+        spins = left_open(module, task.problem) if task.problem.rank != free else ()
         if number in carrying:
-            spins = tuple(spin for spin in spins if not _carries(m.tree, spin, carrying[number]))
+            spins = tuple(spin for spin in spins if not spin.moves(m.tree, carrying[number]))
         elif task.problem.rank != free - len(spins):
             return None
         if free > MOST_FREEDOMS or m.rounding > CONTRADICTING_FILE:
             return None
         parts.append(Part(module, given, tuple(task.problem.blocks), spins))
     return parts if coupled or sum(part.given.rates for part in parts) else None
-
-
-def _carries(tree: Tree, spin: Spin, bodies: Sequence[int]) -> bool:
-    """Return whether the joint of a spin moves one of some bodies."""
-    return bool(tree.support[list(bodies)][:, list(spin.cols)].any())
-
-
-def _open_spins(module: Module, problem: LoopProblem) -> tuple[Spin, ...]:
-    """Return the idle spins of a module that neither loops nor targets determine."""
-    from ...equations.spins import UNFELT, spins_of
-
-    m, unit = module.mechanism, problem.col_scale
-    K = problem.matrix(m.tree.sweep(m.postures))
-    return tuple(
-        spin
-        for spin in spins_of(m, module.motor_columns)
-        if problem.free[list(spin.cols)].all()
-        and np.abs(K[:, :, spin.cols] @ (spin.axis / unit[list(spin.cols)])).max() <= UNFELT
-    )

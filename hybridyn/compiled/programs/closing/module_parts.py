@@ -22,7 +22,7 @@ from .extended import extended
 from .given import ANGLE, POSE, WIDTH, Given, numbers_of
 
 if TYPE_CHECKING:
-    from ...equations.spins import Spin
+    from ...equations.idle.motion import IdleMotion
 
 
 #: No part keeps anything.
@@ -88,7 +88,7 @@ class Part:
     module: Module
     given: Given
     blocks: Sequence[LegBlock]
-    spins: tuple[Spin, ...] = ()
+    spins: tuple[IdleMotion, ...] = ()
 
     @property
     def shape(self) -> tuple[object, ...]:

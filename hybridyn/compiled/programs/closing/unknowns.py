@@ -12,7 +12,7 @@ from ....structure.module import Module
 from ....symbols import Expression
 from ...equations.arguments import ModuleArguments
 from ...equations.expressions import pack, symbols, zeros
-from ...equations.spins import Spin
+from ...equations.idle.motion import IdleMotion
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
 from .rows import Places, row_scales
@@ -36,7 +36,7 @@ class Unknowns:
         given: Given,
         arguments: Sequence[ModuleArguments | None],
         places: tuple[Places, Places],
-        spins: Sequence[Spin] = (),
+        spins: Sequence[IdleMotion] = (),
     ) -> None:
         """Collect the trees; arguments are those of `ModuleKernels`."""
         self.spins = spins

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ....description.names import counted
 from ....errors import ModelError
 from ....structure.robot import HybridRobot
-from ...equations.spins import spins_of
+from ...equations.idle.motion import idle_motions
 
 
 def check_coordinates(robot: HybridRobot, model: str, coordinates: str) -> None:
@@ -14,7 +14,7 @@ def check_coordinates(robot: HybridRobot, model: str, coordinates: str) -> None:
     Raises:
         ModelError: They are unknown; the base has a prescribed motion, and the model is direct; or they are
             "motors", and the base is not fixed, or a module has not as many motors as freedoms, but for idle
-            spins, or one that its loops lock.
+            motions, or one that its loops lock.
     """
     if coordinates not in ("joints", "motors"):
         raise ModelError(f"coordinates of derivatives are 'joints' or 'motors', not {coordinates!r}")
@@ -36,7 +36,7 @@ def check_coordinates(robot: HybridRobot, model: str, coordinates: str) -> None:
                 f"module '{module.name}': its loops lock motor '{locked[0]}', which is no coordinate. {mend}",
                 element=locked[0],
             )
-        freedoms = module.mobility - len(spins_of(module.mechanism, module.motor_columns))
+        freedoms = module.mobility - len(idle_motions(module.mechanism, module.motor_columns))
         if len(motors) != freedoms:
             raise ModelError(
                 f"module '{module.name}': {counted(len(motors), 'motor')} for "

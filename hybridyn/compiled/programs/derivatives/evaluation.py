@@ -176,7 +176,7 @@ class Derivatives:
         """Compare a new library with the general path at random states, and a moment before and after them.
 
         The loops stay closed on the way, since rates and accelerations are those of a motion. Efforts grow.
-        Over motors there are no spins.
+        Over motors there are no idle motions.
 
         Raises:
             CompileError: The model differs, or its change in time from what the derivatives say.
@@ -184,14 +184,14 @@ class Derivatives:
         robot, model, direct = self.robot, GENERAL[self._model], self._model == "ddm"
         library, move = Library(built), Retraction(robot.kinds).move
         driven = robot.motor_v if self._motors else np.arange(robot.nv)
-        rows, spins = len(driven) if direct else len(robot.motors), not self._motors
+        rows, idle = len(driven) if direct else len(robot.motors), not self._motors
 
         def states(seed: int) -> States:
             """Draw arguments before, at and after a state, shapes (T, 5, n), and accelerations, (T, nv)."""
-            q, v, tau, a = random_states(robot, seed, spins=spins)
+            q, v, tau, a = random_states(robot, seed, idle=idle)
             way = [(np.array(list(map(move, q, h * v))), v + h * a) for h in TIMES]
             x = [
-                BESIDE * (1.0 + h) * tau if direct else any_accelerations(robot, *at, seed + 1, spins=spins)
+                BESIDE * (1.0 + h) * tau if direct else any_accelerations(robot, *at, seed + 1, idle=idle)
                 for h, at in zip(TIMES, way, strict=True)
             ]
             return [*(np.stack(y, axis=1) for y in (*zip(*way, strict=True), x)), a]

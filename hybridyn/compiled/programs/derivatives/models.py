@@ -26,6 +26,7 @@ import numpy as np
 
 from ....spatial import Index
 from ...code.rules import compacted
+from ...equations.idle.over_motors import idle_in_v
 from ...equations.request import Request
 from ...program import Constants, Own, Program, Shared, Target
 from ..direct import direct_inputs, write_direct_sweeps
@@ -42,7 +43,7 @@ from .columns import (
 )
 from .connected import JOINED, ConnectedModules, groups_of
 from .matrix_names import MORE, MOTIONS, WRENCH, MatrixName
-from .motor_motion import MotorMotion, motion_nodes, spins_in_v
+from .motor_motion import MotorMotion, motion_nodes
 from .nodes import nodes_of
 from .relations import Relations
 from .responses import Responses, runs_of
@@ -208,7 +209,7 @@ Columns = Iterator[tuple[str, Index, Reading]]
 def _over_joints(x: Relations) -> Columns:
     """Return the columns of a group's joints.
 
-    Those of each of several equal legs, and of each joint that spins, are found apart: they change little.
+    Those of each of several equal legs, and of each joint that may idle, are found apart: they change little.
     """
     w, modules = x.writer, x.group.modules
     closed = [calls for calls in modules if calls.module.mobility < len(calls.module.v_index)]
@@ -218,7 +219,8 @@ def _over_joints(x: Relations) -> Columns:
     for calls in closed:
         v_index = calls.module.v_index
         legs = [v_index[leg.v].tolist() for group in calls.groups if len(group) > 1 for leg in group]
-        rods = [[*at] for at, _ in spins_in_v(calls) if not any({*at} <= {*leg} for leg in legs)]
+        idle = idle_in_v(calls.request.plans[calls.k], calls.module)
+        rods = [at for at in idle if not any({*at} <= {*leg} for leg in legs)]
         sets += [sorted(set(v_index.tolist()).difference(*legs, *rods)), *legs, *rods]
     for freedoms in filter(None, sets):
         own = coordinates_of_freedoms(modules[0].request.robot, set(freedoms))

@@ -7,10 +7,8 @@ a = Psi u_dot + a_0(q, v), and the rows of the motors marked m,
     T = a_v E - E (a_v E)_m    da/dm_dot
     D = (T + [v, E]) / 2       dv/dm: a_0 is quadratic in v; [,] of joints with several freedoms
 
-Idle spins sigma follow no motor. Psi = [S, ...] begins with their motions, v = E m_dot + S sigma_dot, and
-sigma_dot and sigma_ddot stay. All these motions commute but for spins: v_E - E_v + [v, E] = S lambda
-with derivatives along each other. These are orthogonal to the spins, as share^T E = 0 and share^T S = 1 are
-constant, so that lambda = share^T [v, E], and
+Idle motions S, the first of Psi = [S, ...], follow no motor. What is along them is taken out
+(`idle.over_motors`),
 
     D = (T + [v, E] - S share^T [v, E]) / 2
 """
@@ -30,6 +28,7 @@ from ...equations.direct import write_direct
 from ...equations.direct_legs import write_direct_legs
 from ...equations.expressions import eye, pack, symbols, zeros
 from ...equations.guarded_elimination import Pivots, solve
+from ...equations.idle.over_motors import IdleOverMotors
 from ...equations.motor_balance import motor_pivots
 from ...equations.scales import squares
 from ...program import Constants, Each, Own, Shared, Source, Worst
@@ -39,35 +38,13 @@ from .columns import by_columns, changes_of_coordinates, collect, coordinates_of
 from .nodes import StageNode, nodes_of
 from .sweeps import PART, Block, ProgramGraph, Sweep
 
-#: For each idle spin of a module its freedoms in v, and its share (`parts.Spin`).
-Spins = tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]
-
-
-def spins_in_v(calls: ModuleCalls) -> Spins:
-    """Return the idle spins of a module; these are the first of its motions, in the same order."""
-    idle, cut = calls.request.plans[calls.k].parts.idle, calls.module.mechanism.cut
-    at = calls.module.v_index[cut.v_in]
-    return tuple((tuple(at[list(spin.cols)].tolist()), tuple(map(float, spin.share))) for spin in idle)
-
-
-def moved_by_spins(calls: ModuleCalls) -> list[set[int]]:
-    """Return the freedoms in v that each idle spin moves: those of its joint, and of wrists beyond it."""
-    out = [set(at) for at, _ in spins_in_v(calls)]
-    m, v_index = calls.module.mechanism, calls.module.v_index
-    for path in calls.request.plans[calls.k].parts.paths:
-        held = m.cut.v_in[np.flatnonzero(m.tree.support[path.target])]
-        freedoms = v_index[[col for col in (*path.v, *held) if col >= 0]].tolist()
-        for moved in out:
-            moved.update(v_index[path.v[path.own]].tolist() if moved.intersection(freedoms) else [])
-    return out
-
 
 def motions_at(calls: ModuleCalls, name: str, *, held: bool) -> Shared:
     """Return the port "u_dot" or "Q" of a module, the accelerations or forces left along its motions.
 
-    With held motors the spins' accelerations are given, too, and no effort balances the forces on spins.
+    With held motors the accelerations of idle ones are given, too, and no effort balances the forces on them.
     """
-    port, first = calls.ports[name], len(spins_in_v(calls)) if held else 0
+    port, first = calls.ports[name], calls.idle if held else 0
     return Shared(port.start + first, port.size - first)
 
 
@@ -95,7 +72,7 @@ def motion_nodes(w: Writer, calls: ModuleCalls) -> list[StageNode]:
         of_legs = ("motion of legs", id(plan), n, calls.options)
         code, table = w.once(of_legs, write_direct_legs, plan, n, calls.options, motion=True)
         own: Ports = {name: ports[f"{name} {group[0].platform}"] for name in ("platform", "delta")}
-        own |= {"numbers": w.numbers(table, plan.column)} | calls.coordinates(group) | calls.spin_ports(n)
+        own |= {"numbers": w.numbers(table, plan.column)} | calls.coordinates(group) | calls.idle_ports(n)
         own["a"] = w.from_given("a", v_index[np.array([leg.v for leg in group])])
         Stages(w, of_legs, code, ["motion"], len(group)).call(0, ports | own)
     stages.call(3, ports)
@@ -110,7 +87,7 @@ class MotorMotion:
     Attributes:
         motors: Indices of the motors in tau, one for each column.
         accelerations: The motors' accelerations.
-        idle: Number of spins among its motions, which come first.
+        idle: Number of idle ones among its motions, which come first.
         Psi: Psi_m, column by column; None where each joint has a motor, and motions are those of the motors.
         inverse: Its inverse, column by column.
         minus_B: Changes of the forces left along the motions over efforts, -Psi_m^T.
@@ -135,8 +112,9 @@ class MotorMotion:
             self.motors = np.array([driven.index(k) for x in modules for k in x.joints.tolist()], dtype=int)
         n = len(self.motors)
         self._rows = [freedoms.index(driven[k]) for k in self.motors]
-        self._spins = tuple((tuple(map(freedoms.index, at)), share) for at, share in spins_in_v(modules[0]))
-        self.idle = 0 if held else len(self._spins)
+        plan = modules[0].request.plans[modules[0].k]
+        self._idle = IdleOverMotors.of(plan, modules[0].module, freedoms)
+        self.idle = 0 if held else modules[0].idle
         self._rest = [k for k in range(len(freedoms)) if k not in self._rows]
         self.accelerations = [self._numbers[k] for k in self._rows]
         self.Psi: Shared | None = None
@@ -203,22 +181,20 @@ class MotorMotion:
             )  # fmt: skip
         return found
 
-    def _spinning(self, graph: ProgramGraph) -> Shared:
+    def _along_idle(self, graph: ProgramGraph) -> Shared:
         """Add S of a module, for all lanes column by column."""
-        w, n, size = self._w, len(self._spins), len(self._at.v)
-        S, over_spins = w.each(n, size), Sweep(w, n, self.over_v.known)
-        over_spins.seed(self._module.ports["u_dot"].numbers(0)[:n], Constants(np.eye(n)))
-        over_spins.through(graph)
-        collect(over_spins, self._numbers, S)
+        w, n, size = self._w, self._module.idle, len(self._at.v)
+        S, over_idle = w.each(n, size), Sweep(w, n, self.over_v.known)
+        over_idle.seed(self._module.ports["u_dot"].numbers(0)[:n], Constants(np.eye(n)))
+        over_idle.through(graph)
+        collect(over_idle, self._numbers, S)
         return by_columns(S, 0, n)
 
     def _rates(self, E: Each, graph: ProgramGraph) -> None:
         """Add D, the change of the rates of joints without a motor."""
         w, n, size, kinds = self._w, len(self.motors), len(self._at.v), self._at.kinds
         rest, rows, reading = self._rest, self._rows, self.over_v.reading(self._numbers)
-        spins, freedoms = self._spins, self._at.v.tolist()
-        moves = np.array([[k in x for k in freedoms] for x in moved_by_spins(self._module)], dtype=bool)
-        turning = any(kind.nv > 1 for kind in kinds)
+        idle, turning = self._module.idle, any(kind.nv > 1 for kind in kinds)
 
         def function() -> ca.Function:
             """Return the change of the rates of one column."""
@@ -229,17 +205,15 @@ class MotorMotion:
             T = x[rest] - dot(entries.T[rest], x[rows])
             if turning:
                 (first, v), (second, e) = symbols("v", size), symbols("e", size)
-                (third, S), bracket = matrix("S", len(spins), size), brackets(kinds, v, e)
-                columns += [first, second, *([third] if spins else [])]
-                T = T + bracket[rest]
-                for spun, (at, share) in zip(np.where(moves.reshape(S.shape), S, 0.0), spins, strict=True):
-                    T = T - spun[rest] * dot(np.array(share, dtype=object), bracket[list(at)])
+                (third, S), bracket = matrix("S", idle, size), brackets(kinds, v, e)
+                columns += [first, second, *([third] if idle else [])]
+                T = self._idle.taken_out(T + bracket[rest], S, bracket, rest)
             return ca.Function("rates", columns, [pack(T * 0.5)])
 
         more: list[Source] = [w.from_given("v", np.tile(self._at.v, (n, 1))), self._E] if turning else []
-        more += [self._spinning(graph)] if turning and spins else []
+        more += [self._along_idle(graph)] if turning and idle else []
         self._D = w.own(n, len(rest))
-        key = ("rates", reading.key, kinds, tuple(rows), spins)
+        key = ("rates", reading.key, kinds, tuple(rows), self._idle.key)
         sources = [*reading.blocks, Shared(E.start, size * n), *more]
         w.call(w.kernel(key, function, PART), n, sources, [self._D])
 

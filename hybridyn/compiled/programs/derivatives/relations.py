@@ -23,13 +23,14 @@ import numpy as np
 from ....spatial import Index, Mask
 from ....symbols import Expression, dot
 from ...equations.expressions import pack
+from ...equations.idle.over_motors import moved_by_idle
 from ...program import Constants, Each, Own, Shared, Source, Target
 from ..module_calls import ModuleCalls
 from ..writer import Writer
 from .columns import by_columns, factors, matrix, solved
 from .connected import ConnectedModules, Place
 from .matrix_names import FACTORS, FORCES, MORE, MOTIONS, OVER_U, WRENCH, MatrixName, S
-from .motor_motion import MotorMotion, motions_at, moved_by_spins
+from .motor_motion import MotorMotion, motions_at
 from .sweeps import PART, Block, ProgramGraph, Reading, Sweep
 
 
@@ -111,7 +112,7 @@ class Relations:
             if n == len(freedoms):  # each joint is a motion
                 out[own, [at.index(k) for k in calls.joints.tolist()]] = True
             else:
-                moved = moved_by_spins(calls)
+                moved = moved_by_idle(calls.request.plans[calls.k], calls.module)
                 for i, of in zip(own, moved + [{*freedoms.tolist()}] * (n - len(moved)), strict=True):
                     out[i, [at.index(k) for k in of]] = True
             first += n
@@ -290,9 +291,9 @@ class Relations:
         return out
 
     def _driven(self) -> list[int]:
-        """Return the numbers of the motions that are not spins, over motors."""
-        spins = [idle for part in self.parts for idle in [True] * part.idle + [False] * len(part.motors)]
-        return [k for k, idle in enumerate(spins) if not idle]
+        """Return the numbers of the motions that are not idle, over motors."""
+        every = [idle for part in self.parts for idle in [True] * part.idle + [False] * len(part.motors)]
+        return [k for k, idle in enumerate(every) if not idle]
 
     def _mapped(
         self, given: dict[MatrixName, Expression], name: str, x: Expression, *, turned: bool = False

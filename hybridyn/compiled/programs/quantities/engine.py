@@ -210,9 +210,9 @@ class CompiledEngine:
         R, p, w, p_dot = (np.take(x, counted, axis=1) for x in bodies.arrays[:4])
         arm = np.matmul(R, com[:, :, None])[..., 0]
         own = np.matmul(np.swapaxes(R, 2, 3), w[..., None])
-        spin = np.matmul(inertia, own)
+        turning = np.matmul(inertia, own)
         speed = p_dot + np.cross(w, arm)
-        kinetic = ((mass * (speed**2).sum(axis=2)).sum(axis=1) + (own * spin).sum(axis=(1, 2, 3))) / 2
+        kinetic = ((mass * (speed**2).sum(axis=2)).sum(axis=1) + (own * turning).sum(axis=(1, 2, 3))) / 2
         weight = robot.gravity if on.gravity is not None else np.zeros(3)
         potential = -(mass * ((p + arm) @ weight)).sum(axis=1)  # `@ mass` rounds by the batch
         add_energy_of_laws(robot, q, v, on, kinetic, potential)

@@ -1,8 +1,8 @@
 """Idle motions of loops that follow what is given: which freedoms stand for them, and the least of them.
 
-Positions of the motors leave a rod's spin between two balls open. `assembly.assemble` takes the least motion,
-in the units of the tree after the cuts, which is orthogonal to all idle motions. So do all programs, by
-`least_norm`.
+Positions of the motors leave the turn of a rod between two balls open. `assembly.assemble` takes the least
+motion, in the units of the tree after the cuts, which is orthogonal to all idle motions. So do all programs,
+by `least_norm`.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...assembly.free_motions import DRIVEN, IDLE, effects
-from ...spatial import Array, Mask
-from ...structure.mechanism import Mechanism
-from ...structure.module import Module
-from ...symbols import Expression, minus, times
-from .expressions import along
-from .guarded_elimination import Pivots
-from .states import generic_positions
+from ....assembly.free_motions import DRIVEN, IDLE, effects
+from ....spatial import Array, Mask
+from ....structure.mechanism import Mechanism
+from ....structure.module import Module
+from ....symbols import Expression, minus, times
+from ..expressions import along
+from ..guarded_elimination import Pivots
+from ..states import generic_positions
 
 #: Postures tell what is idle where the dependent freedoms have a reciprocal condition above this: rounding is
 #: then far below `IDLE`.
