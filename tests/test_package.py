@@ -118,6 +118,18 @@ def test_other_rooms_enter_compiled_models_by_the_door() -> None:
     assert behind == set()
 
 
+#: Files of compiled models that know what a spin of a rod is, all in one room. The number may fall.
+SPINS = 6
+
+
+def test_spins_of_rods_are_known_in_one_room_of_compiled_models() -> None:
+    """The others know of motions, of which the idle ones come first."""
+    files = [path for path in (PACKAGE / "compiled").rglob("*") if path.suffix in (".py", ".pyi", ".h")]
+    naming = [path for path in files if re.search("spin|spun", path.read_text(), re.IGNORECASE)]
+    assert {str(path.parent.relative_to(PACKAGE)) for path in naming} == {"compiled/equations/idle"}
+    assert len(naming) == SPINS
+
+
 def test_no_file_imports_itself_through_others() -> None:
     """`TopologicalSorter` raises a CycleError that names the files of a circle."""
     graph = TopologicalSorter[str]()

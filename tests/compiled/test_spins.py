@@ -256,8 +256,8 @@ def test_rates_of_closed_loops_are_those_of_the_general_path(name: str, size: fl
     wanted = module_requests(robot, gather_requests(robot, motors, {}))
     parts = parts_of(robot, wanted)
     (part,), (g, g_dot, g_ddot) = parts, numbers(parts, wanted)
-    assert part.spins
-    kernels = ModuleKernels([part.module], part.given, part.blocks, spins=part.spins)
+    assert part.idle
+    kernels = ModuleKernels([part.module], part.given, part.blocks, idle=part.idle_freedoms)
     settle, numbers_of = kernels.write()["settle"]
     table = numbers_of[0].astype(float)
     p, _ = places_at(parts, [state.q for state in forward(robot, q, v, a)], len(q))

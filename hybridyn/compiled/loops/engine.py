@@ -5,7 +5,7 @@ rows K (d: dependent, i: others), their residual r and what their rates should b
 
     K_d step = -r      K_d v_d = wanted - K_i v_i      K_d a_d = wanted_dot - K_i a_i - K_dot v
 
-Rods that spin between two balls have idle motions. Step, rates and accelerations are orthogonal to these:
+Rods between two balls have idle motions. Step, rates and accelerations are orthogonal to these:
 they are the least, as `assembly.assemble` has them.
 """
 

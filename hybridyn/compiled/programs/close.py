@@ -3,7 +3,7 @@
 "close" is for controllers that measure motors only. The independent coordinates are those of the motors and
 of joints that no motor moves. From a nearby posture, such as that of the last tick, the program takes one
 Newton step for the positions of the other joints and computes their rates and accelerations (`loops.engine`).
-Independent freedoms that only move what is idle, such as the spin of a rod between two balls, are not read.
+Independent freedoms that only move what is idle, such as the turn of a rod between two balls, are not read.
 In "lift" the coordinates of a module are its independent joints.
 They are chosen once, such that the pivots of K over the other joints are large at generic postures. About a
 posture q_0, with q = move(q_0, xi), the step and the rates are the same, and xi_dot = T(xi)^-1 v.

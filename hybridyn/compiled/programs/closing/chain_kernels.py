@@ -40,7 +40,7 @@ SAME_MOTION = 1e-8
 #: Largest residual of redundant rows after a step, without units: rounding. Newton steps of the general path
 #: share out more.
 REDUNDANT = 1e-12
-#: Largest residual of loops [module lengths] up to which a spinning rod, and residuals of rotations, have
+#: Largest residual of loops [module lengths] up to which a rod that idles, and residuals of rotations, have
 #: steps that equal those of the general path to rounding.
 ALIKE_OPEN = 1e-4
 
@@ -131,15 +131,15 @@ class ChainKernels(ModuleKernels):
     def _solved_by(
         self, factors: Triangular, K: Expression, right: Expression, *, motions: bool
     ) -> tuple[Expression, Expression]:
-        """Return particular solutions, shape (nv, k), and Psi, shape (nv, d), both orthogonal to spins."""
-        spins, others, p = [*self.loops.idle], self._others if motions else [], self.loops.pivots
+        """Return particular solutions, shape (nv, k), and Psi, shape (nv, d), orthogonal to what is idle."""
+        still, others, p = [*self.loops.idle], self._others if motions else [], self.loops.pivots
         rows, n = list(p.rows), self.e.tree.nv
-        solved = factors.solve(np.concatenate([right[rows], -K[rows][:, [*others, *spins]]], axis=1))
+        solved = factors.solve(np.concatenate([right[rows], -K[rows][:, [*others, *still]]], axis=1))
         out = zeros(n, solved.shape[1])
         out[list(p.cols)] = solved
         k, d = right.shape[1], len(others)
         out[others, range(k, k + d)] = 1.0
-        out[spins, range(k + d, k + d + len(spins))] = 1.0
+        out[still, range(k + d, k + d + len(still))] = 1.0
         found, idle = out[:, : k + d], out[:, k + d :]
         least_norm(found, idle, self.e.weight)
         return found[:, :k], found[:, k:]
@@ -197,7 +197,7 @@ class ChainKernels(ModuleKernels):
     def _too_open(self, rows: TreeRows) -> Any:
         """Return the guard of loops whose residuals differ from those of the general path."""
         turning = [np.arange(c.rows) >= len(c.translations) for c in self.e.closures]
-        which = slice(0, self.u.loops) if self.u.spins else np.flatnonzero(np.concatenate([[], *turning]))
+        which = slice(0, self.u.loops) if self.u.idle else np.flatnonzero(np.concatenate([[], *turning]))
         return largest((rows.residual * self.u.scale)[which]) / ALIKE_OPEN
 
     def _turned(self, factors: Triangular, change: Expression) -> Any:

@@ -80,7 +80,7 @@ class ChainWriter:
             first = own[members[0]]
             alike_modules = [own[k].module for k in members]
             numbers = [arguments[coupled.parts[k]] for k in members] if arguments else []
-            kernels = ChainKernels(alike_modules, first.given, (), numbers, places, first.spins)
+            kernels = ChainKernels(alike_modules, first.given, (), numbers, places, first.idle_freedoms)
             ports = Ports(self._targets.bodies[members[0]], maps[members[0]])
             ease = [coupled.problem.ease[k] for k in members]
             kernels.join(ease, ports, coupled.problem.parts[members[0]].rank or 0)

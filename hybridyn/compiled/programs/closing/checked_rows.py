@@ -58,23 +58,22 @@ def check_rows(rows: ClosedRows, robot: HybridRobot, parts: list[Part], design: 
         if place is None or not rows.close(design[None], place, row, room, guess=False, strict=True)[0]:
             continue
         q, v, _ = found = [x[0, 0] for x in room]
-        spun = (
-            [manifold.residual(q)[0], manifold.opening(q, v)[0]] if any(part.spins for part in parts) else []
-        )
+        idle = any(part.idle for part in parts)
+        opened = [manifold.residual(q)[0], manifold.opening(q, v)[0]] if idle else []
         offs = [
             np.abs(x - right)[at].max(initial=0.0) / (1.0 + np.abs(right).max())
             for x, right, at in zip(found, wanted, compared, strict=True)
         ]
-        check_agreement(robot, "motion of the loops", [*offs, *spun], ROWS_AGREE)
+        check_agreement(robot, "motion of the loops", [*offs, *opened], ROWS_AGREE)
 
 
 def _compared(robot: HybridRobot, parts: list[Part]) -> tuple[Mask, Mask, Mask]:
-    """Return the positions, rates and accelerations that do not depend on how far rods have spun."""
+    """Return the positions, rates and accelerations that do not depend on idle motions."""
     q, v = np.ones(robot.nq, dtype=bool), np.ones(robot.nv, dtype=bool)
     for part in parts:
         module, m = part.module, part.module.mechanism
-        balls = [m.spec.tree_joint[m.tree.dof_body[spin.col] - 1] for spin in part.spins]
-        wrists = [joint for wrist in m.spec.wrists for joint in wrist.joints if part.spins]
+        balls = [m.spec.tree_joint[m.tree.dof_body[col] - 1] for col in part.idle_freedoms]
+        wrists = [joint for wrist in m.spec.wrists for joint in wrist.joints if part.idle]
         for joint in (*balls, *wrists):
             if joint is not None:
                 q[module.q_index[m.spanning.q_slices[joint]]] = False

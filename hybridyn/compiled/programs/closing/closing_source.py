@@ -88,7 +88,7 @@ def closing_programs(
     for shape, numbers in alike(alone, key).items():
         modules, first = [parts[k].module for k in numbers], parts[numbers[0]]
         arguments = [own[k] for k in numbers], places
-        kernels = ModuleKernels(modules, first.given, first.blocks, *arguments, first.spins)
+        kernels = ModuleKernels(modules, first.given, first.blocks, *arguments, first.idle_freedoms)
         for name, kernel in kernels.write().items():
             read, written = ([x for x, _ in some if x != "kept"] for some in FORMS[name])
             w[name].add(shape, numbers, kernel, *read, written=written)

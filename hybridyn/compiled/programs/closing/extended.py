@@ -1,4 +1,4 @@
-"""The whole tree of a module as the kernels that close loops need it: its rods that spin, and arguments."""
+"""The whole tree of a module as the kernels that close loops need it: its rods that idle, and arguments."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class Extended:
     Attributes:
         mechanism: The mechanism.
         joints: Joints of the tree; their numbers may be arguments.
-        closures: The closures after the cuts; those on rods that spin begin at the rod, in its axes.
+        closures: The closures after the cuts; those on rods that idle begin at the rod, in its axes.
         couplings: The couplings, with joints of the tree.
         welds: A closure for each wrist, from its end to its target.
-        rods: Rods that spin, by the closure's number.
+        rods: Rods that idle, by the closure's number.
     """
 
     mechanism: Mechanism

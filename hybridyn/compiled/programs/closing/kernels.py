@@ -29,7 +29,6 @@ from ....symbols import Expression, dot, is_zero
 from ...equations.arguments import ModuleArguments
 from ...equations.expressions import Folding, pack, sampled, symbols, zeros
 from ...equations.guarded_elimination import Pivots, choose_pivots, largest_solutions
-from ...equations.idle.motion import IdleMotion
 from ...equations.scales import GUARD_CLOSED, Scale, largest, squares, weighed
 from ...equations.states import generic_positions, seen_postures
 from ...loops.engine import Loops, drift
@@ -54,7 +53,7 @@ class ModuleKernels:
         blocks: Sequence[LegBlock],
         arguments: Sequence[ModuleArguments | None] = (),
         places: tuple[Places, Places] = ({}, {}),
-        spins: Sequence[IdleMotion] = (),
+        idle: Sequence[int] = (),
     ) -> None:
         """Choose the pivots.
 
@@ -63,17 +62,17 @@ class ModuleKernels:
             blocks: Blocks of the free freedoms that do not depend on each other; none for one block.
             arguments: Arguments of each module, or None; nothing where no module has any.
             places: Frames of the robot's links, and the same as functions of the arguments.
-            spins: Idle spins that nothing determines; their rates are the least.
+            idle: Freedoms that stand for idle motions that nothing determines; their rates are the least.
         """
-        self.u, self.blocks = Unknowns(modules, given, arguments, places, spins), blocks
+        self.u, self.blocks = Unknowns(modules, given, arguments, places, idle), blocks
         self.e, self.rank = self.u.e, self.u.own
         self._folding, self._z = Folding(), symbols("z", self.e.tree.nq)
 
     @cached_property
     def loops(self) -> Loops:
         """Closes the loops: the first `rank` pivots are of the tree after the cuts, then those of wrists."""
-        e, spins = self.e, {spin.col: None for spin in self.u.spins}
-        return Loops(e.tree, self._pivots(), e.unit, e.weight, spins)
+        e = self.e
+        return Loops(e.tree, self._pivots(), e.unit, e.weight, dict.fromkeys(self.u.idle))
 
     def _pivots(self) -> Pivots:
         """Choose pivots over the free freedoms."""
@@ -202,7 +201,7 @@ class ModuleKernels:
 
         Where arguments may move a rod's end off its line, it looks at all rows.
         """
-        moved = bool(self.u.spins) and self.u.with_arguments != self.u.trees
+        moved = bool(self.u.idle) and self.u.with_arguments != self.u.trees
         rest = [i for i in range(self.u.loops) if moved or i not in self.loops.pivots.rows]
         rate, acceleration = (largest(x / self.e.unit) for x in motion)
         guard, scale = ca.SX(0.0), Scale(1.0, GUARD_CLOSED["float64"])

@@ -63,7 +63,7 @@ def parts_of(
 ) -> list[Part] | None:
     """Return the parts of a closing program; None if the general path must close the loops.
 
-    Of motions that are left to the least norm, kernels know idle spins alone. They do not average loops that
+    Of motions that are left to the least norm, kernels know idle ones alone. They do not average loops that
     contradict each other by a file's rounding.
 
     Args:
@@ -81,12 +81,12 @@ def parts_of(
         given, m, number = given_of(request), module.mechanism, len(parts)
         task = module_task(robot, module, request, alone=number not in carrying)
         free = int(task.problem.free.sum())
-        spins = left_open(module, task.problem) if task.problem.rank != free else ()
+        idle = left_open(module, task.problem) if task.problem.rank != free else ()
         if number in carrying:
-            spins = tuple(spin for spin in spins if not spin.moves(m.tree, carrying[number]))
-        elif task.problem.rank != free - len(spins):
+            idle = tuple(motion for motion in idle if not motion.moves(m.tree, carrying[number]))
+        elif task.problem.rank != free - len(idle):
             return None
         if free > MOST_FREEDOMS or m.rounding > CONTRADICTING_FILE:
             return None
-        parts.append(Part(module, given, tuple(task.problem.blocks), spins))
+        parts.append(Part(module, given, tuple(task.problem.blocks), idle))
     return parts if coupled or sum(part.given.rates for part in parts) else None

@@ -82,19 +82,23 @@ class Part:
         module: The module.
         given: What is prescribed in it.
         blocks: Blocks of its free freedoms (`LoopProblem.blocks`).
-        spins: Idle spins that are left open: their rates are the least.
+        idle: Idle motions that are left open: their rates are the least.
     """
 
     module: Module
     given: Given
     blocks: Sequence[LegBlock]
-    spins: tuple[IdleMotion, ...] = ()
+    idle: tuple[IdleMotion, ...] = ()
 
     @property
     def shape(self) -> tuple[object, ...]:
         """What parts have in common that the same kernels may close."""
-        spins = tuple((spin.cols, tuple(spin.axis.tolist())) for spin in self.spins)
-        return extended(self.module.mechanism).shape, self.given, spins
+        return extended(self.module.mechanism).shape, self.given, tuple(motion.key for motion in self.idle)
+
+    @property
+    def idle_freedoms(self) -> list[int]:
+        """Freedoms of the tree after the cuts that stand for its idle motions."""
+        return [motion.col for motion in self.idle]
 
     @property
     def platforms(self) -> int:

@@ -12,7 +12,6 @@ from ....structure.module import Module
 from ....symbols import Expression
 from ...equations.arguments import ModuleArguments
 from ...equations.expressions import pack, symbols, zeros
-from ...equations.idle.motion import IdleMotion
 from .extended import Extended, extended, with_arguments
 from .given import ANGLE, WIDTH, Given
 from .rows import Places, row_scales
@@ -24,8 +23,8 @@ class Unknowns:
     Attributes:
         m: Mechanism of the first module.
         e: Its extended tree.
-        spins: Idle spins that nothing determines.
-        free: Freedoms that are not given and do not stand for a spin; the first `own` are those of the tree
+        idle: Freedoms that stand for idle motions that nothing determines.
+        free: Freedoms that are neither given nor idle; the first `own` are those of the tree
             after the cuts.
         scale: Factor that makes each row dimensionless; the first `loops` rows are those of that tree.
     """
@@ -36,10 +35,10 @@ class Unknowns:
         given: Given,
         arguments: Sequence[ModuleArguments | None],
         places: tuple[Places, Places],
-        spins: Sequence[IdleMotion] = (),
+        idle: Sequence[int] = (),
     ) -> None:
         """Collect the trees; arguments are those of `ModuleKernels`."""
-        self.spins = spins
+        self.idle = idle
         self.places, self.places_with_arguments = places
         self.modules, self.given = modules, given
         self.m = modules[0].mechanism
@@ -50,7 +49,7 @@ class Unknowns:
             for tree, module, own in zip(self.trees, modules, arguments or [None] * len(modules), strict=True)
         ]
         self.platforms = self.e.platforms
-        held = set(given.columns(self.e.tree).tolist()) | {spin.col for spin in spins}
+        held = set(given.columns(self.e.tree).tolist()) | set(idle)
         self.free = np.array([k for k in range(self.e.tree.nv) if k not in held], dtype=int)
         self.own = int((self.free < self.m.tree.nv).sum())  # free freedoms of the tree after the cuts
         self.scale = row_scales(self.e, given)
