@@ -24,6 +24,8 @@ from tests.support.extras import all_installed, robots_of_others, skip
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
+#: After so many new objects garbage is searched for; Python's own 700 cost seconds a run.
+NEW_OBJECTS = 50_000
 #: So many modules are kept at most.
 MODULES = 500
 
@@ -59,8 +61,9 @@ def pytest_collection() -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Leave the tests themselves, 400,000 objects, out of what is searched for garbage."""
+    """Leave the tests themselves, 400,000 objects, out of what is searched for garbage, and search seldom."""
     gc.freeze()
+    gc.set_threshold(NEW_OBJECTS)
     gc.enable()
 
 

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -24,19 +25,24 @@ from tests.support.samples import some
 
 ROUNDING = 1e-12  # some hundred operations on numbers around one, some of them quotients
 
-PROGRAMS = [toy(seed, copies) for seed, copies in enumerate([1, 2, 3, 5, 6, 8, 9, 16, 17, 6, 6, 24])]
-NAMES = [program.name for program in PROGRAMS]
+COPIES = (1, 2, 3, 5, 6, 8, 9, 16, 17, 6, 6, 24)
+NAMES = [f"toy{seed}_{copies}" for seed, copies in enumerate(COPIES)]
 #: One copy, fewer than lanes, and two rounds of lanes and one more.
 FEW = ("toy0_1", "toy4_6", "toy8_17")
 CASES = some(NAMES, FEW)
+
+
+@cache
+def program_of(seed: int) -> Program:
+    return toy(seed, COPIES[seed])
 
 
 def loaded(names: Iterable[str]) -> Library:
     """Return some programs; in batches, their legs add sums in place, however few they are."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(drivers, "SUMMED", 0.0)
-        assert drivers.summed(PROGRAMS[4]) == {0: {1}}
-        return load([PROGRAMS[NAMES.index(name)] for name in names])
+        assert drivers.summed(program_of(4)) == {0: {1}}
+        return load([program_of(NAMES.index(name)) for name in names])
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +62,7 @@ Case = tuple[Library, Program]
 def case(request: pytest.FixtureRequest) -> Case:
     """Return a library, and one of its programs."""
     library = request.getfixturevalue("library" if request.param in FEW else "others")
-    return library, PROGRAMS[NAMES.index(request.param)]
+    return library, program_of(NAMES.index(request.param))
 
 
 @pytest.mark.parametrize("case", CASES, indirect=True)
@@ -83,7 +89,7 @@ def test_a_sample_has_the_same_bits_alone_and_in_any_batch(case: Case) -> None:
 
 
 def test_bits_do_not_depend_on_threads_or_lanes(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
-    program = PROGRAMS[4]
+    program = program_of(4)
     monkeypatch.setattr(library.programs[program.name], "block", BLOCK)
     q, v = inputs(program, 3 * BLOCK + 5)
     wanted = library.batch(program.name, q, v)
@@ -95,7 +101,7 @@ def test_bits_do_not_depend_on_threads_or_lanes(library: Library, monkeypatch: p
 
 def test_the_other_samples_of_a_block_do_not_matter(library: Library) -> None:
     """NaN, infinity and large numbers beside it leave a sample as it is; its own spoil the guard."""
-    program = PROGRAMS[4]
+    program = program_of(4)
     q, v = inputs(program, 16)
     (a, _), _ = library.batch(program.name, q, v)
     rough = q.copy()
@@ -110,7 +116,7 @@ def test_the_other_samples_of_a_block_do_not_matter(library: Library) -> None:
 
 
 def test_arrays_of_every_layout_are_taken(library: Library) -> None:
-    program = PROGRAMS[4]
+    program = program_of(4)
     q, v = inputs(program, 10)
     (a, _), _ = library.batch(program.name, q, v)
     same_bits(library.batch(program.name, np.asfortranarray(q), v[::-1][::-1])[0][0], a)
@@ -121,7 +127,7 @@ def test_arrays_of_every_layout_are_taken(library: Library) -> None:
 
 
 def test_a_batch_of_one_runs_as_a_single_call(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
-    program = PROGRAMS[0]
+    program = program_of(0)
     calls = library.programs[program.name]
     q, v = inputs(program, 40)
     (a, b), guard = library.batch(program.name, q, v)
@@ -160,14 +166,14 @@ def test_a_forked_process_has_threads_of_its_own(library: Library) -> None:
 
 
 def test_no_samples_give_no_results(library: Library) -> None:
-    program = PROGRAMS[4]
+    program = program_of(4)
     q, v = inputs(program, 0)
     (a, b), guard = library.batch(program.name, q, v)
     assert (a.shape, b.shape, guard.shape) == ((0, 12), (0, 6), (0,))
 
 
 def test_wrong_shapes_are_refused(library: Library) -> None:
-    program = PROGRAMS[4]
+    program = program_of(4)
     q, v = inputs(program, 3)
     for given, words in (
         ((q[:, 1:], v), "q has shape (3, 17)"),

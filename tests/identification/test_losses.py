@@ -96,7 +96,7 @@ def test_efforts_are_those_of_the_inverse_model_and_derivatives_those_of_differe
         assert np.abs(error).max() <= DIFFERENCES * np.abs(slope[:, :, k]).max() + rounding, one.names[k]
 
 
-@pytest.mark.parametrize("runs", [8, slow(40)])
+@pytest.mark.parametrize("runs", [5, slow(40)])
 def test_claimed_deviations_are_true(runs: int) -> None:
     """Errors over their covariance are chi-square, and those of losses over their deviations, too."""
     one, rng, sums, far = lossy("five_bar", 100.0), np.random.default_rng(3), [], []

@@ -333,9 +333,9 @@ def test_a_mutated_table_is_read_or_refused(tmp_path: Path, with_pose: bool) -> 
     use(path)
     draw = random.Random(20_10)
     read = 0
-    for _ in range(ROUNDS // 2):
+    for _ in range(ROUNDS // 4):
         path.write_bytes(mutated(content, draw))
         _, message = outcome(str(path), lambda: use(path))
         read += not message
         assert not message or (str(path) in message and message.isprintable()), message
-    assert 0.02 * ROUNDS < read < 0.4 * ROUNDS  # most are refused, harmless ones are not
+    assert 0.01 * ROUNDS < read < 0.2 * ROUNDS  # most are refused, harmless ones are not
