@@ -4,7 +4,7 @@ Each design is computed as the general path computes it, or handed over. Where i
 of motion hold to rounding, and accelerations agree but for what rounding does along a spin of little inertia.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -143,8 +143,6 @@ def test_designs_are_the_general_paths_or_handed_over(
 
 #: Largest part of the terms that may be left: accelerations of a spin of little inertia reach 1e7 rad/s^2.
 LEFT = 1e-10
-#: Seeds of rods near the border: some by default.
-SEEDS = [[1], slow([0, *range(2, 120)])]
 
 
 def near_the_border(rng: np.random.Generator, link: Link) -> tuple[Link, float, float]:
@@ -165,40 +163,46 @@ def near_the_border(rng: np.random.Generator, link: Link) -> tuple[Link, float, 
     return changed, axial + beside**2, float(np.hypot(beside, skew))
 
 
-@pytest.mark.parametrize("seeds", SEEDS, ids=["few", "many"])
-def test_rods_near_the_border_are_the_general_paths_or_handed_over(seeds: list[int]) -> None:
+@pytest.mark.parametrize(
+    ("name", "seeds"),
+    [
+        ("crank", [1]),
+        slow("crank", [0, *range(2, 120)]),
+        slow("slides", range(12)),
+        slow("ball_gough", range(6)),
+    ],
+    ids=["few", "many", "slides", "ball_gough"],
+)
+def test_rods_near_the_border_are_the_general_paths_or_handed_over(name: str, seeds: Sequence[int]) -> None:
     """Of a file, and designs. Rounding of the spin's inertia grows by its coupling with other motions."""
     computed = set()
     for seed in seeds:
         rng = np.random.default_rng([seed, 51])
         foot: rods.Foot = rng.choice(["ball", "floating", "floating aside", "revolutes"])
         base: Base = rng.choice(get_args(Base))
-        round_one = rods.crank(int(rng.integers(40)), foot)
-        at = next(i for i, link in enumerate(round_one.links) if "rod" in link.name and link.mass)
-        link, spun, coupled = near_the_border(rng, round_one.links[at])
-        links = (*round_one.links[:at], link, *round_one.links[at + 1 :])
-        robot = build_robot(replace(round_one, links=links), base=base)
-        parameters = Parameters(round_one, [f"centre:{link.name}", f"inertia:{link.name}"])
+        as_drawn = getattr(rods, name)(int(rng.integers(40)), foot, thin=name != "crank" and bool(seed % 2))
+        at = next(
+            i for i, x in enumerate(as_drawn.links) if ("rod" in x.name or "lower" in x.name) and x.mass
+        )
+        link, spun, coupled = near_the_border(rng, as_drawn.links[at])
+        links = (*as_drawn.links[:at], link, *as_drawn.links[at + 1 :])
+        robot = build_robot(replace(as_drawn, links=links), base=base)
+        parameters = Parameters(as_drawn, [f"centre:{link.name}", f"inertia:{link.name}"])
         values = np.concatenate([link.com, link.inertia[np.triu_indices(3)]])
-        programs_of = {
+        design = [parameters.slot_values(values[None])[0]]
+        ways = {
             "file": (robot, (), []),
-            "design": (
-                build_robot(round_one, base=base),
-                parameters.slots,
-                [parameters.slot_values(values[None])[0]],
-            ),
+            "design": (build_robot(as_drawn, base=base), parameters.slots, design),
         }
         states = [x[0] for x in moving_states(robot, 1, seed)]
         more = {"base_acceleration": rng.normal(size=6) * 5.0} if base == "moving" else {}
-        for name, (own, slots, numbers) in programs_of.items():
+        growth = 2.0**-52 * (coupled / spun) ** 2 if spun else 0.0
+        for way, (own, slots, numbers) in ways.items():
             program = function_of(programs(own, None, models=("ddm",), parameters=slots)["ddm"])
             a, guard = program(*states, *more.values(), *numbers)
-            if not float(guard) <= GUARD_LIMIT:
-                continue
-            computed.add(name)
-            near_the_general_path(
-                robot, states, np.array(a).ravel(), more, 2.0**-52 * (coupled / spun) ** 2 if spun else 0.0
-            )
+            if float(guard) <= GUARD_LIMIT:
+                computed.add(way)
+                near_the_general_path(robot, states, np.array(a).ravel(), more, growth)
     assert computed == {"file", "design"}
 
 
