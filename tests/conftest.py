@@ -3,6 +3,7 @@
 import gc
 import hashlib
 import os
+import platform
 import shutil
 import signal
 import sys
@@ -108,9 +109,15 @@ def name_of_test(case: str) -> str:
 
 
 def quick_compiler(program: Path) -> None:
-    """Build models without optimisation, which is for speed only; a CC in the environment wins."""
+    """Build models without optimisation, which is for speed only; a CC in the environment wins.
+
+    Instructions that only some processors have take a fifth of the compiler's time.
+    """
     if "CC" not in os.environ and shutil.which("cc"):
-        program.write_text('#!/bin/sh\ncase "$*" in *-O[3g]*) exec cc "$@" -O0 ;; *) exec cc "$@" ;; esac\n')
+        plain = "-O0 -march=x86-64" if platform.machine() == "x86_64" else "-O0"
+        program.write_text(
+            f'#!/bin/sh\ncase "$*" in *-O[3g]*) exec cc "$@" {plain} ;; *) exec cc "$@" ;; esac\n'
+        )
         program.chmod(0o700)
         os.environ["CC"] = str(program)
 

@@ -126,7 +126,7 @@ def test_an_orientation_goes_with_any_lengths_and_gives_the_rates_of_the_whole_p
     tmp_path: Path, block_rows: int, kept: str, turn: str, given: tuple[str, ...]
 ) -> None:
     """Rotation vectors jump by whole turns, and quaternions to their opposites."""
-    time = TIME[:400]
+    time = TIME[:200]
     pose = poses_of(time)
     (whole,) = motions(tmp_path, {"time": time, **pose_columns("tool", pose)})
     wanted = dict(zip(("velocity", "acceleration"), whole.platforms["tool"][1:], strict=True))
