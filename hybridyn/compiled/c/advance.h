@@ -33,23 +33,6 @@ static M nearer(const Work *w) {
     return good;
 }
 
-/* Newton's method from the guess in `at` without damping; gives where it comes to the positions. */
-static M reached(Work *w) {
-    M good = EVERY, near = NOT(EVERY);
-    for (int m = 0; m < MODULES; m++) w->before[m] = C(INFINITY);
-    for (int k = 0; k < PATIENCE; k++) {
-        w->newton.at = w->now.at;
-        const M trusted = RUN(newton, w->newton, w->moved);
-        const M there = LE(size_of(&w->moved), C(NEAR));
-        good = AND(good, OR(near, AND(trusted, nearer(w))));
-        memcpy(w->before, w->moved.open, sizeof(w->before));
-        take(NOT(near), (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
-        near = OR(near, there);
-        if (!ANY(AND(good, NOT(near)))) break;
-    }
-    return AND(good, near);
-}
-
 /* Compare a step with its prediction. */
 static M on_branch(Work *w) {
     w->branch.found = w->now.at;
@@ -80,43 +63,49 @@ static M not_far(Work *w) {
     return LE(w->far, C(0));
 }
 
-/* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain, and with
-   `guess` where it is by steps of which `reached` approves. */
-static M advanced(Work *w, M certain, int lone, int guess) {
-    w->newton.at = w->settle.start = w->branch.start = w->now.at;
-    memcpy(w->newton.g, w->settle.row.g, sizeof(w->newton.g));
-    memcpy(w->branch.g, w->settle.row.g, sizeof(w->branch.g));
-    M good = lone ? certain : AND(certain, not_far(w));
-    good = AND(good, RUN(newton, w->newton, w->moved));
-    w->now.at = w->branch.predicted = w->moved.at;
-    memcpy(w->first, w->moved.step, sizeof(w->first));
-    memcpy(w->settle.kept, w->moved.kept, sizeof(w->settle.kept));
-    memcpy(w->before, w->moved.open, sizeof(w->before));
-    V before = size_of(&w->moved);
-    if (!lone) good = AND(good, LE(before, C(LONGEST)));
-    for (int m = 0; m < MODULES; m++) w->taken[m] = size_in(&w->moved, m), w->later[m] = C(0);
-    for (int k = 0; k < ITERATIONS; k++) {
-        const M left = NOT(LE(before, C(NEAR)));
-        if (!ANY(AND(left, good))) break;
+/* Take Newton's steps from `at` to the positions. Gives where they keep to what is told of steps on one branch, and with
+   `reach`, where Newton's method comes there by itself, without damping: `lone` ones do no more. */
+static M stepped(Work *w, M good, int lone, M *reach) {
+    M left = EVERY;
+    V before = C(LONGEST);
+    const int steps = reach ? PATIENCE : ITERATIONS + 1;
+    for (int m = 0; m < MODULES; m++) w->later[m] = C(0), w->before[m] = C(INFINITY);
+    for (int k = 0; k < steps && ANY(AND(left, reach ? *reach : good)); k++) {
         w->newton.at = w->now.at;
         const M trusted = RUN(newton, w->newton, w->moved);
         const V size = size_of(&w->moved);
-        good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
-        if (guess) good = AND(good, OR(NOT(left), nearer(w)));
-        for (int m = 0; KEPT && m < MODULES; m++) { /* the general path damps steps that open what they should close */
+        if (!lone) good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
+        if (reach) *reach = AND(*reach, OR(NOT(left), AND(trusted, nearer(w))));
+        for (int m = 0; KEPT && k && !lone && m < MODULES; m++) { /* the general path damps steps that open chains */
             good = AND(good, OR(NOT(left), OR(LE(w->taken[m], C(NEVER_DAMPED)), LT(w->moved.open[m], w->before[m]))));
         }
-        if (KEPT || guess) memcpy(w->before, w->moved.open, sizeof(w->before));
+        memcpy(w->before, w->moved.open, sizeof(w->before));
         take(left, (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
+        if (!k) {
+            w->branch.predicted = w->moved.at;
+            memcpy(w->first, w->moved.step, sizeof(w->first));
+            memcpy(w->settle.kept, w->moved.kept, sizeof(w->settle.kept));
+        }
         before = SELECT(left, size, before);
         for (int m = 0; m < MODULES; m++) {
-            w->taken[m] = SELECT(left, size_in(&w->moved, m), w->taken[m]);
-            w->later[m] += SELECT(left, w->taken[m], C(0));
+            w->taken[m] = size_in(&w->moved, m);
+            if (k) w->later[m] += SELECT(left, w->taken[m], C(0));
         }
+        left = AND(left, NOT(LE(size, C(NEAR))));
+        if (k == ITERATIONS && !lone) good = AND(good, NOT(left));
     }
-    good = AND(good, LE(before, C(NEAR)));
-    M left = EVERY;
-    for (int k = 0; k < LAST_STEPS; k++) {
+    if (reach) *reach = AND(*reach, NOT(left)), good = AND(good, *reach);
+    return AND(good, NOT(left));
+}
+
+/* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain; `reach` as
+   of `stepped`. */
+static M advanced(Work *w, M certain, int lone, M *reach) {
+    w->settle.start = w->branch.start = w->now.at;
+    memcpy(w->newton.g, w->settle.row.g, sizeof(w->newton.g));
+    memcpy(w->branch.g, w->settle.row.g, sizeof(w->branch.g));
+    M left = EVERY, good = stepped(w, lone ? certain : AND(certain, not_far(w)), lone, reach);
+    for (int k = 0; k < LAST_STEPS && ANY(AND(left, good)); k++) {
         w->settle.at = w->now.at;
         const M trusted = RUN(settle, w->settle, w->settled);
         take(left, (V *)&w->now, (V *)&w->settled.now, NUMBERS(State));
@@ -126,10 +115,9 @@ static M advanced(Work *w, M certain, int lone, int guess) {
         const M open = NOT(AND(LE(step, C(LAST_STEP)), LE(largest_lanes(w->settled.open), C(OPEN))));
         good = AND(good, OR(NOT(left), trusted));
         left = AND(left, open);
-        if (!ANY(AND(left, good))) break;
     }
     good = AND(good, NOT(left));
-    if (lone) return good;
+    if (lone || !ANY(good)) return good;
     const M sure = surely_same(w);
     return ANY(AND(good, NOT(sure))) ? AND(good, OR(sure, on_branch(w))) : good;
 }
@@ -173,15 +161,8 @@ static M walked(Work *w, M certain, M whole) {
 /* Close the row in `settle` on the branch of the posture in `now`, where settle.g_0 holds.
    `guess`: from that posture Newton's method must reach the row by itself, too; `lone`: it has no branch. */
 static M closed(Work *w, M good, int guess, int lone) {
-    memcpy(w->newton.g, w->settle.row.g, sizeof(w->newton.g));
+    M reach = good;
     w->last = w->now.at;
-    if (guess && !lone) { /* most guesses lead there by the very steps of the branch */
-        const M whole = advanced(w, good, 0, 1);
-        if (!ANY(AND(good, NOT(whole)))) return whole;
-        w->now.at = w->last;
-    }
-    if (guess) good = AND(good, reached(w));
-    if (!lone) w->now.at = w->last;
-    const M whole = advanced(w, good, lone, 0);
-    return !KEPT && !lone && ANY(AND(good, NOT(whole))) ? walked(w, good, whole) : whole; /* a chain walks in other steps */
+    const M whole = advanced(w, good, lone, guess || lone ? &reach : 0);
+    return !KEPT && !lone && ANY(AND(reach, NOT(whole))) ? walked(w, reach, whole) : whole; /* a chain walks in other steps */
 }
