@@ -1,9 +1,14 @@
 /* A row closed on the branch of the row before, as `assembly.follow` does it: for W designs at once, each lane from its
    own row before, or for one robot (`one_lane.h`). Needs NQ, NP, NV, NG, NR, SLOTS, MODULES, KEPT, the constants of
-   `closing_source`, `far.h`, `row_records.h`, and the programs "newton", "settle" and "branch". */
-#define EVERY LE(C(0), C(0))
+   `closing_source`, `walk.h`, `far.h`, `row_records.h`, and the programs "newton", "settle" and "branch". */
 #define NUMBERS(x) (sizeof(x) / sizeof(V))
-#ifndef RUN /* a program; gives the lanes in which its guard is within the limit */
+/* RUN: a program; gives the lanes in which its guard is within the limit. */
+#if W == 1
+#define take(where, to, from, n) (void)((where) && memcpy(to, from, sizeof(S) * (n)))
+#ifndef RUN
+#define RUN(program, in, out) (memcpy(program##_memory.given, &(in), sizeof(in)), !program##_run((S *)&(out), 0))
+#endif
+#else
 #define RUN(program, in, out) run(program##_samples, program##_SHARED, (V *)&(in), NUMBERS(in), (V *)&(out), NUMBERS(out), w)
 typedef void Samples(const V *given, V *result, V *shared, V *own, V *guard);
 INLINE M run(Samples *samples, Long shared, const V *in, Long given, V *out, Long result, Work *w) {
@@ -122,40 +127,38 @@ static M advanced(Work *w, M certain, int lone, M *reach) {
     return ANY(AND(good, NOT(sure))) ? AND(good, OR(sure, on_branch(w))) : good;
 }
 
+/* A part of the way to a row. */
+static M row_part(void *way, M *left, V done, V to) {
+    Work *const w = (Work *)way;
+    const M last = LE(C(1), to);
+    const V part = (to - done) / (C(1) - done);
+    for (int l = 0; l < W; l++)
+        between((S *)w->there + l, (S *)w->row.g + l, ((const S *)&part)[l], (S *)w->settle.row.g + l, W);
+    take(last, w->settle.row.g, w->row.g, NG);
+    for (int i = 0; i < NR; i++) {
+        w->settle.row.g_dot[i] = SELECT(last, w->row.g_dot[i], C(0));
+        w->settle.row.g_ddot[i] = SELECT(last, w->row.g_ddot[i], C(0));
+    }
+    memcpy(w->settle.g_0, w->there, sizeof(w->there));
+    w->now.at = w->here;
+    const M good = advanced(w, *left, 0, 0), moved = AND(good, NOT(last));
+    take(AND(good, last), (V *)&w->end, (V *)&w->now, NUMBERS(State));
+    take(moved, (V *)&w->here, (V *)&w->now.at, NUMBERS(Posture));
+    take(moved, w->there, w->settle.row.g, NG);
+    return good;
+}
+
 /* Follow the branch from the row before, in `last`, where a step to the row was too long for its checks, in steps as
    long as predictions hold. Gives the lanes of `whole` and those where it leads on. */
-static M walked(Work *w, M certain, M whole) {
-    M left = AND(certain, NOT(whole));
-    V done = C(0), step = C(0.25);
+static M led_on(Work *w, M certain, M whole) {
     w->end = w->now;
     w->here = w->last;
     memcpy(w->there, w->settle.g_0, sizeof(w->there));
     w->row = w->settle.row;
-    while (ANY(left)) {
-        step = SELECT(LE(C(1) - done, step), C(1) - done, step);
-        const V to = done + step;
-        const M last = LE(C(1), to);
-        for (int l = 0; l < W; l++)
-            between((S *)w->there + l, (S *)w->row.g + l, ((S *)&step)[l] / (1 - ((S *)&done)[l]), (S *)w->settle.row.g + l, W);
-        take(last, w->settle.row.g, w->row.g, NG);
-        for (int i = 0; i < NR; i++) {
-            w->settle.row.g_dot[i] = SELECT(last, w->row.g_dot[i], C(0));
-            w->settle.row.g_ddot[i] = SELECT(last, w->row.g_ddot[i], C(0));
-        }
-        memcpy(w->settle.g_0, w->there, sizeof(w->there));
-        w->now.at = w->here;
-        const M good = advanced(w, left, 0, 0), moved = AND(good, NOT(last));
-        take(AND(good, last), (V *)&w->end, (V *)&w->now, NUMBERS(State));
-        take(moved, (V *)&w->here, (V *)&w->now.at, NUMBERS(Posture));
-        take(moved, w->there, w->settle.row.g, NG);
-        whole = OR(whole, AND(good, last));
-        left = AND(left, AND(NOT(whole), OR(good, LT(C(SHORTEST), step))));
-        done = SELECT(moved, to, done);
-        step = SELECT(good, C(2) * step, C(0.5) * step);
-    }
+    const M led = walked(row_part, w, AND(certain, NOT(whole)), C(0.25), C(1));
     w->now = w->end;
     w->settle.row = w->row;
-    return AND(certain, whole);
+    return OR(AND(certain, whole), led);
 }
 
 /* Close the row in `settle` on the branch of the posture in `now`, where settle.g_0 holds.
@@ -164,5 +167,5 @@ static M closed(Work *w, M good, int guess, int lone) {
     M reach = good;
     w->last = w->now.at;
     const M whole = advanced(w, good, lone, guess || lone ? &reach : 0);
-    return !KEPT && !lone && ANY(AND(reach, NOT(whole))) ? walked(w, reach, whole) : whole; /* a chain walks in other steps */
+    return !KEPT && !lone && ANY(AND(reach, NOT(whole))) ? led_on(w, reach, whole) : whole; /* a chain walks in other steps */
 }

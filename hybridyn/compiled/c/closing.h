@@ -1,5 +1,8 @@
 /* Rows of a table closed one after the other (`advance.h`), for W designs at once, or for one robot (`one_lane.h`). */
 EXPORT Long rows_work = sizeof(Work);
+#if W == 1
+#define to_rows_apart(to, from, width, apart, valid) memcpy(to, from, sizeof(S) * (width))
+#endif
 
 /* Numbers of each lane's row; lanes beyond the valid ones repeat the last. */
 INLINE void fill(V *to, const S *from, Long n, Long apart, int valid) {

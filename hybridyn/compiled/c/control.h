@@ -1,5 +1,5 @@
 /* A control step: the walk, then the efforts. `start` and `goal` are those of `walk`, and `result` q, v, a and the efforts.
-   Needs `walk.h` and the program "idm", which reads q, v, a, the parameters and WRENCHES numbers: these follow in `start`. */
+   Needs `side.h` and the program "idm", which reads q, v, a, the parameters and WRENCHES numbers: these follow in `start`. */
 static S control(const S *start, const S *goal, S *result, S *room) {
     S state[GIVEN + WRENCHES];
     const S closed = walk(start, goal, result, room);

@@ -1,13 +1,8 @@
 /* Whether a joint moves further between prescribed positions, `apart` numbers apart, than the checks of one step can
-   judge. Needs KINDS (the kind of each prescribed position, then -1) and FAR (the longest step of each). */
-#define TURN (S)6.283185307179586
-static S way_of(S from, S to, int kind) {
-    const S way = to - from;
-    return kind == 1 ? way - TURN * SCALAR(floor)(way / TURN + (S)0.5) : way;
-}
+   judge. Needs `walk.h`, KINDS (the kind of each prescribed position, then -1) and FAR (the longest step of each). */
 static int is_far(const S *g_0, const S *g_1, int apart) {
     for (int k = 0, i = 0; KINDS[k] >= 0; k++) {
-        const S way = way_of(g_0[i * apart], g_1[i * apart], KINDS[k]);
+        const S way = way_of(g_0[i * apart], g_1[i * apart], KINDS[k] == 1);
         if (!(way <= FAR[k]) || !(-way <= FAR[k])) return 1;
         i += KINDS[k] == 2 ? 7 : 1;
     }
@@ -18,7 +13,7 @@ static int is_far(const S *g_0, const S *g_1, int apart) {
 static void between(const S *g_0, const S *g_1, S f, S *g, int apart) {
     for (int k = 0, i = 0; KINDS[k] >= 0; k++) {
         const int numbers = KINDS[k] == 2 ? 3 : 1;
-        for (int j = 0; j < numbers; j++, i += apart) g[i] = g_0[i] + f * way_of(g_0[i], g_1[i], KINDS[k]);
+        for (int j = 0; j < numbers; j++, i += apart) g[i] = g_0[i] + f * way_of(g_0[i], g_1[i], KINDS[k] == 1);
         if (KINDS[k] != 2) continue;
         S cosine = 0, sine = 0, other[4];
         for (int j = 0; j < 4; j++) cosine += g_0[i + j * apart] * g_1[i + j * apart];

@@ -1,4 +1,4 @@
-/* A control step from what is given: poses of links, and positions of joints. Needs `advance.h` in one lane, `walk.h` (for
+/* A control step from what is given: poses of links, and positions of joints. Needs `advance.h` in one lane, `side.h` (for
    `make_unit`), the programs "place", "measure" and "idm", OWN (numbers of the joints among those given) and WRENCHES. */
 static S given_step(const S *last, const S *given, const S *rates, const S *accelerations, const S *wrenches, S *result,
                     Work *w) {

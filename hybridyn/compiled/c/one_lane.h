@@ -1,4 +1,4 @@
-/* The arithmetic of `advance.h` for one row at a time, whose programs hold copies of legs in the lanes of vectors. */
+/* The arithmetic of `walk.h` for one row at a time, whose programs hold copies of legs in the lanes of vectors. */
 #undef V
 #undef M
 #undef W
@@ -22,9 +22,3 @@
 #define SELECT(m, a, b) ((m) ? (a) : (b))
 #define FMAX larger
 INLINE S larger(S a, S b) { return LT(b, a) || NE(b, b) ? a : b; }
-#define to_rows_apart(to, from, width, apart, valid) memcpy(to, from, sizeof(S) * (width))
-#define take(where, to, from, n) (void)((where) && memcpy(to, from, sizeof(S) * (n)))
-#ifndef RUN
-#define RUN(program, in, out) \
-    (memcpy(program##_memory.given, &(in), sizeof(in)), !program##_run((S *)&(out), 0))
-#endif

@@ -36,7 +36,7 @@ RECORDS = {
     "place": ("const Posture *x, Posture *y, S *own", "q", "p"),
     "measure": ("const Posture *x, const S *joints, const S *wanted, S *now, S *next", "q p", ""),
 }
-#: Before the walk: a program; gives whether its guard is within the limit.
+#: Before `advance.h`: a program; gives whether its guard is within the limit.
 CALL = "#define RUN(program, in, out) (program##_run(&(in), &(out), w->programs) <= 1)"
 #: C99 has no arrays without numbers: they have one.
 SOME = "#define SOME(n) ((n) + !(n))"
@@ -68,10 +68,10 @@ def given_step(
     outputs = ("q", robot.nq), ("v_closed", robot.nv), ("a_closed", robot.nv), *inverse.outputs
     step = Program(GIVEN_STEP, (*inputs, *request.wrench_inputs), outputs, (), (), _numbers_of_work(names), 0)
     text = [
-        *("#include <string.h>", "#undef NUMBERS"),
+        *("#include <string.h>", "#undef NUMBERS", "#undef RUN"),
         *(f"#undef {x}\n#define {x} {n!r}" for x, n in names.items()),
         *(SOME, CALL, "typedef long long Long;"),
-        *(c_text("one_lane.h"), far_source(parts, motion.chains), c_text("row_records.h")),
+        *(far_source(parts, motion.chains), c_text("row_records.h")),
         *(_called(program, name) for program in every),
         *(c_text("advance.h"), c_text("given_step.h"), _function(step, name, request.dtype)),
     ]

@@ -1,7 +1,8 @@
-"""The walk along an assembly branch, and the control step with it: one C text for exported C and for Warp.
+"""The walk of joints along an assembly branch, and the control step with it: one C text for exports and Warp.
 
-From where some joints are, the walk takes them straight to where they are wanted, in parts: in each, Newton's
-method closes the loops, and their rows must not turn by more than `assembly.follow` allows.
+From where some joints are, the walk takes them straight to where they are wanted, in parts (`c/walk.h`, as
+tables do): in each, Newton's method closes the loops, and their rows must not turn by more than
+`assembly.follow` allows.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def walk_text(
         "NQ": robot.nq, "NV": robot.nv, "SIDE": len(side), "POSED": int(posed), "GIVEN": program.sizes[0],
         "NUMBERS": sum(size for _, size in request.parameter_inputs), "CLOSED": GUARD_CLOSED[request.dtype],
         "LONGEST": LONGEST_STEP, "CONTRACTION": CONTRACTION, "NEWTON_STEPS": WALK_STEPS, "SETTLED": settled,
-        "SHORTEST_PART": SHORTEST, "OTHER_BRANCH": OTHER_BRANCH,
+        "SHORTEST": SHORTEST, "OTHER_BRANCH": OTHER_BRANCH,
         "WRENCHES": sum(size for _, size in request.wrench_inputs),
     }  # fmt: skip
     lines, units = [f"#define {name} {value!r}" for name, value in names.items()], ["0"] * robot.nq
@@ -65,7 +66,7 @@ def walk_text(
         for column in columns[:, 0].tolist():
             units[column] = str(columns.shape[1])
     table = TABLE.format("int", "unit_size", ", ".join(units) or "0")
-    return "\n".join([*lines, joints_text(robot, side) + table + c_text("walk.h")])
+    return "\n".join([*lines, joints_text(robot, side) + table + c_text("walk.h") + c_text("side.h")])
 
 
 def joints_text(robot: HybridRobot, side: Sequence[str]) -> str:
@@ -105,6 +106,7 @@ def control_step(
     each = "    for (k = 0; k < {}; k++) {};"
     text = [
         *(_run(program, name) for program in called),
+        c_text("one_lane.h"),
         walk_text(request, close, motors, settled=GUARD_LIMIT) + c_text("control.h"),
         f"{prototype(step, name, request.dtype)} {{",
         f"    S guard, *start = work->numbers, *result = start + {sum(size for _, size in read)};",

@@ -1,7 +1,7 @@
 """The programs of a whole robot for one choice of given joints and targets, and their C libraries.
 
-One library closes the rows of a table, the other those of many designs in lanes: one text, `c/closing.h`. Its
-walk, `c/advance.h`, is that of exported control steps, too.
+One library closes the rows of a table, the other those of many designs in lanes: one text, `c/closing.h`.
+Exported control steps from poses close their rows by `c/advance.h`, too, and all walk by `c/walk.h`.
 """
 
 from __future__ import annotations
@@ -135,18 +135,17 @@ def closing_source(
     """
     programs = closing_programs(robot, parts, chosen, chains)
     names, written = constants_of(programs, 0 if chosen is None else chosen.size), list(programs.values())
-    texts = ["row_records.h", "advance.h", "closing.h"]
+    before, after = ["walk.h"], ["row_records.h", "advance.h", "closing.h"]
     order = motors_given(robot, parts) if chosen is None and not chains else []
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
     if chosen is None:
-        texts.insert(0, "one_lane.h")
+        before.insert(0, "one_lane.h")
     if order:
         lines.append(f"#define MOTORS {', '.join(map(str, order))}")
         written.append(place_program(robot, parts))
-        texts.append("close_row.h")
-    return library_source(
-        written, scalar, "\n".join([*lines, far_source(parts, chains), *map(c_text, texts)])
-    )
+        after.append("close_row.h")
+    text = [*lines, *map(c_text, before), far_source(parts, chains), *map(c_text, after)]
+    return library_source(written, scalar, "\n".join(text))
 
 
 def far_source(parts: Sequence[Part], chains: Sequence[Coupled] = ()) -> str:

@@ -1,0 +1,83 @@
+/* The loops closed from one side's positions, along the branch of a posture: for exported C and for Warp. Needs the numbers
+   of `walking.walk_text`: NQ, NV, SIDE (joints of the side), GIVEN (size of what the program reads), NUMBERS (of which at its
+   end are parameters), POSED (whether the side's positions are among it), and the rules of a walk; the programs "close" and
+   "turning"; `walk.h`; `at` and `turns`, the places of the side's joints in q, and `farthest`, how far each may move in one part of the
+   way; `unit_size`, how many coordinates of length one begin at each coordinate. `room`: memory of the programs. */
+static S position_of(const S *q, int m) { return turns(m) ? SCALAR(atan2)(q[at(m) + 1], q[at(m)]) : q[at(m)]; }
+
+static void place(S *given, int m, S x) {
+    S *q = given + at(m);
+    if (POSED) given[NQ + m] = x;
+    if (turns(m)) q[0] = SCALAR(cos)(x), q[1] = SCALAR(sin)(x);
+    else q[0] = x;
+}
+
+/* Divide quaternions, and cosines and sines, by their length: those of a file have its digits. */
+static void make_unit(S *q) {
+    for (int k = 0; k < NQ; k++) {
+        S squares = 0;
+        for (int i = 0; i < unit_size(k); i++) squares += q[k + i] * q[k + i];
+        for (int i = 0; i < unit_size(k); i++) q[k + i] /= SCALAR(sqrt)(squares);
+    }
+}
+
+/* Newton's method from the posture that `given` begins with; the guard, which measures the last step. */
+static S newton(S *given, S *result, S *room) {
+    S guard = 2, before = (S)(LONGEST / CONTRACTION);
+    for (int n = 0; n < NEWTON_STEPS; n++) {
+        const int once_more = guard <= 1;
+        guard = close_run(given, result, room);
+        const S step = guard * (S)CLOSED;
+        if (guard <= (S)SETTLED || (once_more && guard <= 1)) return guard;
+        if (!(step <= (S)CONTRACTION * before || guard <= 1)) return guard;
+        before = step;
+        for (int k = 0; k < NQ; k++) given[k] = result[k];
+    }
+    return guard;
+}
+
+/* The guard of a part of the way: above 1 where another branch could lie between its ends. */
+static S turned(const S *given, const S *here, const S *there, S *room) {
+    S both[2 * NQ + NUMBERS];
+    for (int k = 0; k < NQ; k++) both[k] = here[k], both[NQ + k] = there[k];
+    for (int k = 0; k < NUMBERS; k++) both[2 * NQ + k] = given[GIVEN - NUMBERS + k];
+    return turning_run(both, both, room);
+}
+
+/* A walk from a closed posture, `start` with what else the program reads, to the positions `goal`. */
+typedef struct {
+    const S *start, *goal;
+    S *result, *room, given[GIVEN], here[NQ], from[SIDE], way[SIDE], guard;
+} Side;
+
+/* One part of it, in which Newton's method agrees. Ends where numbers are not finite. */
+static int side_part(void *of, int *left, S done, S to) {
+    Side *w = (Side *)of;
+    (void)done;
+    for (int k = 0; k < NQ; k++) w->given[k] = w->here[k];
+    for (int m = 0; m < SIDE; m++) place(w->given, m, to < 1 ? w->from[m] + to * w->way[m] : w->goal[m]);
+    w->guard = newton(w->given, w->result, w->room);
+    const S turn = w->guard <= 1 ? turned(w->start, w->here, w->result, w->room) : 0;
+    if (!(turn <= 1)) w->guard = turn;
+    *left = w->guard == w->guard;
+    for (int k = 0; w->guard <= 1 && k < NQ; k++) w->here[k] = w->result[k];
+    return w->guard <= 1;
+}
+
+/* Gives the guard: OTHER_BRANCH where no way leads there. */
+static S walk(const S *start, const S *goal, S *result, S *room) {
+    S longest = 1;
+    Side w;
+    w.start = start, w.goal = goal, w.result = result, w.room = room;
+    for (int k = 0; k < GIVEN; k++) w.given[k] = start[k];
+    for (int k = 0; k < NQ; k++) w.here[k] = start[k];
+    make_unit(w.here);
+    for (int m = 0; m < SIDE; m++) {
+        w.from[m] = position_of(w.here, m);
+        w.way[m] = way_of(w.from[m], goal[m], turns(m));
+        if (!(SCALAR(fabs)(w.way[m]) * longest <= farthest(m))) longest = farthest(m) / SCALAR(fabs)(w.way[m]);
+    }
+    if (!(longest > 0)) return longest / longest; /* NaN: the way is not finite */
+    if (longest < (S)SHORTEST) return (S)OTHER_BRANCH; /* a wild goal */
+    return walked(side_part, &w, 1, longest, longest) || w.guard != w.guard ? w.guard : (S)OTHER_BRANCH;
+}
