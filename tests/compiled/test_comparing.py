@@ -12,6 +12,7 @@ import pytest
 import hybridyn
 from hybridyn.compiled.code.scalars import Scalar
 from hybridyn.compiled.comparing import SAMPLES, compare_at_states
+from hybridyn.compiled.equations.states import any_accelerations, moving_states
 from hybridyn.compiled.library.building import best_lanes
 from hybridyn.compiled.library.calls import Calls, Library
 from hybridyn.compiled.programs.derivatives.evaluation import Derivatives
@@ -23,9 +24,11 @@ from hybridyn.dynamics.quantities.independent import independent_coordinates
 from hybridyn.effects.choice import choose
 from hybridyn.identification.compiled_rows import CompiledRows
 from hybridyn.identification.parameters import standard_parameters
+from hybridyn.linkage.retraction import Retraction
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.robots.locked import with_truss
+from tests.robots.mechanisms import random_mechanism
 from tests.robots.robot_texts import door, read_text
 from tests.support.comparing import refused
 from tests.support.samples import some
@@ -113,3 +116,13 @@ def test_a_robot_in_which_nothing_moves_is_verified() -> None:
 def test_derivatives_of_a_robot_without_motors_are_compared(tmp_path: Path, empty_cache: Path) -> None:
     robot = build_robot(replace(read_text(tmp_path, door(2)), motors=()))
     assert Derivatives(robot, "ddm").library
+
+
+def test_drawn_accelerations_follow_the_states_smoothly() -> None:
+    """Quotients of differences are compared with derivatives; the basis of this one's motions turns."""
+    robot, step = build_robot(random_mechanism(1, kind="gough_floating")), 1e-5
+    q, v, _ = moving_states(robot, SAMPLES)
+    move = Retraction(robot.kinds).move
+    way = [np.array(list(map(move, q, h * v))) for h in (0.0, step, 2.0 * step)]
+    a = [any_accelerations(robot, x, v, 1) for x in way]
+    np.testing.assert_allclose(a[2] - a[1], a[1] - a[0], atol=100.0 * step**2)  # 2 without the projection

@@ -94,14 +94,17 @@ def moving_states(
 def any_accelerations(robot: HybridRobot, q: Array, v: Array, seed: int = 0, *, idle: bool = True) -> Array:
     """Draw accelerations that keep the loops closed, whatever forces they need, shape (count, nv).
 
-    Those of idle motions are zero without `idle`.
+    Those of idle motions are zero without `idle`. Draws of one seed are a smooth function of the states: a
+    projection, while the basis of the motions that it is computed with may turn between neighbours.
     """
     rng, out = np.random.default_rng(seed), np.zeros_like(v)
     for state in forward(robot, q, v, out):
         m, at = state.mechanism, state.module.v_index
         basis = m.basis(state.K, m.closures.rates(m.tree.sweep(state.q, state.v), state.v)[1])
-        u_dot = rng.normal(size=basis.Psi.shape[::2])
-        x_ddot = np.einsum("tij,tj->ti", basis.Psi, u_dot) + basis.drift
+        unit = m.reduction.col_scale
+        Q, drift = np.linalg.qr(basis.Psi / unit[:, None])[0], basis.drift / unit
+        left = np.einsum("tij,ti->tj", Q, rng.normal(size=drift.shape) - drift)
+        x_ddot = unit * (np.einsum("tij,tj->ti", Q, left) + drift)
         if not idle:
             take_out_idle(state.module, x_ddot)
         out[:, at] = state.spanning_accelerations(v, x_ddot)
