@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....spatial import Mask
 from ....structure.module import Module
 from ....symbols import Expression, dot
 from ..module_plan import ModulePlan
@@ -25,34 +24,15 @@ def idle_in_v(plan: ModulePlan, module: Module) -> list[list[int]]:
     return [at[list(spin.cols)].tolist() for spin in plan.parts.all_idle]
 
 
-def moved_by_idle(plan: ModulePlan, module: Module) -> list[set[int]]:
-    """Return the freedoms in v that each idle motion moves: of its joint, and of wrists beyond it."""
-    out = [set(at) for at in idle_in_v(plan, module)]
-    m, v_index = module.mechanism, module.v_index
-    for path in plan.parts.paths:
-        held = m.cut.v_in[np.flatnonzero(m.tree.support[path.target])]
-        freedoms = v_index[[col for col in (*path.v, *held) if col >= 0]].tolist()
-        for moved in out:
-            moved.update(v_index[path.v[path.own]].tolist() if moved.intersection(freedoms) else [])
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class IdleOverMotors:
     """The idle motions of a module over its motors.
 
     Attributes:
-        spins: Of each the freedoms of its joint, and their share.
-        moves: Which freedoms each moves, shape (motions, nv).
+        spins: Of each the freedoms of its joint, and their share; equal for modules that share their code.
     """
 
     spins: tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]
-    moves: Mask
-
-    @property
-    def key(self) -> tuple[object, ...]:
-        """What is equal for modules that share their code."""
-        return self.spins
 
     @classmethod
     def of(cls, plan: ModulePlan, module: Module, freedoms: Sequence[int]) -> IdleOverMotors:
@@ -63,8 +43,7 @@ class IdleOverMotors:
             (tuple(number[k] for k in at), tuple(map(float, share)))
             for at, share in zip(joints, shares, strict=True)
         ]
-        moves = [[k in moved for k in freedoms] for moved in moved_by_idle(plan, module)]
-        return cls(tuple(spins), np.array(moves, dtype=bool).reshape(len(spins), len(freedoms)))
+        return cls(tuple(spins))
 
     def taken_out(self, T: Expression, S: Expression, bracket: Expression, rest: list[int]) -> Expression:
         """Return T + [v, E] of some freedoms without what is along the idle motions.
@@ -75,6 +54,6 @@ class IdleOverMotors:
             bracket: [v, E], shape (nv,).
             rest: The freedoms.
         """
-        for spun, (at, share) in zip(np.where(self.moves, S, 0.0), self.spins, strict=True):
+        for spun, (at, share) in zip(S, self.spins, strict=True):
             T = T - spun[rest] * dot(np.array(share, dtype=object), bracket[list(at)])
         return T

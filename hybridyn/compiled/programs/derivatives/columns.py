@@ -18,7 +18,7 @@ from ....joints.displacement import rate
 from ....joints.kinds import JointKind
 from ....spatial import Index, Mask
 from ....structure.robot import HybridRobot
-from ....symbols import Expression, dot
+from ....symbols import Expression, dot, minus, times
 from ...equations.expressions import eye, pack, symbols, zeros
 from ...program import Each, Own, Shared, Source, Target
 from ..writer import Writer
@@ -175,31 +175,49 @@ def add_terms(
         w.call(w.kernel(key, function, DENSE), copies, sources, [target])
 
 
-def factors(n: int, rows: int) -> ca.Function:
+def filled_in(mask: Mask) -> Mask:
+    """Return which entries of the factor L of a symmetric matrix are not always zero, shape (n, n).
+
+    Args:
+        mask: The same of its entries; an entry that is zero on one side of the diagonal is so on both.
+    """
+    out = np.tril(mask & mask.T)
+    for i in range(len(out)):
+        below = i + 1 + np.flatnonzero(out[i + 1 :, i])
+        out[np.ix_(below, below)] = True
+    return np.tril(out, -1)
+
+
+def factors(mask: Mask, rows: int) -> ca.Function:
     """Return the function of the factors of the first n columns of an (n, rows) matrix.
 
     They are symmetric positive definite, L diag L^T: L by rows below its diagonal, then the reciprocals of
     diag.
+
+    Args:
+        mask: Which entries of these columns are not always zero, shape (n, n).
     """
+    n = len(mask)
     column, given = matrix("W", n, rows)
-    W, L, reciprocals = given[:, :n].copy(), eye(n), []
+    W, L, reciprocals = np.where(mask & mask.T, given[:, :n], 0.0), eye(n), []
     for i in range(n):
         reciprocals.append(1.0 / W[i, i])
         for j in range(i + 1, n):
-            L[j, i] = W[j, i] * reciprocals[i]
+            L[j, i] = times(W[j, i], reciprocals[i])
             for c in range(i + 1, j + 1):
-                W[j, c] = W[j, c] - L[j, i] * W[c, i]
+                W[j, c] = minus(W[j, c], times(L[j, i], W[c, i]))
     return ca.Function("pivot", [column], [pack(L[np.tril_indices(n, -1)], reciprocals)])
 
 
-def solved(numbers: Expression, b: Expression) -> Expression:
-    """Return x of W x = -b from the factors of W."""
+def solved(numbers: Expression, mask: Mask, b: Expression) -> Expression:
+    """Return x of W x = -b from the factors of W, of which `mask` tells the entries that are not zero."""
     n, x = len(b), b.copy()
     L = eye(n)
     L[np.tril_indices(n, -1)] = numbers[: n * (n - 1) // 2]
+    L = np.where(filled_in(mask), L, 0.0)
     for i in range(1, n):
-        x[i] = x[i] - dot(L[i, :i], x[:i])[()]
-    x = -(x * numbers[n * (n - 1) // 2 :])
+        x[i] = minus(x[i], dot(L[i, :i], x[:i])[()])
+    x = np.array([-times(y, z) for y, z in zip(x, numbers[n * (n - 1) // 2 :], strict=True)], dtype=object)
     for i in reversed(range(n - 1)):
-        x[i] = x[i] - dot(L[i + 1 :, i], x[i + 1 :])[()]
+        x[i] = minus(x[i], dot(L[i + 1 :, i], x[i + 1 :])[()])
     return x

@@ -22,7 +22,7 @@ import numpy as np
 
 from ....errors import SingularityError
 from ....joints.kinds import JointKind
-from ....spatial import cross
+from ....spatial import Mask, cross
 from ....symbols import Expression, dot
 from ...equations.direct import write_direct
 from ...equations.direct_legs import write_direct_legs
@@ -134,7 +134,7 @@ class MotorMotion:
         """Add how the joints follow, and the changes of accelerations over rates.
 
         Args:
-            over_u: Changes of the accelerations over the motions.
+            over_u: Changes of the accelerations over the motions, without those of spins.
             graph: What leads to the accelerations.
         """
         w, n = self._w, len(self.motors)
@@ -147,11 +147,11 @@ class MotorMotion:
 
     def _closed(self, over_u: Sweep) -> Each:
         """Add E of a module with loops, for all lanes column by column."""
-        w, n, size, all = self._w, len(self.motors), len(self._at.v), over_u.lanes
-        Psi, Psi_m, inverse, minus_B = w.each(all, size), w.each(all, n), w.each(n, n), w.each(n, n)
+        w, n, size = self._w, len(self.motors), len(self._at.v)
+        Psi, Psi_m, inverse, minus_B = w.each(n, size), w.each(n, n), w.each(n, n), w.each(n, n)
         collect(over_u, self._numbers, Psi)
         collect(over_u, self.accelerations, Psi_m)
-        self.Psi, self.inverse = by_columns(Psi_m, self.idle, n), by_columns(inverse, 0, n)
+        self.Psi, self.inverse = by_columns(Psi_m, 0, n), by_columns(inverse, 0, n)
         self.minus_B = minus_B
         pivots = self._pivots()
         kernel = w.kernel(("motor map", pivots), lambda: _inverted(n, pivots), PART)
@@ -164,7 +164,7 @@ class MotorMotion:
 
         own, E = w.own(n, size), w.each(n, size)
         kernel = w.kernel(("along", n, size), function, PART)
-        w.call(kernel, n, [by_columns(Psi, self.idle, n), inverse], [own, E])
+        w.call(kernel, n, [by_columns(Psi, 0, n), inverse], [own, E])
         self._E = own
         return E
 
@@ -181,20 +181,25 @@ class MotorMotion:
             )  # fmt: skip
         return found
 
-    def _along_idle(self, graph: ProgramGraph) -> Shared:
-        """Add S of a module, for all lanes column by column."""
+    def _along_idle(self, graph: ProgramGraph) -> tuple[Shared, Mask]:
+        """Add S of a module, for all lanes column by column; return it, and which entries may not be zero."""
         w, n, size = self._w, self._module.idle, len(self._at.v)
         S, over_idle = w.each(n, size), Sweep(w, n, self.over_v.known)
         over_idle.seed(self._module.ports["u_dot"].numbers(0)[:n], Constants(np.eye(n)))
         over_idle.through(graph)
         collect(over_idle, self._numbers, S)
-        return by_columns(S, 0, n)
+        return by_columns(S, 0, n), over_idle.pattern(self._numbers)
 
     def _rates(self, E: Each, graph: ProgramGraph) -> None:
         """Add D, the change of the rates of joints without a motor."""
         w, n, size, kinds = self._w, len(self.motors), len(self._at.v), self._at.kinds
         rest, rows, reading = self._rest, self._rows, self.over_v.reading(self._numbers)
         idle, turning = self._module.idle, any(kind.nv > 1 for kind in kinds)
+        more: list[Source] = [w.from_given("v", np.tile(self._at.v, (n, 1))), self._E] if turning else []
+        moves = np.zeros((idle, size), dtype=bool)
+        if turning and idle:
+            all_S, moves = self._along_idle(graph)
+            more.append(all_S)
 
         def function() -> ca.Function:
             """Return the change of the rates of one column."""
@@ -207,13 +212,11 @@ class MotorMotion:
                 (first, v), (second, e) = symbols("v", size), symbols("e", size)
                 (third, S), bracket = matrix("S", idle, size), brackets(kinds, v, e)
                 columns += [first, second, *([third] if idle else [])]
-                T = self._idle.taken_out(T + bracket[rest], S, bracket, rest)
+                T = self._idle.taken_out(T + bracket[rest], np.where(moves, S, 0.0), bracket, rest)
             return ca.Function("rates", columns, [pack(T * 0.5)])
 
-        more: list[Source] = [w.from_given("v", np.tile(self._at.v, (n, 1))), self._E] if turning else []
-        more += [self._along_idle(graph)] if turning and idle else []
         self._D = w.own(n, len(rest))
-        key = ("rates", reading.key, kinds, tuple(rows), self._idle.key)
+        key = ("rates", reading.key, kinds, tuple(rows), self._idle.spins, moves.tobytes())
         sources = [*reading.blocks, Shared(E.start, size * n), *more]
         w.call(w.kernel(key, function, PART), n, sources, [self._D])
 

@@ -14,7 +14,6 @@ Modules whose motions are eliminated together are a group, as one module of the 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import chain
 from typing import Any
 
 import casadi as ca
@@ -23,7 +22,6 @@ import numpy as np
 from ....spatial import Index, Mask
 from ....symbols import Expression, dot
 from ...equations.expressions import pack
-from ...equations.idle.over_motors import moved_by_idle
 from ...program import Constants, Each, Own, Shared, Source, Target
 from ..module_calls import ModuleCalls
 from ..writer import Writer
@@ -79,9 +77,10 @@ class Relations:
         self.motions = len(self.rows) if parts else group.mobility
         self._caused = {MOTIONS: self.motions} | ({WRENCH: 6} if group.parent else {})
         self._caused |= dict(zip(names, self._sizes, strict=True))
-        at = [x for part in parts for x in part.accelerations] or a.numbers(0)
+        at = [x for part in parts for x in part.accelerations] if parts else a.numbers(0)
         self._ends = [x for end in group.results for x in end.numbers(0)] + at
         self._known: dict[Any, Any] = {}
+        self._masks: dict[MatrixName, Mask] = {}
         self.onto = {place: writer.each(6, self._rows) for place in group.children}
         wrenches = [self.unit_changes(W) for *_, W in outputs]
         for reading, end in zip(wrenches, self.onto.values(), strict=True):
@@ -103,20 +102,7 @@ class Relations:
     @property
     def pattern(self) -> Mask | None:
         """Which entries of Psi are not always zero; None over motors, where motions are the results."""
-        if self.parts:
-            return None
-        out, first, at = np.zeros((self.group.mobility, len(self.rows)), dtype=bool), 0, self.rows.tolist()
-        for calls in chain(*self._runs):
-            n, freedoms = calls.module.mobility, calls.module.v_index
-            own = np.arange(first, first + n)
-            if n == len(freedoms):  # each joint is a motion
-                out[own, [at.index(k) for k in calls.joints.tolist()]] = True
-            else:
-                moved = moved_by_idle(calls.request.plans[calls.k], calls.module)
-                for i, of in zip(own, moved + [{*freedoms.tolist()}] * (n - len(moved)), strict=True):
-                    out[i, [at.index(k) for k in of]] = True
-            first += n
-        return out
+        return None if self.parts else self._masks[MORE]
 
     def wrench_at(self, place: Place) -> int:
         """Return the number of the first unit column of wrenches on an output."""
@@ -157,6 +143,8 @@ class Relations:
         first = 0
         for part in self.parts:
             n, first = len(part.motors), first + part.idle
+            if not n:  # all that moves idles
+                continue
             part.over_v.through(self._graphs[1])
             yield "q", part.motors, self.reading(part.over_q(), n)
             yield "v", part.motors, part.over_v.reading(self._ends)
@@ -194,23 +182,40 @@ class Relations:
         blocks = w.each(n, self._rows), w.each(n, sum(self._sizes[::2])), w.each(n, size)
         self._over_u, self._S, self.Psi = blocks
         self._factors = w.shared(n * (n + 1) // 2)
-        first = 0
+        masks, first = (
+            {
+                name: np.zeros((n, x.size), dtype=bool)
+                for name, x in zip((OVER_U, S, MORE), blocks, strict=True)
+            },
+            0,
+        )
         for i, modules in enumerate(self._runs):
-            u_dot = [motions_at(calls, "u_dot", held=self.held) for calls in modules]
-            *ends, count = np.cumsum([0, *(u.size for u in u_dot)]).tolist()
-            over_u = Sweep(w, count, self._known)
-            for u, at in zip(u_dot, ends, strict=True):
-                over_u.seed(u, Constants(np.eye(count)[:, at : at + u.size]))
-            over_u.through(self._graphs[0])
-            if self.parts:
-                self.parts[i].close(over_u, self._graphs[0])
-            over_u.through(self._graphs[1])
-            targets = dict(zip((FORCES, S, MORE), [x.part(first) for x in blocks], strict=True))
-            self._add(over_u.reading(self._ends), count, dict(targets))
-            first += count
+            u = [x for calls in modules for x in motions_at(calls, "u_dot", held=self.held).numbers(0)]
+            idle = u[: 0 if self.held else modules[0].idle]
+            for own in filter(None, (idle, u[len(idle) :])):  # apart: idle motions change little
+                over_u = Sweep(w, len(own), self._known)
+                over_u.seed(own, Constants(np.eye(len(own))))
+                over_u.through(self._graphs[0])
+                if self.parts and own is not idle:
+                    self.parts[i].close(over_u, self._graphs[0])
+                over_u.through(self._graphs[1])
+                targets = dict(zip((FORCES, S, MORE), [x.part(first) for x in blocks], strict=True))
+                self._add(over_u.reading(self._ends), len(own), dict(targets))
+                for filled, mask in zip(masks.values(), self._patterns(over_u), strict=True):
+                    filled[first : first + len(own)] = mask
+                first += len(own)
+        self._masks = masks
         if n and not self.held:
-            kernel = w.kernel(("pivot", n, self._rows), lambda: factors(n, self._rows), PART)
+            mask = masks[OVER_U][:, :n]
+            kernel = w.kernel(("pivot", mask.tobytes(), self._rows), lambda: factors(mask, self._rows), PART)
             w.call(kernel, 1, [Shared(self._over_u.start, n * self._rows)], [self._factors])
+
+    def _patterns(self, over_u: Sweep) -> tuple[Mask, Mask, Mask]:
+        """Return which entries of OVER_U, S and MORE a sweep over motions may fill; one row for each."""
+        forces, *moved = np.split(over_u.pattern(self._ends), np.cumsum([self._rows, *self._sizes]), axis=1)
+        for output in moved[:-1]:  # what it carries answers
+            forces = forces | output.any(axis=1)[:, None]
+        return forces, np.concatenate([forces[:, :0], *moved[:-1:2]], axis=1), moved[-1]
 
     def _add(
         self, reading: Reading, count: int, targets: dict[MatrixName, Target], onwards: Sequence[Shared] = ()
@@ -236,6 +241,7 @@ class Relations:
             self.group.mobility,
             self._rows,
             tuple(self._sizes),
+            tuple(mask.tobytes() for mask in self._masks.values()),
         )
         kernel = w.kernel(("relations", reading.key, shapes, mode, tuple(targets)), function, PART)
         w.call(kernel, count, [*reading.blocks, *(end for end, *_ in given.values())], list(targets.values()))
@@ -268,10 +274,14 @@ class Relations:
             if wrenches:
                 wrench = dot(sum(wrenches[1:], wrenches[0]).T, np.concatenate(moved[2 * k : 2 * k + 2]))
                 forces = forces + dot(given[MatrixName("onto", k)].T, wrench)
+        given = {
+            name: np.where(self._masks[name], x, 0.0) if name in (OVER_U, S) else x
+            for name, x in given.items()
+        }
         out = {FORCES: forces, S: np.concatenate([x[:0], *moved[::2]]), MORE: a}
         u: Any = np.zeros(n).astype(object)
         if FACTORS in given:
-            u = solved(given[FACTORS][0], forces[:n])
+            u = solved(given[FACTORS][0], self._masks[OVER_U][:, :n], forces[:n])
         elif OVER_U in given:
             u = -self._mapped(given, "inverse", a, turned=True)
         if OVER_U in given:

@@ -16,6 +16,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ....spatial import Mask
 from ...equations.expressions import pack
 from ...program import Constants, Each, Own, Shared, Source, Target
 from ..writer import Writer
@@ -119,6 +120,7 @@ class Sweep:
         known: Local derivatives and their places, which several sweeps may share.
         part: Heading of its products in operation counts.
         of: The parts of each number's tangent or adjoint; of others it is zero.
+        filled: Which entries of a block are not always zero, shape (lanes, entries); of others all may be.
     """
 
     writer: Writer
@@ -126,6 +128,7 @@ class Sweep:
     known: dict[Any, tuple[Local, Shared, Each]] = field(default_factory=dict)
     part: str = PART
     of: dict[Number, Parts] = field(default_factory=dict)
+    filled: dict[Block, Mask] = field(default_factory=dict)
 
     def seed(self, end: Source | Target | list[Number], block: Block) -> None:
         """Set the tangents or adjoints of numbers: one lane of `block` for each column or row."""
@@ -145,6 +148,17 @@ class Sweep:
     def reading(self, numbers: Sequence[Number]) -> Reading:
         """Return the reading of the tangents or adjoints of some numbers."""
         return Reading.of([self.of.get(number, []) for number in numbers])
+
+    def pattern(self, numbers: Sequence[Number]) -> Mask:
+        """Return which tangents or adjoints of some numbers are not always zero, shape (lanes, numbers)."""
+        out = np.zeros((self.lanes, len(numbers)), dtype=bool)
+        for i, number in enumerate(numbers):
+            for block, k in self.of.get(number, []):
+                if isinstance(block, Constants):
+                    out[:, i] |= block.values[:, k] != 0.0
+                else:
+                    out[:, i] |= self.filled[block][:, k] if block in self.filled else True
+        return out
 
     def _node(self, node: StageNode, graph: ProgramGraph, *, back: bool) -> None:
         """Add the calls of one node: its local derivatives and what they lead to, copy by copy."""
@@ -213,4 +227,8 @@ class Sweep:
         w, place = self.writer, self.writer.own(self.lanes, len(outputs))
         kernel = w.kernel(("products", key, back, reading.key, terms), function, self.part)
         w.call(kernel, self.lanes, [values, *reading.blocks], [place])
+        filled, known = np.zeros((self.lanes, len(outputs)), dtype=bool), self.pattern(list(inputs))
+        for _, i, j in terms:
+            filled[:, j] |= known[:, i]
+        self.filled[place] = filled
         self.seed(list(outputs), place)
