@@ -96,13 +96,37 @@ def _check_sizes(program: Program, call: Call, where: str) -> None:
             raise ValueError(f"{where}: {end} is not of shape {(call.copies, size)}")
 
 
+def _leading(program: Program) -> Program:
+    """Return a program without the steps that lead to no result and no guard."""
+    read = {"shared": np.zeros(program.shared, dtype=bool), "own": np.zeros(program.own, dtype=bool)}
+    kept: list[Start | Call] = []
+    for step in reversed(program.steps):
+        if isinstance(step, Start):
+            at = slice(step.start, step.start + len(step.values))
+            if read["shared"][at].any():
+                kept.append(step)
+            continue
+        written = [(end, end.at(step.copies)) for end in step.targets]
+        if not any(end.memory not in read or read[end.memory][at].any() for end, at in written if at.size):
+            continue
+        kept.append(step)
+        for end, at in written:
+            if end.memory in read:
+                read[end.memory][at] = end.adds
+        for source in step.sources:
+            if source.memory in read:
+                read[source.memory][source.at(step.copies)] = True
+    return replace(program, steps=tuple(reversed(kept)))
+
+
 def compacted(program: Program) -> Program:
-    """Return a program that computes the same in less memory.
+    """Return a program that computes the same results in less memory, without what leads to none of them.
 
     Raises:
         ValueError: As `check`; what is read before it is written would be hidden afterwards.
     """
     check(program)
+    program = _leading(program)
     (shared, of_shared), (own, of_own) = (_moves(program, memory) for memory in ("shared", "own"))
     places = {"shared": of_shared, "own": of_own}
 

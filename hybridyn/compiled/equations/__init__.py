@@ -3,7 +3,8 @@
 Read `request` (robot, effects, and `arguments` in place of numbers), `parts` (core, groups of equal legs),
 `idle` (motions that nothing drives or feels), `chains` and `legs` (appendices A to C), `core`, `loops`,
 `guarded_elimination` (pivots chosen once, and guards, which detect samples that need the general path),
-`inverse` and `direct` (the models), `stages` (the graph and its cuts).
+`inverse` and `direct` (the models), `balance` (what their derivatives follow from), `stages` (the graph and
+its cuts).
 
 May import: `program`, and what `compiled` may.
 """

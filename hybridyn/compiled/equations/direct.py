@@ -20,8 +20,10 @@ from .core import Core, motions_of, own_inertia, rank_guard
 from .direct_legs import LEG_SUMS
 from .direct_outwards import accelerations_outwards, add_wrists, legs_on_paths
 from .expressions import congruence, pack, symmetric, symmetric_product, upper, zeros
+from .factors import Handed
 from .guarded_elimination import solve_definite
-from .idle.cores import rest_idle, set_idle
+from .held_loops import followed, opened_loops
+from .idle.cores import rest_idle
 from .least_inertia import NEARLY_NO_INERTIA, least_inertia
 from .module_plan import ModulePlan
 from .options import Options
@@ -98,24 +100,24 @@ def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
     return crf(resting(V), momentum(own, resting(V))) if velocity else zeros(6)
 
 
-def write_direct(plan: ModulePlan, options: Options, *, motion: bool = False) -> WrittenModule:
+def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = None) -> WrittenModule:
     """Write a module's direct model and cut it into its stages: outwards, inwards, outwards, wrists.
 
     Args:
-        motion: Whether the accelerations along the core's motions are given, "u_dot of core". Nothing is
-            solved for, and the second stage is empty.
+        motion: What is held of the loops (`held_loops`), where the accelerations along the core's motions are
+            given, "u_dot of core". Nothing is solved for, and the second stage computes how the loops open.
     """
     parts, (outwards, inwards, back, last) = (
         plan.parts,
         (GivenColumns(), GivenColumns(), GivenColumns(), GivenColumns()),
     )
-    if motion:
+    if motion is not None:
         options = replace(options, carries=(False,) * len(options.carries))
     core, (q, v, _), (V, _) = begun(plan, options, outwards)
     A, forced = back.base_acceleration(options), []
     outputs = [_motion_outwards(core, plan, options), {}, {}, {}]
-    if motion:
-        y = _along(core, plan, A, back.take("u_dot of core", len(plan.motions)))
+    if motion is not None:
+        y, outputs[1] = _along(core, plan, motion, options, (inwards, back))
     else:
         right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
         X, doubts = motions_of(plan, core.rows.K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
@@ -128,21 +130,27 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: bool = False) ->
     outputs[2] = accelerations_outwards(core, options, s, joints)
     wrists, guard = add_wrists(core, plan, (q, v), (V, A), s, last)
     if wrists:
-        outputs[3] = {"a_wrists": pack(list(wrists.values()))} | ({} if motion else {"guard": ca.SX(guard)})
+        outputs[3] = {"a_wrists": pack(list(wrists.values()))}
+        outputs[3] |= {"guard": ca.SX(guard)} if motion is None else {}
     at = {"a_core": parts.v[joints], "a_legs": legs_on_paths(plan), "tau": parts.tree_v[forced]}
     at["a_wrists"] = np.array(list(wrists), dtype=int)
     return WrittenModule(cut([outwards, inwards, back, last], outputs), *read_by_core(plan), at)
 
 
-def _along(core: Core, plan: ModulePlan, A: Expression, u_dot: Expression) -> Expression:
-    """Compute the core's accelerations at those of its base and along its motions, shape (n,)."""
-    K = core.rows.K
-    y = zeros(K.shape[1] - 6, 1)
-    y[plan.motions[plan.idle :], 0] = u_dot[plan.idle :]
-    right = -dot(K[:, :6], A) - core.rows.gamma - dot(K[:, 6:], y[:, 0])
-    y = y + plan.solved(K[:, 6:], right[:, None])[0][:, :1]
-    set_idle(plan, y, u_dot)
-    return y[:, 0]
+def _along(
+    core: Core, plan: ModulePlan, motion: Handed, options: Options, stages: tuple[GivenColumns, GivenColumns]
+) -> tuple[Expression, dict[str, ca.SX]]:
+    """Return the core's accelerations at given motions, shape (n,), and the output of the second stage.
+
+    Args:
+        stages: Filled with the columns of the second and of the third stage.
+    """
+    inwards, back = stages
+    inwards["held"], held = motion.again("held")
+    opened = opened_loops(core, inwards.base_acceleration(options), held)
+    back["held"], held = motion.again("held")
+    u_dot, rows = back.take("u_dot of core", len(plan.motions)), back.take("opened", len(opened))
+    return followed(plan, u_dot, rows, held), {"opened": pack(opened)} if len(opened) else {}
 
 
 def _motion_outwards(core: Core, plan: ModulePlan, options: Options) -> dict[str, ca.SX]:

@@ -17,7 +17,8 @@ from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, motions_of, own_inertia, pick, rank_guard
 from .expressions import pack, zeros
 from .guarded_elimination import Pivots
-from .idle.cores import along_motions, left_on_idle
+from .held_loops import along_motions
+from .idle.cores import left_on_idle
 from .legs import PlatformMotion, write_leg
 from .module_plan import ModulePlan
 from .motor_balance import motor_efforts
@@ -33,7 +34,6 @@ def write_inverse(
     pivots: Pivots | None,
     *,
     balance: bool = False,
-    motions: bool = False,
 ) -> WrittenModule:
     """Write a module's inverse model and cut it into its stages.
 
@@ -43,29 +43,39 @@ def write_inverse(
         balance: Whether the output is "Q of core" = Psi^T b, what is left of the forces along the core's
             motions, instead of the motor efforts "tau". Motor efforts are then among the laws. Along an idle
             motion without inertia, what is left is its acceleration, which the direct model makes zero.
-        motions: Whether the first stage has the output "u_dot of core", the accelerations along its motions.
     """
-    parts, given, received = plan.parts, GivenColumns(), GivenColumns()
+    given, received = GivenColumns(), GivenColumns()
     core, (q, _, a), base = begun(plan, options, given, accelerations=True)
-    chain = core.chain if options.velocity else _without_rates(core, plan, q, a, base)
-    b, terms = _required_forces(core, plan, options, chain, a, received)
-    laws = [k for k, col in enumerate(parts.tree_v) if int(col) in options.laws]
-    at = 6 + np.array(laws, dtype=int)
-    b[at] = b[at] - received.take("laws", len(laws))
-    X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
-    guard = rank_guard(plan, core.rows, core.rows.guard + squares(doubts), X[:, 1:])
+    chain = core.chain if options.velocity else without_rates(core, plan, q, a, base)
+    b, terms = required_forces(core, plan, options, chain, a, received)
+    X, guard = guarded_motions(core, plan)
     if balance:
-        efforts = {"guard": ca.SX(guard), "Q of core": pack(_left_along(core, plan, options, X[:, 1:], b, a))}
+        left = left_along(core, plan, options, dot(X.T, b[6:]), a)
+        efforts = {"guard": ca.SX(guard), "Q of core": pack(left)}
     else:
-        Psi = X[:, 1 + plan.idle :]
+        Psi = X[:, plan.idle :]
         B = _motor_map(core, plan, options, Psi, received)
         efforts = _balanced(plan, options, (B, Psi), (b, terms), pivots, guard)
-    if options.base is None:
-        platforms = (b[core.chain.columns_of(i + 1)] for i in sorted(core.chain.platforms))
-        efforts["F_base"] = pack(sum(platforms, b[:6]))
-    along = {"u_dot of core": pack(_along_motions(core, plan, a))} if motions else {}
-    stages = cut([given, received], [_motion_outwards(core, options) | along, efforts])
-    return WrittenModule(stages, *read_by_core(plan), {"laws": parts.tree_v[laws]})
+    efforts |= wrench_on_base(core, options, b)
+    stages = cut([given, received], [motion_outwards(core, options), efforts])
+    return WrittenModule(stages, *read_by_core(plan), {"laws": plan.parts.tree_v[lawful(plan, options)]})
+
+
+def lawful(plan: ModulePlan, options: Options) -> list[int]:
+    """Return the freedoms of the core on which laws act."""
+    return [k for k, col in enumerate(plan.parts.tree_v) if int(col) in options.laws]
+
+
+def guarded_motions(core: Core, plan: ModulePlan) -> tuple[Expression, Any]:
+    """Return a core's motions, shape (n, motions), and the guard of its loops and of their rank."""
+    X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
+    return X[:, 1:], rank_guard(plan, core.rows, core.rows.guard + squares(doubts), X[:, 1:])
+
+
+def wrench_on_base(core: Core, options: Options, b: Expression) -> dict[str, ca.SX]:
+    """Return the wrench on a base that moves, of forces over s, as an output."""
+    platforms = (b[core.chain.columns_of(i + 1)] for i in sorted(core.chain.platforms))
+    return {"F_base": pack(sum(platforms, b[:6]))} if options.base is None else {}
 
 
 def _balanced(
@@ -94,24 +104,13 @@ def _balanced(
     return efforts | ({"size_base": pack([size])} if options.measured else {})
 
 
-def _left_along(
-    core: Core, plan: ModulePlan, options: Options, motions: Expression, b: Expression, a: Expression
-) -> Expression:
-    """Return what is left of the forces b along the core's motions (`left_on_idle`)."""
-    left = dot(motions.T, b[6:])
-    left_on_idle(plan, options.rotor, left, _along_motions(core, plan, a))
+def left_along(core: Core, plan: ModulePlan, options: Options, left: Expression, a: Expression) -> Expression:
+    """Put accelerations of idle motions in the place of forces left on them (`left_on_idle`)."""
+    left_on_idle(plan, options.rotor, left, along_motions(core, plan, a)[1])
     return left
 
 
-def _along_motions(core: Core, plan: ModulePlan, a: Expression) -> Expression:
-    """Return the accelerations along a module's motions, as `write_direct` does; `a` of the spanning tree."""
-    y = pick(a, plan.parts.v)
-    for i, platform in core.platforms.items():
-        y[np.array(core.chain.columns_of(i + 1)) - 6] = platform.A
-    return along_motions(plan, y)
-
-
-def _motion_outwards(core: Core, options: Options) -> dict[str, ca.SX]:
+def motion_outwards(core: Core, options: Options) -> dict[str, ca.SX]:
     """Return the platforms' motion for the legs, and the motion of outputs that carry modules."""
     out = core.platform_columns()
     for o, body in enumerate(core.outputs):
@@ -127,10 +126,10 @@ def _relative_motion(chain: Chain, body: int, velocity: bool) -> tuple[Expressio
     return (resting(V), classical(V, A)) if velocity else (V, A)
 
 
-def _required_forces(
+def required_forces(
     core: Core, plan: ModulePlan, options: Options, moving: Chain, a: Expression, received: GivenColumns
 ) -> tuple[Expression, list[Any]]:
-    """Compute the forces that a motion requires, without joint laws; `a` as of the spanning tree.
+    """Compute the forces that a motion requires beyond joint laws; `a` as of the spanning tree.
 
     Args:
         moving: The core's motion for inertial forces: its rates are zero without velocity terms.
@@ -152,6 +151,8 @@ def _required_forces(
         terms += _works(b_delta, plan)
     for o in range(len(core.outputs)):
         _add_output(core, plan, options, o, b, terms, received)
+    lawful_rows = 6 + np.array(lawful(plan, options), dtype=int)
+    b[lawful_rows] = b[lawful_rows] - received.take("laws", len(lawful_rows))
     return b, terms
 
 
@@ -184,7 +185,7 @@ def _add_output(
     b[:] = b + dot(motion_map(chain, body).T, wrench_to_base(chain.R0[body], chain.p0[body], W))
 
 
-def _without_rates(
+def without_rates(
     core: Core, plan: ModulePlan, q: Expression, a: Expression, base: tuple[Expression, Expression]
 ) -> Chain:
     """Compute the core's motion with zero rates, for inertial forces without velocity terms."""

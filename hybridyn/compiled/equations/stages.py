@@ -16,6 +16,7 @@ from ...spatial import Index
 from ...symbols import Expression
 from .core import Core, write_core
 from .expressions import pack, plain, symbols, zeros
+from .factors import Handed
 from .module_plan import ModulePlan
 from .options import Options
 
@@ -103,12 +104,14 @@ class WrittenModule:
         q, v: Coordinates and freedoms of the spanning tree in the inputs "q" and "v" (and "a").
         at: Freedoms in other inputs and outputs, by name: of the spanning tree in "a_core", "a_legs" and
             "a_wrists", of the tree after the cuts in "tau" and "laws".
+        held: What a balance of forces holds of its loops; None of other models.
     """
 
     stages: list[Stage]
     q: Index
     v: Index
     at: dict[str, Index]
+    held: Handed | None = None
 
 
 class GivenColumns(dict[str, ca.SX]):

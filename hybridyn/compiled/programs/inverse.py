@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..equations.balance import write_balance_stages
 from ..equations.guarded_elimination import Pivots
 from ..equations.inverse import LEG_WRENCHES, write_inverse, write_inverse_legs
 from ..equations.motor_balance import motor_pivots
@@ -73,7 +74,8 @@ def _write_sweeps(
     for calls in reversed(modules):
         start = len(w.steps)
         sweeps.inwards(calls)
-        calls.calls += w.calls_from(start)
+        held = calls.ports.get("held")  # of which there are no derivatives
+        calls.calls += [call for call in w.calls_from(start) if held is None or held not in call.targets]
     return modules
 
 
@@ -104,7 +106,8 @@ class _InverseSweeps(Sweeps):
         elif not self.motors:
             self._drive(calls)
             return
-        calls.call(1)
+        for s in range(1, len(calls.written.stages)):
+            calls.call(s)
 
     def _drive(self, calls: ModuleCalls) -> None:
         """Add the efforts of a module's motors."""
@@ -124,10 +127,12 @@ class _InverseSweeps(Sweeps):
         plan = self.request.plans[k]
         options = balance_options(self.request, k) if balance else inverse_options(self.request, k)
         key = ("idm", id(plan), options, balance)
-        pivots = None if balance else self._motor_pivots(k, options)
-        flags = {"balance": balance, "motions": self.motors}
-        written = self.w.once(key, write_inverse, plan, options, pivots, **flags)
-        return self.begun(k, modules, options, written, key, PARTS)
+        if self.motors:
+            written = self.w.once(key, write_balance_stages, plan, options)
+        else:
+            pivots = None if balance else self._motor_pivots(k, options)
+            written = self.w.once(key, write_inverse, plan, options, pivots, balance=balance)
+        return self.begun(k, modules, options, written, key, [PARTS[0], *PARTS[1:] * 3])
 
     def _motor_pivots(self, k: int, options: Options) -> Pivots | None:
         """Return the pivots of the motor map of module k; equal modules share them."""

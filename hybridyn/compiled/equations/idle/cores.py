@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ....assembly.free_motions import IDLE
-from ....symbols import Expression, dot, plus, times
-from ..expressions import along
+from ....symbols import Expression, dot, minus, plus, times
+from ..expressions import along, filled
 from ..module_plan import ModulePlan
 from ..scales import weighed
 from .inertia import decided_of, without_forces
@@ -60,16 +60,25 @@ def set_idle(plan: ModulePlan, y: Expression, u_dot: Expression) -> None:
             y[col, 0] = y[col, 0] + times(share, x)
 
 
-def along_motions(plan: ModulePlan, y: Expression) -> Expression:
-    """Return the accelerations along a core's motions, from those of its freedoms, shape (n,)."""
-    u_dot = y[plan.motions]
-    for i, spin in enumerate(plan.parts.idle):
-        turned = y[spin.col] / spin.axis[spin.main]  # the others have none of this freedom but by the spin
+def idle_apart(plan: ModulePlan, y: Expression) -> tuple[Expression, Expression]:
+    """Return accelerations of a core's freedoms without those of its spins, and those along its motions."""
+    out = y.copy()
+    turned = [along(spin.share, y[list(spin.cols)]) for spin in plan.parts.idle]
+    for spin in plan.parts.idle:
+        own = y[spin.col] / spin.axis[spin.main]  # the others have none of this freedom but by the spin
         for col, x in zip(spin.cols, spin.axis, strict=True):
-            if col in plan.motions:
-                u_dot[plan.motions.index(col)] = y[col] - times(x, turned)
-        u_dot[i] = along(spin.share, y[list(spin.cols)])
-    return u_dot
+            out[col] = 0.0 if col == spin.col else y[col] - times(x, own)
+    return out, np.concatenate([filled(turned, len(turned)), out[plan.motions[len(turned) :]]])
+
+
+def forces_apart(plan: ModulePlan, b: Expression) -> tuple[Expression, Expression]:
+    """Return forces on motions of a core that are made orthogonal to its spins, and those along the spins."""
+    out = b.copy()
+    spun = [along(spin.axis, b[list(spin.cols)]) for spin in plan.parts.idle]
+    for spin, force in zip(plan.parts.idle, spun, strict=True):
+        for col, share in zip(spin.cols, spin.share, strict=True):
+            out[col] = minus(b[col], times(share, force))
+    return out, filled(spun, len(spun))
 
 
 def left_on_idle(plan: ModulePlan, rotor: Sequence[float], left: Expression, u_dot: Expression) -> None:

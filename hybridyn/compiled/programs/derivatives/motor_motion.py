@@ -59,15 +59,19 @@ def motion_nodes(w: Writer, calls: ModuleCalls) -> list[StageNode]:
     """
     plan, v_index = calls.request.plans[calls.k], calls.module.v_index
     key = ("motion", id(plan), calls.options)
-    written = w.once(key, write_direct, plan, calls.options, motion=True)
+    written = w.once(key, write_direct, plan, calls.options, motion=calls.written.held)
     stages = Stages(w, key, written.stages, ["motion"] * 4)
     ports = {name: x for name, x in calls.ports.items() if not name.startswith("platform ")}
+    for stage in written.stages:
+        if "opened" in stage.outputs:  # the loops are closed
+            rows = stage.function.numel_out(stage.outputs.index("opened"))
+            ports["opened"] = w.start(w.shared(rows), np.zeros(rows))
     stages.call(0, ports)
     stages.call(2, ports)
     start = len(w.steps)
     ports |= {name: w.from_given("a", v_index[own]) for name, own in written.at.items() if name != "tau"}
-    stages.call(0, ports)
-    stages.call(2, ports)
+    for s in range(3):
+        stages.call(s, ports)
     for n, group in enumerate(calls.groups):
         of_legs = ("motion of legs", id(plan), n, calls.options)
         code, table = w.once(of_legs, write_direct_legs, plan, n, calls.options, motion=True)
@@ -134,7 +138,7 @@ class MotorMotion:
         """Add how the joints follow, and the changes of accelerations over rates.
 
         Args:
-            over_u: Changes of the accelerations over the motions, without those of spins.
+            over_u: Changes of the accelerations over the motions, without idle ones.
             graph: What leads to the accelerations.
         """
         w, n = self._w, len(self.motors)

@@ -144,13 +144,15 @@ class Local:
 
     Attributes:
         key: Equal keys mean equal functions.
-        function: Function of the node's sources; its outputs are the numbers of `summed` and of `own`.
+        function: Function of some sources of the node; its outputs are the numbers of `summed` and of `own`.
+        read: These sources, by their numbers.
         summed: Derivatives of what all copies add up over what all copies read: added up over the copies.
         own: Derivatives of each copy.
     """
 
     key: Any
     function: ca.Function
+    read: tuple[int, ...]
     summed: tuple[Entry, ...]
     own: tuple[Entry, ...]
 
@@ -177,7 +179,10 @@ def local_jacobian(node: StageNode, ins: list[int], out_of: list[tuple[int, int]
         terms[which].append(value)
     key = (node.key, tuple(ins), tuple(out_of), alone or (*map(tuple, common),))
     outputs = [pack(np.array(part, dtype=object)) if part else ca.SX(0, 1) for part in terms]
-    return Local(key, ca.Function("local", columns, outputs), tuple(lists[0]), tuple(lists[1]))
+    used = {x.element_hash() for x in ca.symvar(ca.vertcat(*outputs))}
+    read = tuple(n for n, x in enumerate(columns) if any(y.element_hash() in used for y in ca.symvar(x)))
+    function = ca.Function("local", [columns[n] for n in read], outputs)
+    return Local(key, function, read, tuple(lists[0]), tuple(lists[1]))
 
 
 def _jacobian(y: ca.SX, x: ca.SX) -> ca.SX:

@@ -185,7 +185,7 @@ class Sweep:
             summed, each = w.shared(len(local.summed)), w.each(node.copies, len(local.own))
             added: Target = summed if node.copies == 1 else w.start(summed, np.zeros(summed.size))
             kernel = w.kernel(("local", local.key), local.function, PART)
-            w.call(kernel, node.copies, list(node.sources), [added, each])
+            w.call(kernel, node.copies, [node.sources[n] for n in local.read], [added, each])
             self.known[key] = local, summed, each
         return self.known[key]
 
