@@ -192,7 +192,8 @@ def test_only_numbers_that_results_need_get_derivatives() -> None:
     graph = ProgramGraph.between([node], [Shared(0, 3)], [Shared(3, 1)])
     assert graph.needed == {("shared", k) for k in (0, 1, 3)}
     for back, seeded, wanted in ((False, Shared(0, 3), {3}), (True, Shared(3, 2), {0, 1})):
-        sweep, n = Sweep(w, 3), seeded.size
+        n = seeded.size
+        sweep = Sweep(w, n)
         sweep.seed(seeded, Constants(np.eye(n)))
         before = set(sweep.of)
         sweep.through(graph, back=back)
@@ -289,6 +290,20 @@ def test_compiled_derivatives_of_spinning_rods(model: str) -> None:
     assert derive.library is not None
     (_, *known), _ = derive._interpreted.batch(derive._name, q, v, last)
     close_to([x.ravel() for x in derive(q, v, last).values()], [x.ravel() for x in known], ROUNDING)
+
+
+def test_modules_that_spin_alone_have_no_coordinates(interpreted: None) -> None:
+    """An arm beside a rod between two balls: columns over its motor are those of its joint."""
+    s = rods.plain(1)
+    p = s.place()
+    rods.rod(s, "base", p(0.15, 0.0, 0.0), "base", p(0.1, 0.1, 0.5), "ball")
+    s.joint("revolute", "base", p(1.0, 0.0, 0.0), p.axes[:, 0], motor=True, stem="arm")
+    robot = build_robot(s.description("held_rod"))
+    q, v, _, tau = (x[0] for x in random_states(robot, 1))
+    joints, motors = (ddm_jacobian(robot, q, v, tau, coordinates=x) for x in ("joints", "motors"))
+    arm = robot.motor_v[0]
+    close_to([motors[x][0, 0] for x in "qv"], [joints[x][arm, arm] for x in "qv"], ROUNDING)
+    assert motors["tau"][0, 0] == pytest.approx(joints["tau"][arm, 0], rel=ROUNDING)
 
 
 def test_a_motion_without_a_motor_is_no_coordinate() -> None:

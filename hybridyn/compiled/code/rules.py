@@ -102,8 +102,7 @@ def _leading(program: Program) -> Program:
     kept: list[Start | Call] = []
     for step in reversed(program.steps):
         if isinstance(step, Start):
-            at = slice(step.start, step.start + len(step.values))
-            if read["shared"][at].any():
+            if read["shared"][step.start : step.start + len(step.values)].any():
                 kept.append(step)
             continue
         written = [(end, end.at(step.copies)) for end in step.targets]

@@ -31,8 +31,8 @@ def write_balance_stages(plan: ModulePlan, options: Options) -> WrittenModule:
     """Write a module's balance of forces and cut it into its stages.
 
     The first one has the output "u_dot of core", the accelerations along the core's motions. What is left of
-    the forces along these is "Q of core"; along a thin spin it is its acceleration, which the direct model
-    makes zero.
+    the forces along these is "Q of core"; along an idle motion without inertia it is its acceleration, which
+    the direct model makes zero.
 
     Args:
         options: Options of the balance: motor efforts are among the laws.

@@ -29,10 +29,15 @@ class IdleOverMotors:
     """The idle motions of a module over its motors.
 
     Attributes:
-        spins: Of each the freedoms of its joint, and their share; equal for modules that share their code.
+        spins: Of each the freedoms of its joint, and their share.
     """
 
     spins: tuple[tuple[tuple[int, ...], tuple[float, ...]], ...]
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What is equal for modules that share their code."""
+        return self.spins
 
     @classmethod
     def of(cls, plan: ModulePlan, module: Module, freedoms: Sequence[int]) -> IdleOverMotors:

@@ -220,7 +220,7 @@ class MotorMotion:
             return ca.Function("rates", columns, [pack(T * 0.5)])
 
         self._D = w.own(n, len(rest))
-        key = ("rates", reading.key, kinds, tuple(rows), self._idle.spins, moves.tobytes())
+        key = ("rates", reading.key, kinds, tuple(rows), self._idle.key, moves.tobytes())
         sources = [*reading.blocks, Shared(E.start, size * n), *more]
         w.call(w.kernel(key, function, PART), n, sources, [self._D])
 

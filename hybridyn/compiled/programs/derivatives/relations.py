@@ -182,13 +182,7 @@ class Relations:
         blocks = w.each(n, self._rows), w.each(n, sum(self._sizes[::2])), w.each(n, size)
         self._over_u, self._S, self.Psi = blocks
         self._factors = w.shared(n * (n + 1) // 2)
-        masks, first = (
-            {
-                name: np.zeros((n, x.size), dtype=bool)
-                for name, x in zip((OVER_U, S, MORE), blocks, strict=True)
-            },
-            0,
-        )
+        first, filled = 0, [tuple(np.zeros((0, x.size), dtype=bool) for x in blocks)]
         for i, modules in enumerate(self._runs):
             u = [x for calls in modules for x in motions_at(calls, "u_dot", held=self.held).numbers(0)]
             idle = u[: 0 if self.held else modules[0].idle]
@@ -201,20 +195,20 @@ class Relations:
                 over_u.through(self._graphs[1])
                 targets = dict(zip((FORCES, S, MORE), [x.part(first) for x in blocks], strict=True))
                 self._add(over_u.reading(self._ends), len(own), dict(targets))
-                for filled, mask in zip(masks.values(), self._patterns(over_u), strict=True):
-                    filled[first : first + len(own)] = mask
+                filled.append(self._patterns(over_u))
                 first += len(own)
-        self._masks = masks
+        all = map(np.concatenate, zip(*filled, strict=True))
+        self._masks = dict(zip((OVER_U, S, MORE), all, strict=True))
         if n and not self.held:
-            mask = masks[OVER_U][:, :n]
+            mask = self._masks[OVER_U][:, :n]
             kernel = w.kernel(("pivot", mask.tobytes(), self._rows), lambda: factors(mask, self._rows), PART)
             w.call(kernel, 1, [Shared(self._over_u.start, n * self._rows)], [self._factors])
 
-    def _patterns(self, over_u: Sweep) -> tuple[Mask, Mask, Mask]:
+    def _patterns(self, over_u: Sweep) -> tuple[Mask, ...]:
         """Return which entries of OVER_U, S and MORE a sweep over motions may fill; one row for each."""
         forces, *moved = np.split(over_u.pattern(self._ends), np.cumsum([self._rows, *self._sizes]), axis=1)
         for output in moved[:-1]:  # what it carries answers
-            forces = forces | output.any(axis=1)[:, None]
+            forces = forces | output.any(axis=1, keepdims=True)
         return forces, np.concatenate([forces[:, :0], *moved[:-1:2]], axis=1), moved[-1]
 
     def _add(
@@ -235,14 +229,9 @@ class Relations:
             return ca.Function("relations", columns, [pack(stored[name]) for name in targets])
 
         shapes = tuple((name, *shape) for name, (_, *shape) in given.items())
-        mode = (
-            self.held,
-            tuple((len(part.motors), part.idle) for part in self.parts),
-            self.group.mobility,
-            self._rows,
-            tuple(self._sizes),
-            tuple(mask.tobytes() for mask in self._masks.values()),
-        )
+        parts = tuple((len(part.motors), part.idle) for part in self.parts)
+        masks = tuple(mask.tobytes() for mask in self._masks.values())
+        mode = self.held, parts, self.group.mobility, self._rows, tuple(self._sizes), masks
         kernel = w.kernel(("relations", reading.key, shapes, mode, tuple(targets)), function, PART)
         w.call(kernel, count, [*reading.blocks, *(end for end, *_ in given.values())], list(targets.values()))
 

@@ -110,7 +110,7 @@ def _require(node: StageNode, needed: set[Number]) -> None:
                 needed.update(numbers[k] for k in used if k < len(numbers))
 
 
-@dataclass
+@dataclass(eq=False)
 class Sweep:
     """Tangents or adjoints of the numbers of a program.
 
