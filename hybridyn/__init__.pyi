@@ -24,6 +24,7 @@ from .errors import (
     SingularityError,
     TrajectoryError,
 )
+from .gradients.design_gradients import DesignGradients
 from .identification.base_parameters import BaseParameters, base_parameters
 from .identification.excitation import Excitation, excitation
 from .identification.identify import identify
@@ -49,6 +50,7 @@ __all__ = [
     "CompileError",
     "CompiledRobot",
     "Conversion",
+    "DesignGradients",
     "Energy",
     "Event",
     "Excitation",

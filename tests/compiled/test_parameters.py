@@ -16,6 +16,7 @@ from hybridyn.effects import Payload, Spring
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
+from tests.robots.mechanisms import random_mechanism
 from tests.robots.shipped import shipped
 from tests.structure.test_parameters import CASES
 from tests.support.comparing import close_to, refused, same_bits
@@ -44,6 +45,24 @@ def agrees(
     for model, last in (("idm", a), ("ddm", tau)):
         wanted = getattr(hybridyn, model)(fresh, q, v, last, effects=effects)
         close_to(getattr(compiled, model)(q, v, last, parameters=p), wanted, AGREE)
+
+
+def test_a_position_may_move_a_slide_off_the_line_of_its_rod() -> None:
+    """The rod's turns move its end along the rod then, too."""
+    description = random_mechanism(27, kind="gough_floating")
+    robot = build_robot(description)
+    end = next(closure.link_a for closure in description.closures if closure.kind == "spherical")
+    parents = {joint.child: joint for joint in description.joints}
+    slide = parents[parents[end].parent]
+    assert slide.kind.slides
+    parameters = Parameters(description, [f"position:{slide.name}"])
+    slots = parameters.slot_values(parameters.nominal[None] + 0.01)[0]
+    model = function_of(programs(robot, models=("idm",), parameters=parameters.slots)["idm"])
+    other = changed(robot, parameters, slots)
+    q, v, a, _ = (x[0] for x in random_states(other, 1, 0))
+    tau, guard = model(q, v, a, slots)
+    assert guard <= 1
+    close_to(tau.full().ravel(), hybridyn.idm(other, q, v, a), AGREE)
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from .guarded_elimination import Pivots, choose_pivots
 from .idle.motion import idle_motions
 from .legs import fold_links
 from .rigid import Links, links_of
-from .rods import Rod, is_ball, rods_of
+from .rods import Rod, is_ball, loosened, rods_of
 from .spanning_rows import SpanningRows
 from .states import generic_positions
 
@@ -167,6 +167,8 @@ def spanning_closures(
     specs = specs or [module.mechanism.spec for module in modules]
     links = fold_links(folding, [links_of(s.spanning) for s in specs])
     rods = idle_rods(m, m.spec.spanning, m.spec.closures)
+    for s in specs:
+        rods = loosened(rods, links_of(s.spanning), s.closures)
     out = LoopRows(links, q, v)
     closures, couplings = [along_rods(s.closures, rods) for s in specs], [s.couplings for s in specs]
     out.close_all(closures, couplings, rods, folding, q)

@@ -20,7 +20,7 @@ from .expressions import plain, settled, zeros
 from .idle.motion import IdleMotion, idle_among, idle_motions
 from .leg_groups import Leg, TreeBranch, grouped_legs, held_legs, leg_of
 from .rigid import Links, aligned, links_of, moved, regrouped, ten_numbers
-from .rods import Rod, rods_of
+from .rods import Rod, loosened, rods_of
 from .wrist_paths import Path, path_of
 
 
@@ -100,7 +100,7 @@ def parts_of(
         base=base,
         rank=mechanism.reduction.rank - sum(leg.closure.rows for leg in legs),
         idle=idle_among(idle, core.tree_v),
-        rods=rods_of({i: constants[i] for i in kept}, known),
+        rods=loosened(rods_of({i: constants[i] for i in kept}, known), links, [closures[i] for i in used]),
     )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 
 from ...joints.kinds import JointKind
@@ -47,6 +48,30 @@ def rods_of(links: Links, closures: Sequence[TreeClosure]) -> dict[int, Rod]:
         if sides:  # a ball before a universal joint: a platform on a wrist is no rod that turns
             out[k] = max(sides, key=lambda rod: len(rod.turns))
     return out
+
+
+def loosened(rods: dict[int, Rod], links: Links, closures: Sequence[TreeClosure]) -> dict[int, Rod]:
+    """Return rods without turns where arguments may move what is on the line off it.
+
+    Args:
+        rods: Rods by the closure's number.
+        links: Links of the tree, whose numbers may be arguments.
+        closures: The closures.
+    """
+    out = {}
+    for k, rod in rods.items():
+        body, moves = closures[k].body_a if rod.on_a else closures[k].body_b, False
+        while body and links[body - 1].kind.slides:
+            link = links[body - 1]
+            moves, body = moves or _moved(link.R) or _moved(link.p), link.parent
+        moves = moves or bool(body and links[body - 1].kind.hinge and _moved(links[body - 1].p))
+        out[k] = replace(rod, turns=()) if moves else rod
+    return out
+
+
+def _moved(numbers: Array) -> bool:
+    """Return whether a number of a frame is an argument."""
+    return any(isinstance(x, ca.SX) for x in np.ravel(numbers))
 
 
 def is_ball(closure: TreeClosure) -> bool:

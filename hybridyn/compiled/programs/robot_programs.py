@@ -5,17 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ...effects.choice import Effects
+from ...spatial import Array
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
+from ..code.scalars import GUARD_LIMIT
+from ..equations.arguments import ChosenNumbers, decided_alike
 from ..equations.request import Request, request
 from ..program import Program
 from .close import freedoms_of, lift_program, turning_program
+from .closed_motion import ClosedMotion, PrescribedLink, closed_motion
 from .loop_kernels import loop_kernels
 from .map_programs import map_programs
 from .walking import joints_text, walk_text
-from .whole_robot import programs_of
+from .whole_robot import function_of, programs_of
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +64,29 @@ class RobotPrograms:
         """
         asked = self._asked if compared else replace(self._asked, compared=False)
         return programs_of(asked, (name,))[name]
+
+    def function(self, name: str) -> ca.Function:
+        """Write a model as one CasADi function, with the output "guard" last.
+
+        Raises:
+            ModelError: An effect is not available in compiled models.
+        """
+        return function_of(self.model(name))
+
+    def other_structure(self, slots: Array) -> Array:
+        """Return whether numbers in slots, shape (T, slots), decide a comparison otherwise, shape (T,)."""
+        chosen = self._asked.arguments
+        if not isinstance(chosen, ChosenNumbers) or not chosen.traced.decisions:
+            return np.zeros(len(slots), dtype=bool)
+        import casadi as ca
+
+        guard = ca.Function("alike", [chosen.column], [decided_alike(chosen.traced.decisions)])
+        out: Array = guard(slots.T).full()[0] > GUARD_LIMIT
+        return out
+
+    def closed_motion(self, links: Sequence[tuple[str, str, tuple[str, ...]]]) -> ClosedMotion:
+        """Write what stays zero while loops are closed, and coordinates of links, as `PrescribedLink`."""
+        return closed_motion(self._asked, [PrescribedLink(*one) for one in links])
 
     @cached_property
     def lift(self) -> Program | None:

@@ -43,6 +43,11 @@ class Entry(NamedTuple):
         return self.own is _same and any(slot.index[1] < 3 for slot in framed)
 
     @property
+    def analytic(self) -> bool:
+        """Whether `numbers` takes complex parameters."""
+        return self.numbers in (_copied, _rotation, _placed)
+
+    @property
     def size(self) -> int:
         """Number of its numbers."""
         return len(self.labels)

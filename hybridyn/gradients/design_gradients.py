@@ -1,0 +1,272 @@
+"""`hybridyn.DesignGradients`: gradients of a robot's models over its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..compiled import as_compile_error, asked_for
+from ..effects.choice import Choice
+from ..errors import ModelError, TrajectoryError
+from ..spatial import Array
+from ..structure.parameters.slots import Slot, check_signs
+from ..structure.robot import HybridRobot
+from ..structure.samples import as_batch, as_efforts, as_positions, as_rates, same_samples
+from .adjoint import Bars, ClosedAdjoint
+from .alike import programs_alike
+from .blocks import Factored, condition_of
+from .kept import Kept, kept_by_name
+from .model_sweeps import ModelSweeps, Samples
+from .slot_changes import slots_over_parameters
+
+#: Largest residual, in lengths of modules, that a unit of a number may open dependent rows by: rounding.
+OPENED_ALONE = 1e-6
+
+
+class Gradient(NamedTuple):
+    """A model's result and its derivative over parameters.
+
+    Attributes:
+        value: The result, shape (n,) or (T, n).
+        over: Its derivative, shape (n, k) or (T, n, k), or that of its weighted sum, shape (k,) or (T, k).
+            Those of numbers that open a loop are NaN.
+        condition: Largest condition number of the rows of loops, over the samples. The relative error of
+            derivatives is about this times the rounding.
+    """
+
+    value: Array
+    over: Array
+    condition: float
+
+
+class DesignGradients:
+    """Gradients of a robot's models over its parameters, through its closed loops.
+
+    While a parameter changes, the motion that `keep` names stays, with its rates and accelerations, and the
+    loops stay closed. A weighted sum of results costs a few times the model, whatever the number of
+    parameters. The equations are those of compiled models; CasADi runs them.
+
+    Attributes:
+        robot: The robot.
+        parameters: Its parameters, as those of a compiled model.
+
+    Example:
+        >>> robot = hybridyn.load("five_bar")
+        >>> gradients = hybridyn.DesignGradients(robot, ["upper_length", "mass:m1_tool"])
+        >>> q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, 0.0], [0.0, 0.0]))
+        >>> gradients.idm(q, v, a).over.round(3)
+        array([[10.079,  1.392],
+               [-7.034, -1.007]])
+    """
+
+    def __init__(
+        self,
+        robot: HybridRobot,
+        parameters: Sequence[str | Slot],
+        *,
+        keep: Sequence[str] | Kept | None = None,
+        effects: Choice = None,
+    ) -> None:
+        """Write the models and their sweeps back.
+
+        Args:
+            robot: The robot.
+            parameters: Numbers of the robot, as those of `hybridyn.compile`.
+            keep: What stays: joints, and coordinates of links seen from the root link, such as
+                "m1_tool/pose/x"; by default the motors. Joints that no loop moves stay, too.
+            effects: Effects to include, as for `hybridyn.idm`.
+
+        Raises:
+            ModelError: There are no parameters, one is unknown or no number, or moves a frame of a closure
+                that is written for the numbers of the robot's file; an effect is not available, or limits
+                efforts, which has no derivative; or `keep` names what is not there.
+            CompileError: CasADi is not installed, or the models cannot be written.
+        """
+        if isinstance(parameters, str) or not parameters:
+            raise ModelError("gradients need parameters: a list of names such as ['mass:LINK']")
+        with as_compile_error(robot):
+            self.robot, on, self.parameters = asked_for(robot, effects, parameters, "float64")
+            if on.limits is not None:
+                why = "the effect 'limits' has no derivative: leave it out, and take margins as constraints"
+                raise ModelError(why, element="limits")
+            words = robot.motors if keep is None else keep
+            self._kept = words if isinstance(words, Kept) else kept_by_name(robot, words)
+            programs = programs_alike(self.robot, on, self.parameters, effects)
+            self._closed = ClosedAdjoint(programs, self._kept)
+            self._models = ModelSweeps(programs, self._closed)
+
+    def idm(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        *,
+        parameters: ArrayLike | None = None,
+        weights: ArrayLike | None = None,
+    ) -> Gradient:
+        """Compute motor efforts, and their derivatives over the parameters.
+
+        Args:
+            q: Positions of closed loops, shape (nq,) or (T, nq).
+            v: Rates, shape (nv,) or (T, nv), [m/s, rad/s].
+            a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
+            parameters: Numbers in the order of `parameters.labels`, shape (k,), for which the motion was
+                assembled; by default those of the robot.
+            weights: Derivatives of one number over the efforts, shape (motors,) or (T, motors): its
+                derivative is then returned, in one sweep.
+
+        Raises:
+            AssemblyError: The loops are not closed.
+            SingularityError: What stays does not determine the motion, or a pivot of the model vanishes.
+            TrajectoryError: An array has a wrong shape, or is not finite.
+        """
+        return self._gradient("idm", q, v, a, parameters, weights)
+
+    def ddm(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        *,
+        parameters: ArrayLike | None = None,
+        weights: ArrayLike | None = None,
+    ) -> Gradient:
+        """Compute accelerations of constant efforts, and their derivatives over the parameters.
+
+        Args:
+            q: As in `idm`.
+            v: As in `idm`.
+            tau: Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
+            parameters: As in `idm`.
+            weights: Derivatives of one number over the accelerations, shape (nv,) or (T, nv).
+
+        Raises:
+            HybridynError: As `idm`.
+        """
+        return self._gradient("ddm", q, v, tau, parameters, weights)
+
+    def motion(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, parameters: ArrayLike | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Compute the derivatives of the motion itself over the parameters.
+
+        Args:
+            q: As in `idm`.
+            v: As in `idm`.
+            a: As in `idm`.
+            parameters: As in `idm`.
+
+        Returns:
+            Those of positions, over the freedoms, of rates and of accelerations, shape (nv, k) or (T, nv, k);
+            NaN for freedoms that nothing determines, such as the spin of a rod between balls.
+
+        Raises:
+            HybridynError: As `idm`.
+        """
+        at = self._state(q, v, as_rates(self.robot, a, "a"), parameters)
+        T, nv = len(at.q), self.robot.nv
+        many, factors = at.repeated(nv), self._factors(at)
+        unknown = self._closed.undetermined(factors)
+        each, zero = np.tile(np.diag(1.0 - unknown), (T, 1)), np.zeros((T * nv, nv))
+        repeated = [one for one in factors for _ in range(nv)]
+        out = []
+        for bars in (Bars(each, zero, zero), Bars(zero, each, zero), Bars(zero, zero, each)):
+            found = self._over(self._closed.back(repeated, many.numbers, bars), at, factors)
+            found = found.reshape(T, nv, -1)
+            found[:, unknown] = np.nan
+            out.append(found[0 if at.single else slice(None)])
+        return out[0], out[1], out[2]
+
+    def mass_matrix(self, q: ArrayLike, *, parameters: ArrayLike | None = None) -> Gradient:
+        """Compute the mass matrix over the motors, row by row, and its derivatives over the parameters.
+
+        Args:
+            q: As in `idm`.
+            parameters: As in `idm`.
+
+        Raises:
+            ModelError: The motors of the robot are not its independent coordinates, or do not stay.
+            HybridynError: As `idm`.
+        """
+        u = self.robot.motor_v
+        if [*self._kept.freedoms] != [*u] or self._kept.links:
+            raise ModelError("the mass matrix is one over motors: leave 'keep' to them", element="keep")
+        rest = np.zeros((*np.shape(q)[:-1], self.robot.nv))
+        at = self._state(q, rest, as_rates(self.robot, rest), parameters)
+        T, N, factors = len(at.q), len(u), self._factors(at)
+        many, repeated = at.repeated(N), [one for one in factors for _ in range(N)]
+        moved = np.zeros((T * N, self.robot.nv))
+        moved[np.arange(T * N), np.tile(u, T)] = 1.0
+        moved = self._closed.followed(repeated, many.q, many.slots, moved)
+        pulled = self._models.each(many._replace(x=moved), repeated, "idm")
+        still = self._models.each(at, factors, "idm")
+        M = (pulled.value.reshape(T, N, N) - still.value[:, None]).transpose(0, 2, 1)
+        over = (pulled.over.reshape(T, N, N, -1) - still.over[:, None]).transpose(0, 2, 1, 3)
+        first = 0 if at.single else slice(None)
+        return Gradient(M[first], self._over(over, at, factors)[first], condition_of(factors))
+
+    def _gradient(
+        self,
+        name: str,
+        q: ArrayLike,
+        v: ArrayLike,
+        x: ArrayLike,
+        p: ArrayLike | None,
+        weights: ArrayLike | None,
+    ) -> Gradient:
+        """Return the gradient of a model, see `idm`."""
+        given = as_rates(self.robot, x, "a") if name == "idm" else as_efforts(self.robot, x)
+        at = self._state(q, v, given, p)
+        factors, first = self._factors(at), 0 if at.single else slice(None)
+        if weights is None:
+            found = self._models.each(at, factors, name)
+        else:
+            width = self._models.size(name)
+            rows, _ = as_batch(weights, width, "weights")
+            found = self._models.summed(at, factors, np.broadcast_to(rows, (len(at.q), width)), name)
+        over = self._over(found.over, at, factors)
+        return Gradient(found.value[first], over[first], condition_of(factors))
+
+    @property
+    def operations(self) -> float:
+        """Number of operations of the gradient of one weighted sum of efforts, a sample."""
+        return self._closed.operations + self._models.model("idm").n_instructions()
+
+    @property
+    def undriven(self) -> bool:
+        """Whether some motion has no motor: its acceleration follows the parameters, too."""
+        return self._models.undriven
+
+    def _state(
+        self, q: ArrayLike, v: ArrayLike, third: tuple[Array, bool], parameters: ArrayLike | None
+    ) -> Samples:
+        """Return checked arguments and the numbers in slots."""
+        given = [as_positions(self.robot, q), as_rates(self.robot, v), third]
+        same_samples(**dict(zip(("q", "v", "a or tau"), (x for x, _ in given), strict=True)))
+        p = self.parameters.nominal if parameters is None else np.asarray(parameters, dtype=float)
+        if p.shape != (self.parameters.size,) or not np.isfinite(p).all():
+            raise TrajectoryError(
+                f"parameters has shape {p.shape}; wanted {self.parameters.size} finite numbers "
+                f"({', '.join(self.parameters.labels[:6])}{', ...' if len(p) > 6 else ''})"
+            )
+        slots = self.parameters.slot_values(p[None])[0]
+        check_signs(self.parameters.slots, slots)
+        (q_, single), (v_, _), (x, _) = given
+        return Samples(q_, v_, x, np.tile(slots, (len(q_), 1)), p, single)
+
+    def _factors(self, at: Samples) -> list[Factored]:
+        """Return the factored rows of loops at samples."""
+        return self._closed.factored(at.q, at.slots)
+
+    def _over(self, over: Array, at: Samples, factors: list[Factored]) -> Array:
+        """Return derivatives over parameters, (..., k), from those over slots; NaN where a loop opens."""
+        slots = slots_over_parameters(self.parameters, at.p)
+        out: Array = over @ slots
+        if factors:
+            q, v, a, numbers = (x[:1] for x in at.numbers)
+            opened = self._closed.opening(factors[0], (q, v, a, numbers), slots)
+            out[..., np.abs(opened).max(axis=0, initial=0.0) > OPENED_ALONE] = np.nan
+        return out
