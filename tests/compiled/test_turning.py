@@ -8,9 +8,10 @@ import pytest
 
 import hybridyn
 from hybridyn.assembly.requests import gather_requests
-from hybridyn.compiled.equations import guarded_elimination
 from hybridyn.compiled.equations.expressions import Folding, pack, symbols
-from hybridyn.compiled.equations.guarded_elimination import Pivots, largest_solutions
+from hybridyn.compiled.equations.guarded_elimination import Pivots
+from hybridyn.compiled.loops import bounds
+from hybridyn.compiled.loops.bounds import largest_solutions
 from hybridyn.compiled.programs.closing import closing_source, libraries
 from hybridyn.compiled.programs.closing.assembling import Assembler
 from hybridyn.compiled.programs.closing.given import Given
@@ -112,12 +113,12 @@ def test_largest_solutions_bound_every_solution(blocks: int, monkeypatch: pytest
     K = A[order].astype(object)
     K[K != 0.0] = entries
     rows = tuple(int(x) for x in np.argsort(order))
-    found, taken, shares = [], [], (0.0, guarded_elimination.INVERTED, 0.5, np.inf)
+    found, taken, shares = [], [], (0.0, bounds.INVERTED, 0.5, np.inf)
     for share in shares:
-        monkeypatch.setattr(guarded_elimination, "INVERTED", share)
-        bounds = pack(largest_solutions(K, size.astype(object), Pivots(rows, tuple(range(n)), (1.0,) * n)))
-        found.append(np.array(ca.Function("bounds", [column], [bounds])(A[order][A[order] != 0.0])).ravel())
-        taken.append(ca.n_nodes(bounds))
+        monkeypatch.setattr(bounds, "INVERTED", share)
+        most = pack(largest_solutions(K, size.astype(object), Pivots(rows, tuple(range(n)), (1.0,) * n)))
+        found.append(np.array(ca.Function("bounds", [column], [most])(A[order][A[order] != 0.0])).ravel())
+        taken.append(ca.n_nodes(most))
     worst = np.abs(np.linalg.inv(A[order])) @ size
     assert (np.diff(found, axis=0) <= ROUNDING * worst).all()
     np.testing.assert_allclose(found[-1], worst, rtol=ROUNDING)

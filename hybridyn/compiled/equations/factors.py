@@ -13,59 +13,7 @@ import numpy as np
 
 from ...symbols import Expression, is_zero, minus, times
 from .expressions import along, pack, symbols, zeros
-from .guarded_elimination import Pivots, eliminate
-
-
-@dataclass(frozen=True, eq=False)
-class Triangular:
-    """Factors of the rows and columns with pivots, in the order of these.
-
-    Attributes:
-        upper: Upper triangular factor, shape (n, n).
-        lower: Factors of the rows below each pivot, shape (n, n).
-        inverses: Inverse of each pivot, shape (n,).
-    """
-
-    upper: Expression
-    lower: Expression
-    inverses: Expression
-
-    @classmethod
-    def of(cls, K: Expression, pivots: Pivots) -> Triangular:
-        """Factor a matrix, shape (m, n), of which the pivots have rows and columns."""
-        W = K[list(pivots.rows)][:, list(pivots.cols)]
-        inverses, lower = eliminate(W)
-        return cls(W, lower, np.array(inverses, dtype=object))
-
-    def solve(self, right: Expression) -> Expression:
-        """Solve for right-hand sides in the order of the pivots, shape (n, k)."""
-        x, n = right.copy(), len(right)
-        for i in range(n):
-            for j in range(i + 1, n):
-                _take(x, j, self.lower[j, i], i)
-        for i in reversed(range(n)):
-            for j in range(i + 1, n):
-                _take(x, i, self.upper[i, j], j)
-            x[i] = [times(self.inverses[i], y) for y in x[i]]
-        return x
-
-    def solve_transposed(self, right: Expression) -> Expression:
-        """Solve the transposed equations, shape (n, k)."""
-        x, n = right.copy(), len(right)
-        for i in range(n):
-            for j in range(i):
-                _take(x, i, self.upper[j, i], j)
-            x[i] = [times(self.inverses[i], y) for y in x[i]]
-        for i in reversed(range(n)):
-            for j in range(i + 1, n):
-                _take(x, i, self.lower[j, i], j)
-        return x
-
-
-def _take(x: Expression, row: int, factor: Any, other: int) -> None:
-    """Subtract a multiple of another row in place."""
-    if not is_zero(factor):
-        x[row] = [minus(y, times(factor, z)) for y, z in zip(x[row], x[other], strict=True)]
+from .guarded_elimination import take
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +57,7 @@ class Definite:
         x = right.copy()
         for i in range(len(x)):
             for j in range(i + 1, len(x)):
-                _take(x, j, self.lower[j, i], i)
+                take(x, j, self.lower[j, i], i)
         return x
 
     def solve(self, right: Expression) -> Expression:
@@ -118,7 +66,7 @@ class Definite:
         for i in reversed(range(len(x))):
             x[i] = [times(self.inverses[i], y) for y in x[i]]
             for j in range(i + 1, len(x)):
-                _take(x, i, self.lower[j, i], j)
+                take(x, i, self.lower[j, i], j)
         return x
 
     def weighed(self, right: Expression) -> Expression:

@@ -16,15 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import takewhile
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ...spatial import Array, Mask
-from ...symbols import Expression, dot, is_zero, minus, plus, times
-from .expressions import along, eye, pack, zeros
+from ...symbols import Expression, dot, is_zero, minus, times
+from .expressions import along, eye, zeros
 
 #: Least pivot relative to its usual size at which the choice of pivots is trusted. Rounding errors grow with
 #: the inverse square of this ratio (inertias are congruences): 5e-16 / ratio^2 was measured, so 1e-10 is
@@ -32,9 +31,6 @@ from .expressions import along, eye, pack, zeros
 TRUSTED_PIVOT = 1e-2
 #: Pivots smaller than the best by this factor may be chosen to keep the rows sparse.
 SPARSE_PIVOT = 0.1
-#: Operations that bounds by the inverse of a block may take beyond those by triangular factors, as a part of
-#: these. Bounds of the turning of shipped robots are up to 14 times lower by it.
-INVERTED = 0.1
 #: Shares of the samples at which a pivot may fail, tried in this order until some pivot is left.
 FAILING = (0.0, 0.1, 0.25, 0.5)
 
@@ -109,8 +105,83 @@ def _score(size: Array) -> Array:
     return np.asarray(score)
 
 
+@dataclass(frozen=True, eq=False)
+class Triangular:
+    """Factors of the rows and columns with pivots, in the order of these.
+
+    Attributes:
+        upper: Upper triangular factor, shape (n, n).
+        lower: Factors of the rows below each pivot, shape (n, n).
+        inverses: Inverse of each pivot, shape (n,).
+    """
+
+    upper: Expression
+    lower: Expression
+    inverses: Expression
+
+    @classmethod
+    def of(cls, K: Expression, pivots: Pivots) -> Triangular:
+        """Factor a matrix, shape (m, n), of which the pivots have rows and columns."""
+        return cls.of_square(K[list(pivots.rows)][:, list(pivots.cols)])
+
+    @classmethod
+    def of_square(cls, A: Expression) -> Triangular:
+        """Factor a square matrix in the order of its pivots, shape (n, n)."""
+        W, n = A.copy(), len(A)
+        inverses, lower = zeros(n), zeros(n, n)
+        for i in range(n):
+            inverses[i] = 1.0 / W[i, i]
+            for j in range(i + 1, n):
+                if is_zero(W[j, i]):
+                    continue
+                lower[j, i] = times(W[j, i], inverses[i])
+                for c in range(i + 1, n):
+                    if not is_zero(W[i, c]):
+                        W[j, c] = minus(W[j, c], times(lower[j, i], W[i, c]))
+                W[j, i] = 0.0
+        return cls(W, lower, inverses)
+
+    def part(self, at: slice) -> Triangular:
+        """Return the factors of some rows and columns, one after the other."""
+        return Triangular(self.upper[at, at], self.lower[at, at], self.inverses[at])
+
+    def solve(self, right: Expression) -> Expression:
+        """Solve for right-hand sides in the order of the pivots, shape (n, k)."""
+        x, n = right.copy(), len(right)
+        for i in range(n):
+            for j in range(i + 1, n):
+                take(x, j, self.lower[j, i], i)
+        for i in reversed(range(n)):
+            for j in range(i + 1, n):
+                take(x, i, self.upper[i, j], j)
+            x[i] = [times(self.inverses[i], y) for y in x[i]]
+        return x
+
+    def solve_transposed(self, right: Expression) -> Expression:
+        """Solve the transposed equations, shape (n, k)."""
+        x, n = right.copy(), len(right)
+        for i in range(n):
+            for j in range(i):
+                take(x, i, self.upper[j, i], j)
+            x[i] = [times(self.inverses[i], y) for y in x[i]]
+        for i in reversed(range(n)):
+            for j in range(i + 1, n):
+                take(x, i, self.lower[j, i], j)
+        return x
+
+
+def take(x: Expression, row: int, factor: Any, other: int) -> None:
+    """Subtract a multiple of another row in place."""
+    if not is_zero(factor):
+        x[row] = [minus(y, times(factor, z)) for y, z in zip(x[row], x[other], strict=True)]
+
+
 def solve(
-    K: Expression, right: Expression, pivots: Pivots, free: Sequence[int] | None = None
+    K: Expression,
+    right: Expression,
+    pivots: Pivots,
+    free: Sequence[int] | None = None,
+    factors: Triangular | None = None,
 ) -> tuple[Expression, Expression]:
     """Solve K x = right for the pivots' unknowns in terms of the others.
 
@@ -119,6 +190,7 @@ def solve(
         right: Right-hand sides, shape (m, k).
         pivots: The pivots.
         free: Unknowns without pivots that are wanted, by default all in order; the others are zero.
+        factors: Those of K, where they are known.
 
     Returns:
         X: All unknowns over [right-hand sides, unknowns that are free], shape (n, k + free).
@@ -126,12 +198,11 @@ def solve(
     """
     n, k = K.shape[1], right.shape[1]
     free = [c for c in range(n) if c not in pivots.cols] if free is None else list(free)
-    W = np.concatenate([K[:, list(pivots.cols)], right, -K[:, free]], axis=1)[list(pivots.rows)]
-    inverses, _ = eliminate(W)
-    doubts = [times(TRUSTED_PIVOT * size, x) for size, x in zip(pivots.sizes, inverses, strict=True)]
+    factors = factors or Triangular.of(K, pivots)
     X = zeros(n, k + len(free))
-    X[list(pivots.cols)] = _substitute(W, inverses)
+    X[list(pivots.cols)] = factors.solve(np.concatenate([right, -K[:, free]], axis=1)[list(pivots.rows)])
     X[free, range(k, k + len(free))] = 1.0
+    doubts = [times(TRUSTED_PIVOT * size, x) for size, x in zip(pivots.sizes, factors.inverses, strict=True)]
     return X, np.array(doubts, dtype=object)
 
 
@@ -158,103 +229,12 @@ def balanced(
     if not left:
         return X, doubts
     scaled = K * weight[:, None]
-    C = _solved(scaled[rows][:, cols].T, scaled[left][:, cols].T).T
+    C = Triangular.of_square(scaled[rows][:, cols].T).solve(scaled[left][:, cols].T).T
     r = dot(scaled[left], X)
     r[:, : right.shape[1]] = r[:, : right.shape[1]] - right[left] * weight[left, None]
     y, _ = solve_definite(eye(len(left)) + dot(C, C.T), r, 1.0)
-    X[cols] = X[cols] - _solved(scaled[rows][:, cols], dot(C.T, y))
+    X[cols] = X[cols] - Triangular.of_square(scaled[rows][:, cols]).solve(dot(C.T, y))
     return X, doubts
-
-
-def _solved(A: Expression, right: Expression) -> Expression:
-    """Solve A X = right for a square A in the order of its pivots, shape (n, k)."""
-    W = np.concatenate([A, right], axis=1)
-    inverses, _ = eliminate(W)
-    return _substitute(W, inverses)
-
-
-def eliminate(W: Expression) -> tuple[list[Any], Expression]:
-    """Make W upper triangular in place; return the inverses of its pivots, and the factors of its rows.
-
-    Args:
-        W: Square matrix in the order of its pivots, then right-hand sides, shape (n, n + k).
-    """
-    rank = len(W)
-    inverses, factors = [], zeros(rank, rank)
-    for i in range(rank):
-        inverses.append(1.0 / W[i, i])
-        for j in range(i + 1, rank):
-            if is_zero(W[j, i]):
-                continue
-            factors[j, i] = factor = times(W[j, i], inverses[i])
-            for c in range(i + 1, W.shape[1]):
-                if not is_zero(W[i, c]):
-                    W[j, c] = minus(W[j, c], times(factor, W[i, c]))
-            W[j, i] = 0.0
-    return inverses, factors
-
-
-def _substitute(W: Expression, inverses: list[Any]) -> Expression:
-    """Solve what `eliminate` leaves, shape (n, k)."""
-    rank = len(W)
-    solved = zeros(rank, W.shape[1] - rank)
-    for i in reversed(range(rank)):
-        rest = W[i, rank:] - dot(W[i, i + 1 : rank], solved[i + 1 :]) if i + 1 < rank else W[i, rank:]
-        solved[i] = [times(inverses[i], x) for x in rest]
-    return solved
-
-
-def largest_solutions(K: Expression, size: Expression, pivots: Pivots) -> Expression:
-    """Bound the unknowns of K x = y for every y with abs(y) <= size.
-
-    The last unknowns are bounded by the absolute inverse of their block, as many as `INVERTED` lets. The
-    others are bounded by the absolute triangular factors, which takes fewer operations and loses little for
-    sparse rows.
-
-    Args:
-        K: Matrix, shape (m, n).
-        size: Bounds of the right-hand side, shape (m,).
-
-    Returns:
-        Bounds of abs(x), shape (n,); zero for unknowns without a pivot.
-    """
-    rows, cols = list(pivots.rows), list(pivots.cols)
-    W = K[rows][:, cols]
-    inverses, factors = eliminate(W)
-    tries = (_bounded(W, factors, inverses, size[rows], first) for first in reversed(range(len(W) + 1)))
-    by_factors, bounds = next(tries), zeros(K.shape[1])
-    most = (1.0 + INVERTED) * ca.n_nodes(pack(by_factors))
-    bounds[cols] = [by_factors, *takewhile(lambda x: ca.n_nodes(pack(x)) <= most, tries)][-1]
-    return bounds
-
-
-def _bounded(
-    W: Expression, factors: Expression, inverses: list[Any], size: Expression, first: int
-) -> Expression:
-    """Bound unknowns by the inverse of the block from the first row on, and before it by factors, shape (n,).
-
-    Args:
-        W, factors, inverses: What `eliminate` leaves, and returns.
-        size: Bounds of the right-hand side in the order of the pivots, shape (n,).
-        first: First row of the block.
-    """
-    rank, reach = len(W), size.copy()
-    for i in range(first):
-        for j in range(i + 1, rank):
-            reach[j] = plus(reach[j], times(ca.fabs(factors[j, i]), reach[i]))
-    block = np.concatenate([W[first:, first:] + factors[first:, first:], eye(rank - first)], axis=1)
-    for i in range(rank - first):  # the columns of the inverse, by the factors that are known
-        for j in range(i + 1, rank - first):
-            for c in range(rank - first, rank - first + i + 1):
-                block[j, c] = minus(block[j, c], times(block[j, i], block[i, c]))
-    inverse = _substitute(block, inverses[first:])
-    out = zeros(rank)
-    for i in range(first, rank):
-        out[i] = along(np.array([ca.fabs(x) for x in inverse[i - first]], dtype=object), reach[first:])
-    for i in reversed(range(first)):
-        known = [times(ca.fabs(W[i, c]), out[c]) for c in range(i + 1, rank)]
-        out[i] = times(ca.fabs(inverses[i]), sum(known, reach[i]))
-    return out
 
 
 def solve_definite(

@@ -22,7 +22,7 @@ from ...linkage.tree import Tree
 from ...spatial import Array, Mask
 from ...symbols import Expression, dot
 from ..equations.expressions import pack, unpack, zeros
-from ..equations.guarded_elimination import Pivots, solve
+from ..equations.guarded_elimination import Pivots, Triangular, solve
 from ..equations.idle.least import least_norm
 from ..equations.loops import LoopRows
 
@@ -61,7 +61,7 @@ class Loops:
         return out
 
     def solved(
-        self, K: Expression, right: Expression, free: Sequence[int] = ()
+        self, K: Expression, right: Expression, free: Sequence[int] = (), factors: Triangular | None = None
     ) -> tuple[Expression, Expression, Expression]:
         """Solve K x = right for the dependent freedoms, with the least of what is idle.
 
@@ -69,13 +69,14 @@ class Loops:
             K: Shape (rows, nv).
             right: Shape (rows, k).
             free: Other freedoms, of which the motions are wanted.
+            factors: Those of the rows and columns with pivots, where they are known.
 
         Returns:
             Solutions, zero for freedoms that are given, shape (nv, k); motions of all freedoms over those
             that are free, shape (nv, free); and the doubts of the pivots (`guarded_elimination.solve`).
         """
         k = right.shape[1]
-        X, doubts = solve(K, right, self.pivots, [*free, *self.idle])
+        X, doubts = solve(K, right, self.pivots, [*free, *self.idle], factors)
         found, idle = X[:, : k + len(free)], X[:, k + len(free) :]
         for motion, moved in zip(idle.T, self.idle.values(), strict=True):
             if moved is not None:

@@ -26,9 +26,8 @@ from ....joints import displacement
 from ....spatial import Array
 from ....symbols import Expression, dot, is_zero, times
 from ...equations.expressions import pack, symbols, symmetric_product, unpack, upper, zeros
-from ...equations.factors import Definite, Handed, Triangular
-from ...equations.guarded_elimination import TRUSTED_PIVOT
-from ...equations.idle.least import least_norm
+from ...equations.factors import Definite, Handed
+from ...equations.guarded_elimination import Triangular
 from ...equations.scales import largest, squares
 from ..loop_kernels import Kernel
 from .kernels import ModuleKernels
@@ -128,22 +127,6 @@ class ChainKernels(ModuleKernels):
                 out[6 * i : 6 * i + 6, k] = column
         return out
 
-    def _solved_by(
-        self, factors: Triangular, K: Expression, right: Expression, *, motions: bool
-    ) -> tuple[Expression, Expression]:
-        """Return particular solutions, shape (nv, k), and Psi, shape (nv, d), orthogonal to what is idle."""
-        still, others, p = [*self.loops.idle], self._others if motions else [], self.loops.pivots
-        rows, n = list(p.rows), self.e.tree.nv
-        solved = factors.solve(np.concatenate([right[rows], -K[rows][:, [*others, *still]]], axis=1))
-        out = zeros(n, solved.shape[1])
-        out[list(p.cols)] = solved
-        k, d = right.shape[1], len(others)
-        out[others, range(k, k + d)] = 1.0
-        out[still, range(k + d, k + d + len(still))] = 1.0
-        found, idle = out[:, : k + d], out[:, k + d :]
-        least_norm(found, idle, self.e.weight)
-        return found[:, :k], found[:, k:]
-
     def _measured(self, Psi: Expression, x: Expression) -> tuple[Definite, Expression, Any]:
         """Return the factors of M, Psi^T W x, and a guard."""
         weighed = np.array([[times(w, y) for y in row] for w, row in zip(self._weight, Psi, strict=True)])
@@ -158,11 +141,7 @@ class ChainKernels(ModuleKernels):
             held: Motions of given freedoms, shape (nv, k).
         """
         factors = Triangular.of(rows.K, self.loops.pivots)
-        x, Psi = self._solved_by(factors, rows.K, right, motions=True)
-        doubts = [
-            times(TRUSTED_PIVOT * s, y)
-            for s, y in zip(self.loops.pivots.sizes, factors.inverses, strict=True)
-        ]
+        x, Psi, doubts = self.loops.solved(rows.K, right, self._others, factors)
         M, measured, guard = self._measured(Psi, x)
         J = self._twists(rows)
         A = dot(T, dot(J, Psi))
@@ -172,7 +151,7 @@ class ChainKernels(ModuleKernels):
         return {
             "x": x + held, "Psi": Psi, "M": M, "Z": dot(Psi, M.solve(A.T)), "S": M.weighed(A.T), "J": J,
             "e": dot(T, dot(J, x + held)), "factors": factors, "bent": bent,
-            "guard": ca.fmax(ca.fmax(squares(np.array(doubts, dtype=object)), guard), 0.0),
+            "guard": ca.fmax(ca.fmax(squares(doubts), guard), 0.0),
         }  # fmt: skip
 
     def _still(self, k: int) -> Expression:
@@ -203,9 +182,7 @@ class ChainKernels(ModuleKernels):
     def _turned(self, factors: Triangular, change: Expression) -> Any:
         """Compute the size of J^-1 times a change of the own rows, which bounds that of the least motions."""
         own, first = self.u.free[: self.u.own], self.rank
-        leading = Triangular(
-            factors.upper[:first, :first], factors.lower[:first, :first], factors.inverses[:first]
-        )
+        leading = factors.part(slice(first))
         unit = self.e.unit
         solved = leading.solve(change[list(self.loops.pivots.rows[:first])][:, own] * unit[own])
         return ca.sqrt(squares(solved / unit[list(self.loops.pivots.cols[:first])][:, None]))
@@ -299,7 +276,7 @@ class ChainKernels(ModuleKernels):
         held[given, 0] = self.u.of("g_ddot")
         right = -self._drift(v)[:, None] - dot(rows.K, held)
         found = Triangular(known["upper"], known["lower"], known["inverses"])
-        x, _ = self._solved_by(found, rows.K, right, motions=False)
+        x, _, _ = self.loops.solved(rows.K, right, factors=found)
         J, M, Psi = self._twists(rows), Definite(known["M"], known["D"]), known["Psi"]
         f = self._force(rows, J, found, v, dot(T.T, multipliers)) - dot(J.T, w_dot)
         weighed = np.array([times(w, y) for w, y in zip(self._weight, x[:, 0], strict=True)], dtype=object)
@@ -318,9 +295,7 @@ class ChainKernels(ModuleKernels):
         weighed = np.array([times(a, b) for a, b in zip(self._weight, v, strict=True)], dtype=object)
         balance = dot(J.T, w) - weighed
         first = self.rank  # pivots of wrists have no part
-        leading = Triangular(
-            factors.upper[:first, :first], factors.lower[:first, :first], factors.inverses[:first]
-        )
+        leading = factors.part(slice(first))
         m_column, m = symbols("m", first)
         rate = tree.by_joint(displacement.rate, [self._z[1]], [v])
         kept = ca.SX.sym("w", len(w))

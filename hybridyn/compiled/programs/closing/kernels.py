@@ -28,9 +28,10 @@ from ....structure.module import Module
 from ....symbols import Expression, dot, is_zero
 from ...equations.arguments import ModuleArguments
 from ...equations.expressions import Folding, pack, sampled, symbols, zeros
-from ...equations.guarded_elimination import Pivots, choose_pivots, largest_solutions
+from ...equations.guarded_elimination import Pivots, choose_pivots
 from ...equations.scales import GUARD_CLOSED, Scale, largest, squares, weighed
 from ...equations.states import generic_positions, seen_postures
+from ...loops.bounds import largest_solutions
 from ...loops.engine import Loops, drift
 from ..loop_kernels import Kernel
 from .given import Given
