@@ -24,7 +24,7 @@ from ...symbols import Expression, dot
 from ..equations.expressions import pack, unpack, zeros
 from ..equations.guarded_elimination import Pivots, Triangular, solve
 from ..equations.idle.least import least_norm
-from ..equations.loops import LoopRows
+from .loop_rows import LoopRows
 
 #: Positions of a tree as a column of symbols, and as its entries.
 Symbols = tuple[ca.SX, Expression]

@@ -16,9 +16,9 @@ from ..equations.arguments import ChosenNumbers
 from ..equations.expressions import Folding
 from ..equations.guarded_elimination import Pivots
 from ..equations.idle.least import cut_weights, idle_freedoms
-from ..equations.loops import LoopRows, dependent_pivots, generic_rows, shape_of, spanning_closures
 from ..equations.request import Request
 from ..loops.engine import Loops
+from ..loops.loop_rows import LoopRows, dependent_pivots, generic_rows, shape_of, spanning_closures
 from .writer import alike
 
 #: Function and table of numbers of a kernel.

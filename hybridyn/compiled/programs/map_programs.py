@@ -25,10 +25,10 @@ from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ...symbols import Expression
 from ..equations.expressions import pack, symbols
-from ..equations.loops import LoopRows
 from ..equations.request import Request
 from ..equations.scales import GUARD_CLOSED, largest, squares
 from ..equations.states import moving_states
+from ..loops.loop_rows import LoopRows
 from ..program import Program
 from .close import loop_writer
 from .loop_kernels import Kernel, LoopKernel

@@ -87,7 +87,7 @@ class Extended:
 
 def with_arguments(m: Mechanism, spec: ModuleSpec) -> Extended:
     """Return the extended tree of a mechanism with other numbers, which may be arguments."""
-    from ...equations.loops import along_rods
+    from ...loops.loop_rows import along_rods
 
     e = extended(m)
     return replace(
@@ -102,7 +102,7 @@ def with_arguments(m: Mechanism, spec: ModuleSpec) -> Extended:
 @cache
 def extended(m: Mechanism) -> Extended:
     """Return the extended tree of a mechanism."""
-    from ...equations.loops import along_rods, idle_rods
+    from ...loops.loop_rows import along_rods, idle_rods
 
     rods = idle_rods(m, m.spec.tree, m.spec.cut_closures)
     closures = along_rods(m.closures.closures, rods)

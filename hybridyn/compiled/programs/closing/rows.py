@@ -16,9 +16,9 @@ from ....structure.robot import HybridRobot
 from ....symbols import Expression, dot
 from ...equations.expressions import Folding, pack, plain, symbols, zeros
 from ...equations.legs import fold_links
-from ...equations.loops import LoopRows, folded
 from ...equations.rigid import Links, links_of
 from ...equations.scales import largest
+from ...loops.loop_rows import LoopRows, folded
 from ...program import Program
 from ..writer import ModuleWriter, alike
 from .extended import Extended, extended

@@ -17,14 +17,14 @@ from ...structure.mechanism import Mechanism
 from ...structure.module import Module
 from ...structure.module_spec import ModuleSpec
 from ...symbols import Expression, dot
-from .expressions import Folding, numbers, sampled, scalar, symbols, zeros
-from .guarded_elimination import Pivots, choose_pivots
-from .idle.motion import idle_motions
-from .legs import fold_links
-from .rigid import Links, links_of
-from .rods import Rod, is_ball, loosened, rods_of
+from ..equations.expressions import Folding, numbers, sampled, scalar, symbols, zeros
+from ..equations.guarded_elimination import Pivots, choose_pivots
+from ..equations.idle.motion import idle_motions
+from ..equations.legs import fold_links
+from ..equations.rigid import Links, links_of
+from ..equations.rods import Rod, is_ball, loosened, rods_of
+from ..equations.states import generic_positions
 from .spanning_rows import SpanningRows
-from .states import generic_positions
 
 #: Pivots smaller than the best by this factor may be chosen to keep the rows sparse. Smaller factors keep
 #: them sparser, but time steps are less exact than with charts of the tangent space: by 50 times at 0.1, by 3

@@ -11,8 +11,8 @@ from ...linkage.closures import Closures, TreeClosure
 from ...linkage.tree import Tree
 from ...spatial import cross, hat
 from ...symbols import Expression, dot, minus
-from .chains import columns_through, point_velocity
-from .expressions import numbers
+from ..equations.chains import columns_through, point_velocity
+from ..equations.expressions import numbers
 
 
 class SpanningRows:
