@@ -21,7 +21,8 @@ from tests import ROOT
 ROOMS = {
     "dynamics/quantities": ["quantities"],
     "dynamics": ["dynamics", "effects", "hard/test_singular_answers.py"],
-    "linkage": ["linkage", "dynamics", "manifold", "assembly", "extending/test_closures.py"],
+    "linkage": ["linkage", "dynamics", "manifold", "assembly", "extending/test_closures.py",
+                "compiled/test_programs.py"],
     "manifold": ["manifold", "simulation"],
     "effects": ["effects"], "structure": ["dynamics", "structure", "assembly"], "assembly": ["assembly"],
     "compiled": ["compiled", "dynamics/test_engines.py"],
