@@ -147,6 +147,32 @@ class ClosedAdjoint:
         out: Array = -(first[:, nq + nv :] + second[:, nq:] + third)
         return out
 
+    def closing(
+        self, factors: Sequence[Factored], state: tuple[Array, Array, Array, Array]
+    ) -> tuple[float, Array]:
+        """Return the smallest singular value of the scaled rows, and its derivative over the slots, (slots,).
+
+        d sigma = x^T dK y, with the vectors of this value: K y is the rates of the rows at rates y. It is
+        zero where the loops cease to close; infinite without loops.
+        """
+        worst = min(
+            ((block.smallest, t, block) for t, one in enumerate(factors) for block in one if block.rank),
+            key=lambda found: found[0][0],
+            default=None,
+        )
+        if worst is None:
+            return np.inf, np.zeros(state[3].shape[1])
+        (sigma, of_freedoms, of_rows), t, block = worst
+        q, p = state[0][t : t + 1], state[3][t : t + 1]
+        v, x = np.zeros((1, self._robot.nv)), np.zeros((1, len(self._row_scale)))
+        at = self._free[block.freedoms]
+        v[0, at], x[0, block.rows] = of_freedoms * self._unit[block.freedoms], of_rows
+        nq, still = self._robot.nq, np.zeros(v.shape)
+        rates = called(self._back[1], *self._state(q, p, v), x * self._row_scale)
+        bars = Bars(self.freedoms(q, rates[:, :nq]), still, still)
+        moved = self.back(factors[t : t + 1], (q, still, still, p), bars)
+        return sigma, rates[0, nq:] + moved[0]
+
     def undetermined(self, factors: Sequence[Factored]) -> Array:
         """Return which freedoms nothing determines at some sample, shape (nv,)."""
         out = np.zeros(self._robot.nv, dtype=bool)

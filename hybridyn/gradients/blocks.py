@@ -46,6 +46,14 @@ class RowBlock(NamedTuple):
         """The first pivot over the last one that counts, a lower bound of the condition number."""
         return float(abs(self.R[0, 0] / self.R[self.rank - 1, self.rank - 1])) if self.rank else 1.0
 
+    @property
+    def smallest(self) -> tuple[float, Array, Array]:
+        """The smallest singular value that counts, and its vectors over freedoms and over rows."""
+        U, s, Vt = np.linalg.svd(self.R, full_matrices=False)
+        of_rows = np.zeros(len(self.rows))
+        of_rows[self.order] = Vt[self.rank - 1]
+        return float(s[self.rank - 1]), self.Q @ U[:, self.rank - 1], of_rows
+
     def solved(self, y: Array) -> tuple[Array, Array]:
         """Solve K^T x = y for independent rows; return x, and the parts of y that no row gives."""
         r, z, x = self.rank, self.Q.T @ y, np.zeros(len(self.rows))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,28 +17,13 @@ from ..structure.samples import as_batch, as_efforts, as_positions, as_rates, sa
 from .adjoint import Bars, ClosedAdjoint
 from .alike import programs_alike
 from .blocks import Factored, condition_of
+from .gradient import Gradient, MeasureBars, MeasureGradients
 from .kept import Kept, kept_by_name
 from .model_sweeps import ModelSweeps, Samples
 from .slot_changes import slots_over_parameters
 
 #: Largest residual, in lengths of modules, that a unit of a number may open dependent rows by: rounding.
 OPENED_ALONE = 1e-6
-
-
-class Gradient(NamedTuple):
-    """A model's result and its derivative over parameters.
-
-    Attributes:
-        value: The result, shape (n,) or (T, n).
-        over: Its derivative, shape (n, k) or (T, n, k), or that of its weighted sum, shape (k,) or (T, k).
-            Those of numbers that open a loop are NaN.
-        condition: Largest condition number of the rows of loops, over the samples. The relative error of
-            derivatives is about this times the rounding.
-    """
-
-    value: Array
-    over: Array
-    condition: float
 
 
 class DesignGradients:
@@ -208,6 +192,36 @@ class DesignGradients:
         first = 0 if at.single else slice(None)
         return Gradient(M[first], self._over(over, at, factors)[first], condition_of(factors))
 
+    def of_measures(
+        self,
+        motion: tuple[Array, Array, Array],
+        parameters: Array,
+        along: Array,
+        measures: Sequence[MeasureBars],
+    ) -> MeasureGradients:
+        """Return the gradients of sums over a motion, one sweep for each of them.
+
+        Args:
+            motion: q, v, a, shapes (T, nq), (T, nv), (T, nv).
+            parameters: Parameters of the design, shape (k,).
+            along: Their derivative over other numbers, shape (k, n), which move them together.
+            measures: Derivatives of each sum over the motion and the efforts.
+
+        Raises:
+            HybridynError: As `idm`.
+        """
+        q, v, a = motion
+        at = self._state(q, v, as_rates(self.robot, a, "a"), parameters)
+        factors = self._factors(at)
+        closing, over = self._closed.closing(factors, at.numbers)
+        rows, tau = [over], np.zeros((len(at.q), len(self.robot.motors)))
+        for q_bar, v_bar, a_bar, tau_bar in measures:
+            bars = Bars(q_bar, v_bar, a_bar)
+            tau, found = self._models.summed(at, factors, tau_bar, "idm", bars)
+            rows.append(found.sum(axis=0))
+        of_all = self._over(np.array(rows), at, factors, along)
+        return MeasureGradients(tau, of_all[1:], closing, of_all[0])
+
     def _gradient(
         self,
         name: str,
@@ -261,9 +275,17 @@ class DesignGradients:
         """Return the factored rows of loops at samples."""
         return self._closed.factored(at.q, at.slots)
 
-    def _over(self, over: Array, at: Samples, factors: list[Factored]) -> Array:
-        """Return derivatives over parameters, (..., k), from those over slots; NaN where a loop opens."""
+    def _over(self, over: Array, at: Samples, factors: list[Factored], along: Array | None = None) -> Array:
+        """Return derivatives over parameters, (..., k), from those over slots; NaN where a loop opens.
+
+        Args:
+            over: Derivatives over slots, shape (..., slots).
+            at: The samples.
+            factors: Their rows of loops.
+            along: Numbers that move the parameters together, as for `of_measures`, or None.
+        """
         slots = slots_over_parameters(self.parameters, at.p)
+        slots = slots if along is None else slots @ along
         out: Array = over @ slots
         if factors:
             q, v, a, numbers = (x[:1] for x in at.numbers)

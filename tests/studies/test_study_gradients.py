@@ -1,0 +1,93 @@
+"""Gradients of a study's measures, against differences of the measures themselves."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hybridyn.errors import HybridynError, ModelError
+from hybridyn.spatial import Array
+from hybridyn.studies.sweep.gradients import StudyGradients
+from hybridyn.studies.sweep.measures import OF_MOTORS
+from hybridyn.studies.sweep.reading import read_study
+
+#: Agreement with a quotient of differences of order four: its rounding, 1e-13 over steps of 1e-3, counts.
+AGREE, STEP = 1e-8, 1e-3
+STUDY = """
+[robot]
+file = "five_bar"
+[designs]
+method = "sobol"
+count = 4
+[parameters]
+upper_length = { range = [0.20, 0.30] }
+gap = { range = [0.1, 0.3] }
+upper = { scale_inertia = ["m1_left_upper", "m1_right_upper"], range = [0.8, 1.2] }
+[numbers]
+"position:m1_left_drive.x" = "-gap / 2"
+"position:m1_right_drive.x" = "gap / 2"
+[tasks.loop]
+trajectory = "loop.csv"
+"""
+COLUMNS = (
+    "max m1_left_elbow/position", "min m1_left_elbow/velocity", "final m1_left_elbow/acceleration",
+    "rms m1_left_drive/effort", "mean m1_left_drive/power", "peak m1_right_drive/power",
+)  # fmt: skip
+ALL = "[tasks.loop.measure]\n" + "\n".join(f'm{k} = "{x}"' for k, x in enumerate((*OF_MOTORS, *COLUMNS)))
+NUMBERS = np.array([0.2525, 0.204, 1.03])
+
+
+def study(folder: Path, measures: str, text: str = STUDY) -> StudyGradients:
+    """Write a study whose tool goes round an ellipse, and read it."""
+    t = np.linspace(0.0, 1.0, 9)
+    x = -0.1 * np.cos(2 * np.pi * t) + 0.03 * np.sin(4 * np.pi * t)
+    rows = np.column_stack([t, x, -0.5 + 0.04 * np.sin(2 * np.pi * t)])
+    header = "time,m1_tool/pose/x,m1_tool/pose/z"
+    np.savetxt(folder / "loop.csv", rows, delimiter=",", header=header, comments="")
+    (folder / "study.toml").write_text(text + measures)
+    return StudyGradients(read_study(folder / "study.toml"))
+
+
+def test_gradients_of_measures_are_those_of_the_measures(tmp_path: Path) -> None:
+    of, along = study(tmp_path, ALL), NUMBERS * [1.0, -1.0, 0.5]
+    found = of(NUMBERS)
+    assert found.row.status == "ok"
+
+    def at(part: float) -> Array:
+        """Return all measures, and the closing value, of a design beside."""
+        other = of(NUMBERS + part * STEP * along)
+        return np.array([*other.row.measures, other.closing])
+
+    coarse, fine = at(1) - at(-1), 2 * (at(0.5) - at(-0.5))
+    wanted = (4 * fine - coarse) / (6 * STEP)
+    own = np.r_[found.gradient @ along, found.closing_gradient @ along]
+    assert (np.abs(own - wanted) <= AGREE * (np.abs(wanted) + 1.0)).all()
+
+
+def test_a_design_that_cannot_be_assembled_says_so(tmp_path: Path) -> None:
+    found = study(tmp_path, 'measure = ["rms_effort"]')(np.array([0.05, 0.2, 1.0]))
+    assert found.row.status in ("unreachable", "not loaded")
+    assert "\n" not in found.row.message
+    assert found.row.message
+    assert np.isnan(found.gradient).all()
+    assert np.isnan(found.closing)
+
+
+@pytest.mark.parametrize(
+    ("text", "measures", "says"),
+    [
+        (STUDY, 'measure = { x = "max m1_tool/pose/x" }', "'max m1_tool/pose/x' has no gradient"),
+        (STUDY.replace('trajectory = "loop.csv"', 'workspace = { steps = { x = 0.2, z = 0.2 } }'),
+         'measure = ["poses"]', "task 'loop' has a workspace"),
+        (STUDY.replace('"m1_left_drive.x" = "-gap / 2"', ""), 'passive = "solved"\nmeasure = ["energy"]',
+         "passive = 'solved'"),
+        (STUDY.replace("drive.x", "drive.y").replace("-gap", "gap").replace("gap / 2", "gap - 0.204", 1)
+         .replace("gap / 2", "0.204 - gap"), 'measure = ["energy"]',
+         "parameter 'gap' opens loops"),
+    ],
+)  # fmt: skip
+def test_what_has_no_gradient_is_refused(text: str, measures: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(HybridynError, match=says) as caught:
+        study(tmp_path, measures, text)(NUMBERS)
+    assert isinstance(caught.value, ModelError)
+    assert "\n" not in str(caught.value)
