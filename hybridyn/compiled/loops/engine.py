@@ -12,7 +12,7 @@ they are the least, as `assembly.assemble` has them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -121,19 +121,25 @@ class Loops:
         """Return positions after a step."""
         return self.tree.by_joint(displacement.moved, [q], [step])
 
-    def turned(self, K: Expression, there: Expression, cols: Sequence[int]) -> tuple[Expression, Expression]:
-        """Compute J^-1 (J' - J) over dependent freedoms without units, J' those at another posture.
+    def turned(
+        self, K: Expression, there: Expression, cols: Sequence[int], factors: Triangular | None = None
+    ) -> tuple[Expression, Expression]:
+        """Compute J^-1 (J' - J) without units, J' those at another posture.
 
         Args:
             K, there: The rows at both, shape (rows, nv).
-            cols: The freedoms.
+            cols: Freedoms over which they change.
+            factors: As for `solved`.
 
         Returns:
-            Shape (cols, cols), and the doubts of the pivots.
+            Shape (nv, cols), zero for freedoms that do not depend, and the doubts of the pivots.
         """
-        unit = self.unit[list(cols)]
-        change, doubts = solve(K, (there - K)[:, cols], self.pivots, ())
-        return change[cols] * unit / unit[:, None], doubts
+        change, doubts = solve(K, (there - K)[:, cols], self.pivots, (), factors)
+        return change * self.unit[list(cols)] / self.unit[:, None], doubts
+
+    def first(self, count: int) -> Loops:
+        """Return the loops of which the first pivots are known."""
+        return replace(self, pivots=self.pivots.first(count))
 
 
 def drift(tree: Tree, rows: LoopRows, q: ca.SX, w: ca.SX, v: Expression) -> Expression:

@@ -138,8 +138,8 @@ def _turning(kernel: LoopKernel) -> Kernel:
     loops = kernel.loops
     (near_col, near), (q_col, q) = (symbols(name, loops.tree.nq) for name in ("near", "q"))
     K, K_there = (kernel.rows(x).K for x in (near, q))
-    rows, _ = loops.turned(K, K_there, loops.dependent)
-    sums = (sum(ca.fabs(x) for x in row if not is_zero(x)) for row in rows)
+    change, _ = loops.turned(K, K_there, loops.dependent)
+    sums = (sum(ca.fabs(x) for x in row if not is_zero(x)) for row in change[loops.dependent])
     turned = reduce(ca.fmax, sums, ca.SX(0.0))
     return kernel.kernel("turning", [near_col, q_col], [turned / MOST_TURNING])
 

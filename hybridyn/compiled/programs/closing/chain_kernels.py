@@ -179,21 +179,13 @@ class ChainKernels(ModuleKernels):
         which = slice(0, self.u.loops) if self.u.idle else np.flatnonzero(np.concatenate([[], *turning]))
         return largest((rows.residual * self.u.scale)[which]) / ALIKE_OPEN
 
-    def _turned(self, factors: Triangular, change: Expression) -> Any:
-        """Compute the size of J^-1 times a change of the own rows, which bounds that of the least motions."""
-        own, first = self.u.free[: self.u.own], self.rank
-        leading = factors.part(slice(first))
-        unit = self.e.unit
-        solved = leading.solve(change[list(self.loops.pivots.rows[:first])][:, own] * unit[own])
-        return ca.sqrt(squares(solved / unit[list(self.loops.pivots.cols[:first])][:, None]))
-
     def _path(self, J: Expression) -> list[int]:
         """Return the freedoms that move a port."""
         return [k for k in range(J.shape[1]) if any(not is_zero(x) for x in J[:, k])]
 
     @cached_property
     def kept(self) -> int:
-        """Number of numbers that tell how the targets turn (`_turned`)."""
+        """Number of numbers that tell how the targets turn."""
         return self.motions * len(self._path(self._twists(self._here)))
 
     def move(self, motion: Handed, rows: int) -> Kernel:
@@ -230,20 +222,16 @@ class ChainKernels(ModuleKernels):
             upper=f.upper, lower=f.lower, inverses=f.inverses, Psi=found["Psi"], M=found["M"].lower,
             D=found["M"].inverses,
         )  # fmt: skip
+        own, first = self.u.free[: self.u.own].tolist(), f.part(slice(self.rank))
+        turned, _ = self._own_loops.turned(rows.K, before.K, own, first)
         outputs = [
             pack(upper(found["S"])), pack(found["e"].T), pack(upper(symmetric_product(A.T, A.T))),
-            pack(upper(symmetric_product(B.T, B.T))), self._turned(found["factors"], rows.K - before.K),
+            pack(upper(symmetric_product(B.T, B.T))), ca.sqrt(squares(turned)),
             largest(rows.residual * self.u.scale), motion.pack(), factors.pack(),
             found["guard"], found["bent"], self._guard(zeros(0), rows),
         ]  # fmt: skip
-        inputs = [
-            *self.here,
-            t_col,
-            *self.u.symbols("q_1", "p_1", "g_0"),
-            t0_col,
-            k_col,
-            *self.u.symbols("g_dot"),
-        ]
+        there = self.u.symbols("q_1", "p_1", "g_0")
+        inputs = [*self.here, t_col, *there, t0_col, k_col, *self.u.symbols("g_dot")]
         return self.kernel("settle", inputs, outputs), motion, factors
 
     def rate(self, motion: Handed) -> Kernel:

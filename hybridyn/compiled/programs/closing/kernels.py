@@ -13,7 +13,6 @@ Rows of the tree after the cuts come first and do not depend on the wrists, so o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property, reduce
 from typing import Any
 
@@ -221,14 +220,14 @@ class ModuleKernels:
         own = self.u.free[: self.u.own]
         turned, doubts = self._own_loops.turned(here.K, there.K, own.tolist())
         far = largest(off[own] / self.e.unit[own])
-        outputs = [ca.SX(far), self._largest_block(turned), ca.SX(squares(doubts))]
+        outputs = [ca.SX(far), self._largest_block(turned[own]), ca.SX(squares(doubts))]
         names = ("q_0", "p_0", "g_0", "q_1", "p_1", "q_2", "p_2", "g")
         return self.kernel("branch", self.u.symbols(*names), outputs)
 
     @property
     def _own_loops(self) -> Loops:
         """The loops of the tree after the cuts."""
-        return replace(self.loops, pivots=self.loops.pivots.first(self.rank))
+        return self.loops.first(self.rank)
 
     def _turning(self, K: Expression, K_start: Expression) -> ca.SX:
         """Bound what "branch" computes, with J here in the place of J at the start: |J^-1 (J - J_start)|.
