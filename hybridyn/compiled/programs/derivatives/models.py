@@ -76,6 +76,11 @@ class Results:
             reading: What reads the changes that the columns cause at given motions.
         """
         w, known, onwards = self._w, self._responses, list[Shared]()
+        if x.parts and len(self._relations) == 1:  # nothing responds but its motors
+            x.caused(
+                reading, len(index), [], w.result(f"d_{name}", x.rows * self._widths[name] + index[:, None])
+            )
+            return
         if x.group in known.own:
             onwards = [by_columns(known.onwards[place], 0, 6) for place in x.group.children]
         ends = x.caused(reading, len(index), onwards)
@@ -210,6 +215,7 @@ def _over_joints(x: Relations) -> Columns:
     """Return the columns of a group's joints.
 
     Those of each of several equal legs, and of each joint that may idle, are found apart: they change little.
+    In modules of few joints the lanes of one vector hold all.
     """
     w, modules = x.writer, x.group.modules
     closed = [calls for calls in modules if calls.module.mobility < len(calls.module.v_index)]
@@ -218,6 +224,9 @@ def _over_joints(x: Relations) -> Columns:
     ]
     for calls in closed:
         v_index = calls.module.v_index
+        if len(v_index) <= JOINED:
+            sets.append(sorted(v_index.tolist()))
+            continue
         legs = [v_index[leg.v].tolist() for group in calls.groups if len(group) > 1 for leg in group]
         idle = idle_in_v(calls.request.plans[calls.k], calls.module)
         rods = [at for at in idle if not any({*at} <= {*leg} for leg in legs)]

@@ -138,10 +138,12 @@ class MotorMotion:
         """Add how the joints follow, and the changes of accelerations over rates.
 
         Args:
-            over_u: Changes of the accelerations over the motions, without idle ones.
+            over_u: Changes of the accelerations over the motions; idle ones, if any, come first.
             graph: What leads to the accelerations.
         """
         w, n = self._w, len(self.motors)
+        if not n:
+            return
         E = self._closed(over_u) if self._rest else None
         self.over_v = Sweep(w, n, over_u.known)
         self.over_v.seed(w.from_given("v", self._at.v), self._E)
@@ -151,11 +153,11 @@ class MotorMotion:
 
     def _closed(self, over_u: Sweep) -> Each:
         """Add E of a module with loops, for all lanes column by column."""
-        w, n, size = self._w, len(self.motors), len(self._at.v)
-        Psi, Psi_m, inverse, minus_B = w.each(n, size), w.each(n, n), w.each(n, n), w.each(n, n)
+        w, n, size, all = self._w, len(self.motors), len(self._at.v), over_u.lanes
+        Psi, Psi_m, inverse, minus_B = w.each(all, size), w.each(all, n), w.each(n, n), w.each(n, n)
         collect(over_u, self._numbers, Psi)
         collect(over_u, self.accelerations, Psi_m)
-        self.Psi, self.inverse = by_columns(Psi_m, 0, n), by_columns(inverse, 0, n)
+        self.Psi, self.inverse = by_columns(Psi_m, all - n, n), by_columns(inverse, 0, n)
         self.minus_B = minus_B
         pivots = self._pivots()
         kernel = w.kernel(("motor map", pivots), lambda: _inverted(n, pivots), PART)
@@ -168,7 +170,7 @@ class MotorMotion:
 
         own, E = w.own(n, size), w.each(n, size)
         kernel = w.kernel(("along", n, size), function, PART)
-        w.call(kernel, n, [by_columns(Psi, 0, n), inverse], [own, E])
+        w.call(kernel, n, [by_columns(Psi, all - n, n), inverse], [own, E])
         self._E = own
         return E
 

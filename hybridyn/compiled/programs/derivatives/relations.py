@@ -26,7 +26,7 @@ from ...program import Constants, Each, Own, Shared, Source, Target
 from ..module_calls import ModuleCalls
 from ..writer import Writer
 from .columns import by_columns, factors, matrix, solved
-from .connected import ConnectedModules, Place
+from .connected import JOINED, ConnectedModules, Place
 from .matrix_names import FACTORS, FORCES, MORE, MOTIONS, OVER_U, WRENCH, MatrixName, S
 from .motor_motion import MotorMotion, motions_at
 from .sweeps import PART, Block, ProgramGraph, Reading, Sweep
@@ -156,7 +156,9 @@ class Relations:
             yield "a" if self.held else "tau", part.motors, efforts.reading(self._ends)
             first += n
 
-    def caused(self, reading: Reading, count: int, onwards: Sequence[Shared]) -> dict[MatrixName, Own]:
+    def caused(
+        self, reading: Reading, count: int, onwards: Sequence[Shared], motions: Target | None = None
+    ) -> dict[MatrixName, Own]:
         """Add what columns cause, one in each lane, and return it by the names of `of_units`.
 
         Motions are those without what the wrench on the base causes. Twists that stay are left out.
@@ -165,6 +167,7 @@ class Relations:
             reading: What reads the changes that they cause at given motions.
             count: Number of columns.
             onwards: For each output its acceleration over a wrench on the base, which moves the base.
+            motions: Where the motions go; None for a place of their own.
         """
         changed = np.array([bool(parts) for parts in reading.pattern])
         *outputs, a = np.split(changed[self._rows :], np.cumsum(self._sizes, dtype=int))
@@ -173,7 +176,7 @@ class Relations:
         if not self.parts and a.any():
             wanted[MORE] = len(self.rows)
         ends = {name: self.writer.own(count, size) for name, size in wanted.items()}
-        self._add(reading, count, dict(ends), onwards)
+        self._add(reading, count, ends | ({MOTIONS: motions} if motions else {}), onwards)
         return ends
 
     def _eliminate(self) -> None:
@@ -185,7 +188,7 @@ class Relations:
         first, filled = 0, [tuple(np.zeros((0, x.size), dtype=bool) for x in blocks)]
         for i, modules in enumerate(self._runs):
             u = [x for calls in modules for x in motions_at(calls, "u_dot", held=self.held).numbers(0)]
-            idle = u[: 0 if self.held else modules[0].idle]
+            idle = u[: 0 if self.held or len(u) <= JOINED else modules[0].idle]
             for own in filter(None, (idle, u[len(idle) :])):  # apart: idle motions change little
                 over_u = Sweep(w, len(own), self._known)
                 over_u.seed(own, Constants(np.eye(len(own))))
