@@ -17,6 +17,7 @@ from tests.oracle import Oracle
 from tests.robots.mechanisms import KINDS, random_mechanism, random_states
 from tests.robots.shipped import ROBOTS, shipped
 from tests.support.comparing import SOLVED, close_to, refused
+from tests.support.samples import some
 
 Z = np.array([0.0, 0.0, 1.0])
 
@@ -139,7 +140,7 @@ def test_a_closure_inside_one_rigid_body_and_a_ring_of_joints_are_refused() -> N
     refused(lambda: find_modules(ring), ModelError, r"links \['2', '3'\] are not connected to the root")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", some(KINDS))
 def test_modules_of_every_kind(kind: str) -> None:
     """Mobilities are the recipe's; every joint, closure and motor is in just one module; bases come first."""
     description = random_mechanism(1, kind=kind)
