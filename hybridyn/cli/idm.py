@@ -20,6 +20,7 @@ from ..streams.one_pass import BlockResults, Pass
 from ..streams.postures import TreeSamples
 from ..streams.reaction_columns import reaction_rows
 from ..structure.robot import HybridRobot
+from ..tables.columns import SUPPLY
 from ..tables.layout import Layout
 from .common.each_table import for_each_table
 from .common.engine_choice import EngineChoice, engine_for_table
@@ -127,11 +128,11 @@ def _columns(
         from ..studies.map_table import map_columns
         from .common.maps import MapSummary, map_rows
 
-        columns = map_columns(robot, outputs, motion=True, efforts=bool(on.names))
-        inverse = partial(map_rows, joints=outputs, efforts=inverse if on.names else None)
+        columns = map_columns(robot, outputs, motion=True, efforts=bool(on.names), dc=on.dc)
+        inverse = partial(map_rows, joints=outputs, efforts=inverse if on.names else None, dc=on.dc)
         observers.append(MapSummary(robot, outputs))
     elif on.dc is not None:
-        columns += [f"{robot.motors[i]}/{what}" for what in ("current", "voltage") for i in on.dc.motors]
+        columns += [f"{robot.motors[i]}/{what}" for what in SUPPLY for i in on.dc.motors]
         inverse = partial(with_supply, efforts=inverse, dc=on.dc)
     return inverse, columns, observers
 

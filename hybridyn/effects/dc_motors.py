@@ -19,7 +19,8 @@ from .joints import Numbers, given, positive
 class DcMotors:
     """Currents and voltages of DC motors, which limit what they give: the torque-speed line.
 
-    A motor of gear ratio n (rotor turns per joint turn, from the robot's files) that gives tau needs
+    A motor of gear ratio n (rotor turns per joint turn, from the robot's files, 1 where they state none) that
+    gives tau needs
 
         i = tau / (n k)        u = R i + n k v        |u| <= voltage        |i| <= current
 
@@ -58,6 +59,10 @@ class OnDcMotors(NamedTuple):
     resistance: Array
     voltage: Array
     current: Array
+
+    def without_gears(self, robot: HybridRobot) -> list[str]:
+        """Return the motors whose gear ratio is 1, which stands for none that is stated."""
+        return [robot.motors[i] for i in self.motors if robot.records[robot.motors[i]].gear_ratio == 1]
 
     def currents(self, tau: Array) -> Array:
         """Compute the currents, shape (T, motors of the law), [A], from efforts, shape (T, motors)."""

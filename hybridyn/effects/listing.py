@@ -11,6 +11,7 @@ from ..structure.bodies import Payload
 from ..structure.robot import HybridRobot
 from .catalogue import JOINTS, UNITS, class_of, made, names
 from .dc_motors import DcMotors, OnDcMotors, on_dc_motors
+from .forms import check_form
 from .gears import GearEfficiency, OnGears, on_gears
 from .inputs import BaseMotion, Limits
 from .joint_laws import RotorInertia
@@ -130,6 +131,7 @@ def listed_units(robot: HybridRobot, effects: Asked) -> list[Any]:
     names: list[str] = []
     for word in words:
         if type(word) in UNITS.values():
+            check_form(word)
             units.append(word)
         elif is_other(type(word)):
             check_class(type(word), UNITS)

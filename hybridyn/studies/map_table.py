@@ -5,6 +5,7 @@
 <joint>/inertia/<joint>                  of the rotors that the robot's files state, at the joints
 <joint>/velocity, <joint>/acceleration   of a motion, and <motor>/... the same
 <joint>/effort, <motor>/effort           of a motion whose table has efforts on one side
+<motor>/current, <motor>/voltage         of its DC motors [A], [V]
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,17 +23,23 @@ from ..effects.joint_laws import RotorInertia
 from ..errors import AssemblyError, HybridynError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
+from ..tables.columns import SUPPLY
+
+if TYPE_CHECKING:
+    from ..effects.dc_motors import OnDcMotors
 
 
 def map_columns(
-    robot: HybridRobot, joints: Sequence[str], *, motion: bool = False, efforts: bool = False
-) -> list[str]:
+    robot: HybridRobot, joints: Sequence[str], *, motion: bool = False, efforts: bool = False,
+    dc: OnDcMotors | None = None,
+) -> list[str]:  # fmt: skip
     """Return the names of the columns of `map_rows`.
 
     Args:
         joints: The output joints.
         motion: Whether the rows have rates and accelerations.
         efforts: Whether they have efforts.
+        dc: DC motors, of which they then have currents and voltages, or None.
     """
     motors = motors_beside(robot, joints)
     both = (*joints, *motors)
@@ -40,12 +48,15 @@ def map_columns(
     if _rotors(robot, motors).any():
         out += [f"{joint}/inertia/{joints[j]}" for i, joint in enumerate(joints) for j in _from(i, joints)]
     quantities = [*(("velocity", "acceleration") if motion else ()), *(("effort",) if efforts else ())]
-    return [*out, *(f"{name}/{quantity}" for quantity in quantities for name in both)]
+    out += [f"{name}/{quantity}" for quantity in quantities for name in both]
+    supplied = [robot.motors[i] for i in _supplied(robot, motors, dc)] if efforts else []
+    return [*out, *(f"{motor}/{what}" for what in SUPPLY for motor in supplied)]
 
 
 def map_rows(
-    found: JointMap, v: Array | None = None, a: Array | None = None, tau: Array | None = None
-) -> Array:
+    found: JointMap, v: Array | None = None, a: Array | None = None, tau: Array | None = None,
+    dc: OnDcMotors | None = None,
+) -> Array:  # fmt: skip
     """Return the rows of a map at many postures, shape (T, columns).
 
     Args:
@@ -53,6 +64,7 @@ def map_rows(
         v: Rates of the robot, shape (T, nv), or None for a map without motion.
         a: Accelerations, shape (T, nv), with `v`.
         tau: Efforts of the robot's motors, shape (T, motors), or None where they are not wanted.
+        dc: DC motors, of which currents and voltages are wanted with the efforts, or None.
     """
     H, robot, joints = found.motors_per_joints, found.robot, found.joints
     out = [found.joint_positions, found.motor_positions, H.reshape(len(H), -1)]
@@ -65,7 +77,15 @@ def map_rows(
     if tau is not None:
         efforts = tau[:, [robot.motors.index(motor) for motor in found.motors]]
         out += [found.joint_efforts(efforts), efforts]
+        if dc is not None and v is not None:
+            kept = np.isin(dc.motors, _supplied(robot, found.motors, dc))
+            out += [x[:, kept] for x in (dc.currents(tau), dc.voltages(tau, v[:, robot.motor_v]))]
     return np.hstack(out)
+
+
+def _supplied(robot: HybridRobot, motors: Sequence[str], dc: OnDcMotors | None) -> list[int]:
+    """Return the numbers of the DC motors among some motors."""
+    return [] if dc is None else [int(i) for i in dc.motors if robot.motors[i] in motors]
 
 
 def _rotors(robot: HybridRobot, motors: Sequence[str]) -> Array:

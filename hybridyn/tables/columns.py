@@ -25,7 +25,8 @@ the only acceleration that is read is that of a moving base, whose motion is pre
 Tables of simulations hold a full state, and `<motor>/effort`, `energy/kinetic|potential|total` [J] and
 `residual`. The reader skips the latter three, so that a run can be read back.
 
-Tables of results hold `<motor>/effort` (inverse model), or `<joint>/acceleration` of every joint
+Tables of results hold `<motor>/effort` (inverse model; of DC motors `<motor>/current` and `<motor>/voltage`
+beside it, which the reader skips, too), or `<joint>/acceleration` of every joint
 (`<joint>/acceleration/wx` ... by components) and `<root>/acceleration/x` .. `wz` of a floating base (direct
 model). Reactions, forces [N] and moments [N m]:
 
@@ -64,6 +65,8 @@ ENERGIES = ("energy/kinetic", "energy/potential", "energy/total")
 RESIDUAL = "residual"
 #: Columns of hybridyn's tables that belong to no joint and no link.
 OTHERS = ("time", *ENERGIES, RESIDUAL)
+#: What `idm` writes of DC motors beside their efforts, from which it follows.
+SUPPLY = ("current", "voltage")
 
 
 _Columns = dict[str, dict[str, dict[str, int]]]  # owner, quantity, component: column
@@ -162,7 +165,8 @@ def _sorted_columns(
     base_in_world = f"{description.root}@{WORLD}" if WORLD not in links else ""
     of_joints: _Columns = {}
     of_links: _Columns = {}
-    forms = {column: _FORM.fullmatch(column) for column in columns if column not in OTHERS}
+    written = {*OTHERS, *(f"{joint}/{what}" for joint in joints for what in SUPPLY)}
+    forms = {column: _FORM.fullmatch(column) for column in columns if column not in written}
     at = {column: index for index, column in enumerate(columns)}
     in_parts = {m["owner"] for m in forms.values() if m and m["quantity"] == "position" and m["component"]}
     for column, match in forms.items():

@@ -164,6 +164,13 @@ def test_commands_write_currents_and_voltages_and_tell_what_is_beyond(
     with (tmp_path / "efforts.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [*rows[0]] == ["time", "drive/effort", "drive/current", "drive/voltage"]
+    both = save(tmp_path, _joined(motion.read_text(), (tmp_path / "efforts.csv").read_text()), "both.csv")
+    call(capsys, "ddm", robot, both, "-o", tmp_path / "back.csv")  # what idm wrote beside efforts is skipped
+    call(capsys, "idm", robot, motion, "--map", "drive", "--effects", "model", "-o", tmp_path / "map.csv")
+    with (tmp_path / "map.csv").open() as file:
+        mapped = list(csv.DictReader(file))
+    for name in ("drive/current", "drive/voltage"):
+        assert [row[name] for row in mapped] == [row[name] for row in rows]
     current, back = MASS * A * w**2 / (k * RATIO), k * RATIO * A * w
     assert max(float(row["drive/current"]) for row in rows) == pytest.approx(current, rel=ROUNDED)
     peak = np.hypot(R * current, back)
@@ -177,3 +184,19 @@ def test_commands_write_currents_and_voltages_and_tell_what_is_beyond(
     assert found["rms_current"] == pytest.approx(current / np.sqrt(2), rel=ROUNDED)
     assert found["heat"] == pytest.approx(R * current**2 / 2, rel=ROUNDED)
     assert found["over_voltage"] > 0 == found["over_current"]
+
+
+def _joined(one: str, other: str) -> str:
+    """Put the columns of two tables of the same times beside each other."""
+    pairs = zip(one.splitlines(), other.splitlines(), strict=True)
+    return "\n".join(f"{a},{b.partition(',')[2]}" for a, b in pairs) + "\n"
+
+
+def test_a_dc_motor_without_a_gear_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    robot = save(tmp_path, robot_text("revolute").replace(f">{RATIO}<", ">1<"), "single.urdf")
+    assert hybridyn.load(robot).records["drive"].gear_ratio == 1
+    motion = save(tmp_path, table_text(HEADER, swing(0.1, 1.0, 1, 41)), "motion.csv")
+    stated = "[effects.dc_motors]\ntorque_constant = { drive = 0.1 }\nresistance = { drive = 1.0 }\n"
+    (tmp_path / "single.model.toml").write_text(stated)
+    said = call(capsys, "idm", robot, motion, "--effects", "model", "-o", tmp_path / "efforts.csv")
+    assert "no gear ratio is stated for 'drive'" in said.err

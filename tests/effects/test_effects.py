@@ -563,6 +563,10 @@ MISTAKES: dict[str, tuple[Callable[[HybridRobot], Any], str]] = {
     "wrench link": (lambda r: [fx.Wrench("nowhere", [0.0] * 6)], "no such link 'nowhere'"),
     "ground link": (lambda r: [fx.GroundContact({"nowhere": [[0.0, 0, 0]]}, 1.0)], "no such link 'nowhere'"),
     "limit": (lambda r: [fx.Limits({"motor": 1.0})], "no motor 'motor'"),
+    "bare number": (lambda r: [fx.CoulombFriction(3.0)], "level must have the form {'name': 1.0}, not 3.0"),
+    "motors' number": (lambda r: [fx.DcMotors(torque_constant=0.1)], "dc_motors: torque_constant must have"),
+    "word": (lambda r: [fx.LoadFriction({r.motors[0]: "x"})], "load_friction: radial must have the form"),
+    "no number": (lambda r: [fx.CoulombFriction({}, width=None)], "width must be a number, not None"),
     "twice": (lambda r: [fx.Limits(), fx.Limits({})], "named 2 times"),
 }  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -18,6 +19,9 @@ from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
 from ...studies import actuators, map_table
 from ...tables.layout import Layout
+
+if TYPE_CHECKING:
+    from ...effects.dc_motors import OnDcMotors
 from ...tables.results import open_results
 from .options import Grid, refuse
 from .text import aligned_rows, counted
@@ -29,16 +33,18 @@ def map_rows(
     *,
     joints: Sequence[str],
     efforts: Callable[[HybridRobot, TreeSamples], BlockResults] | None,
+    dc: "OnDcMotors | None" = None,
 ) -> BlockResults:
     """Compute the map at the postures of a block, with rates, accelerations and efforts.
 
     Args:
         joints: The output joints.
         efforts: Computes the efforts of a block, or None where they are not wanted.
+        dc: DC motors, whose currents and voltages are written, too.
     """
     found = joint_map(robot, block.q, joints)
     made = None if efforts is None else efforts(robot, block)
-    rows = map_table.map_rows(found, block.v, block.a, None if made is None else made.rows)
+    rows = map_table.map_rows(found, block.v, block.a, None if made is None else made.rows, dc)
     return BlockResults(rows) if made is None else made._replace(rows=rows)
 
 

@@ -121,6 +121,8 @@ def about(robot: HybridRobot, layout: Layout, effects: Effects) -> list[str]:
         if missing
     ]
     lines += [*([] if layout.full_state else branch(robot)), effects_line(robot, effects)]
+    if effects.dc is not None and (bare := effects.dc.without_gears(robot)):
+        lines.append(f"no gear ratio is stated for {listed(bare)}: these DC motors turn as their joints do")
     left = ", ".join(name for name in stated_names(robot) if name not in effects.names)
     if left:
         lines.append(f"the robot's files state {left}: not computed; '--effects model' computes all")
