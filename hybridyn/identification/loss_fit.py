@@ -31,6 +31,8 @@ from .whitening import Whitening
 CLEAR = 10.0
 #: A coefficient below so many of its deviations may be zero.
 SURE = 3.0
+#: How often a step of the estimate is halved at most.
+HALVINGS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,15 +128,36 @@ class LossyRows:
         for _ in range(MOST_ROUNDS):
             tau, slope = (x[part] for x in self.predicted(p))
             found = estimate(slope, measured - tau + slope @ p, names)
-            step, p = np.abs(found.x - p), found.x
-            if (step <= AGREED * found.deviation).all():
+            step = found.x - p
+            if (np.abs(step) <= AGREED * found.deviation).all():
                 return found
-        worst = names[int(np.argmax(step / found.deviation))]
+            p = self._nearer(p, step, part)
+        moved = (np.abs(step) / found.deviation)[len(self.rows.start) :]
         raise TrajectoryError(
-            f"losses that grow with load do not settle: '{worst}' still moves by "
-            f"{np.max(step / found.deviation):.3g} deviations after {MOST_ROUNDS} rounds; leave it out, or "
-            "record a motion under other loads"
+            f"losses that grow with load do not settle: '{names[int(np.argmax(moved)) - len(moved)]}' still "
+            f"moves by {np.max(moved):.3g} deviations after {MOST_ROUNDS} rounds; leave it out, or record a "
+            "motion under other loads"
         )
+
+    def _nearer(self, p: Array, step: Array, part: slice) -> Array:
+        """Take the longest of a step, its half, its quarter, ... that leaves less of the efforts than p."""
+        before = self._left_over(p, part)
+        for halved in range(HALVINGS):
+            nearer: Array = p + step / 2**halved
+            if self._left_over(nearer, part) < before:
+                return nearer
+        return np.asarray(p + step)  # what is left is rounding
+
+    def _left_over(self, p: Array, part: slice) -> float:
+        """Return the sum over motors of the logarithm of the squares that are left, inf where friction jams.
+
+        Up to constants and a factor, this is the likelihood of efforts whose noise is not known.
+        """
+        try:
+            left = (self.data.measured - self.predicted(p)[0])[part]
+        except ActuationError:
+            return float("inf")
+        return float(np.sum(np.log(np.sum(left**2, axis=0))))
 
 
 def fit_losses(

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy import stats
 
 import hybridyn
 from hybridyn.effects import GearEfficiency, LoadFriction
-from hybridyn.errors import ActuationError, HybridynError, ModelError
+from hybridyn.errors import ActuationError, HybridynError, ModelError, TrajectoryError
 from hybridyn.identification.base_parameters import base_parameters
 from hybridyn.identification.estimators import estimate
 from hybridyn.identification.logs import read_log
@@ -189,6 +190,31 @@ def test_a_half_whose_friction_does_not_settle_tells_nothing_of_unseen_efforts(
     monkeypatch.setattr(LossyRows, "fit", unsettled)
     assert _unseen(one.rows, None, one.names, plain, plain) is None
     assert len(parts) == 1
+
+
+class Steep(LossyRows):
+    """Efforts x + load (exp(5 c) - 1): a step from c = 0 goes far too far, and each step back is short."""
+
+    def predicted(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Compute efforts and their derivatives."""
+        load, grown = self.data.Y[:, :, 0] * np.linspace(-1, 1, len(self.data.Y))[:, None], np.exp(5 * p[1])
+        slope = np.stack([self.data.Y[:, :, 0], load * 5 * grown], axis=2)
+        return self.data.Y[:, :, 0] * p[0] + load * (grown - 1), slope
+
+
+@pytest.mark.parametrize("true", [1.0, -1.0])
+def test_the_search_of_losses_is_damped_and_names_a_loss_where_it_fails(
+    true: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data: Any = SimpleNamespace(Y=np.ones((50, 1, 1)), known=np.zeros((50, 1)))
+    one = Steep(data, SimpleNamespace(start=np.zeros(1)), 1)  # type: ignore[arg-type]
+    noise = 1e-3 * np.random.default_rng(0).normal(size=(50, 1))
+    data.measured = one.predicted(np.array([2.0, true]))[0] + noise
+    found = one.fit(["m:mass", "radial of elbow"])
+    assert (np.abs(found.x - [2.0, true]) < 5 * found.deviation).all()
+    monkeypatch.setattr("hybridyn.identification.loss_fit.MOST_ROUNDS", 1)
+    with pytest.raises(TrajectoryError, match="'radial of elbow' still moves"):
+        one.fit(["m:mass", "radial of elbow"])
 
 
 REDUNDANT = "cannot be identified with redundant motors"
