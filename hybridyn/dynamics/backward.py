@@ -1,5 +1,7 @@
 """Backward sweep of the inverse model: compute forces, efforts and reactions, the outermost modules first."""
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from ..effects.choice import Effects
@@ -27,30 +29,59 @@ from .reactions import Reactions, module_reactions
 from .state_checks import check_closed, natural_force, robot_mass
 
 
+@dataclass(eq=False)
+class GivenMotion:
+    """The motion of a robot's modules, of which each has its basis computed once.
+
+    Attributes:
+        states: States of the modules.
+        v, a: Rates and accelerations, shapes (T, nv), (T, nv).
+        residual: Closure residuals, shape (T,).
+        strict: Whether closures that lose rank are an error.
+    """
+
+    states: list[ModuleState]
+    v: Array
+    a: Array
+    residual: Array
+    strict: bool
+    _bases: dict[int, Basis] = field(default_factory=dict)
+
+    def motions(self, k: int) -> Basis:
+        """Return the motions of module k.
+
+        Raises:
+            SingularityError: As `module_motions`.
+        """
+        if k not in self._bases:
+            self._bases[k] = module_motions(self.states[k], self.strict)
+        return self._bases[k]
+
+
 def backward(
-    robot: HybridRobot, states: list[ModuleState], loads: Loads, sharing: Sharing | None, tau: Array,
-    result: Reactions | None, q: Array, v: Array, a: Array,
+    robot: HybridRobot, motion: GivenMotion, loads: Loads, sharing: Sharing | None, tau: Array,
+    result: Reactions | None, q: Array,
 ) -> None:  # fmt: skip
     """Compute the forces that every module needs, the efforts of its motors and the wrench on its base.
 
     Args:
-        states, loads: States of its modules; external wrenches and effects.
+        motion, loads: The motion of its modules; external wrenches and effects.
         sharing: How the load is distributed among motors, or None if efforts are known and not checked.
         tau: Efforts, shape (T, motors); filled in place, or read if `sharing` is None.
         result: Reactions, filled in place, or None.
-        q, v, a: Positions, rates and accelerations, shapes (T, nq), (T, nv), (T, nv).
+        q: Positions, shape (T, nq).
 
     Raises:
         SingularityError: Closures lose rank and `on_singular` is "raise"; or a velocity belongs to no branch;
             or the efforts have no correct digit, or the motors lose a direction.
         ActuationError: A passive motion would need an effort.
     """
-    strict = sharing is not None and sharing.on_singular == "raise"
+    states, v, a = motion.states, motion.v, motion.a
     weight = robot_mass(robot) * float(np.linalg.norm(robot.gravity))
     rounding = NOISE * robot.nv * natural_force(robot, v, a)  # one term for each freedom
     sizes = [np.zeros((len(q), len(s.module.outputs))) for s in states]
     root = np.zeros((len(q), 6))
-    for k, needed in needed_forces(states, loads, lambda k: module_motions(states[k], strict)):
+    for k, needed in needed_forces(states, loads, motion.motions):
         s, module = states[k], states[k].module
         if sharing is not None:
             size = _largest_term(s, needed, sizes[k])
@@ -91,7 +122,7 @@ def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, l
     """
     result, on = Reactions(np.zeros((len(q), 6))), loads.on
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
-    backward(robot, states, loads, None, tau, result, q, v, a)
+    backward(robot, GivenMotion(states, v, a, np.zeros(len(q)), strict=False), loads, None, tau, result, q)
     return result
 
 

@@ -6,29 +6,26 @@ to its own joints alone, H = -D n - tau, with the efforts tau that Psi^T (D n + 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ..effects.load_friction import OnLoads
 from ..spatial import Array
-from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from .actuation import Sharing
-from .backward import efforts_along, module_motions
+from .backward import GivenMotion, efforts_along
 from .joint_wrenches import joint_wrenches, needed_of_closures
 from .reactions import multipliers_of
 
 
 def answers_to_friction(
-    robot: HybridRobot, states: Sequence[ModuleState], law: OnLoads, D: Array, sharing: Sharing
+    robot: HybridRobot, given: GivenMotion, law: OnLoads, D: Array, sharing: Sharing
 ) -> Array:
     """Compute the wrenches that unit frictions cause.
 
     Whether motors drive every motion is not checked: the efforts under all loads tell.
 
     Args:
-        states: States of the robot's modules.
+        given: The motion of the robot's modules.
         law: The law and its joints.
         D: Efforts per unit of each joint's friction, shape (T, nv, joints).
         sharing: How the load is distributed among motors.
@@ -39,11 +36,11 @@ def answers_to_friction(
     T, count = len(D), len(law.joints)
     out, least = np.zeros((T, count, 6, count)), np.zeros(T)
     owner = np.array([robot.module_of(name) for name in law.joints])
-    for k, s in enumerate(states):
+    for k, s in enumerate(given.states):
         m, module, joints = s.mechanism, s.module, np.flatnonzero(owner == k)
         if not len(joints):
             continue
-        basis = module_motions(s, sharing.on_singular == "raise")
+        basis = given.motions(k)
         H = -m.cut.to_tree(D[:, module.v_index][:, :, joints])
         for i in range(len(joints)):
             efforts = efforts_along(robot, s, basis, H[:, :, i], least + np.inf, least, sharing)

@@ -13,11 +13,10 @@ from ..description.names import listed
 from ..effects.choice import Choice, Effects, choose, times
 from ..errors import ActuationError
 from ..spatial import Array
-from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, one_of, same_samples
 from .actuation import Sharing
-from .backward import backward
+from .backward import GivenMotion, backward
 from .forward import forward
 from .loads import Loads, all_loads
 from .reactions import Reactions
@@ -141,9 +140,10 @@ def inverse_model(
         hint += f"; the file's actuators {listed(robot.description.left_out)} are no motors here"
     sharing = Sharing(_weights(robot, weights), on_singular, hint)
     solved = passive == "solved"
+    given = None if solved else _given_motion(robot, on, q, v, a, sharing)
     if on.loaded is not None:
-        loads = _with_friction(robot, on, on.loaded, q, v, a, loads, sharing, solved=solved)
-    out = under_loads(robot, q, v, a, loads, sharing, solved=solved, reactions=reactions)
+        loads = _with_friction(robot, on.loaded, q, v, a, loads, sharing, given)
+    out = under_loads(robot, q, v, a, loads, sharing, given, solved=solved, reactions=reactions)
     if on.gears is not None:
         out = out._replace(values=on.gears.before(out.values, v))
     on.check_bounds(robot, out.values, v)
@@ -151,33 +151,34 @@ def inverse_model(
 
 
 def _with_friction(
-    robot: HybridRobot, on: Effects, law: OnLoads, q: Array, v: Array, a: Array, loads: Loads,
-    sharing: Sharing, *, solved: bool,
+    robot: HybridRobot, law: OnLoads, q: Array, v: Array, a: Array, loads: Loads, sharing: Sharing,
+    given: GivenMotion | None,
 ) -> Loads:  # fmt: skip
     """Add to the loads the friction that grows with what joints carry."""
+    solved = given is None
     from .friction_of_motion import answers_to_friction  # which most robots need not
     from .load_friction import answers_one_by_one, settle
 
     def under(efforts: Array) -> Reactions:
         """Compute the reactions under efforts of joints."""
         more = replace(loads, joints=loads.joints + efforts)
-        found = under_loads(robot, q, v, a, more, sharing, solved=solved, reactions=True).reactions
+        found = under_loads(robot, q, v, a, more, sharing, given, solved=solved, reactions=True).reactions
         assert found is not None
         return found
 
     def answers(D: Array) -> Array:
         """Compute the wrenches that unit frictions cause; solved accelerations change with them."""
-        if solved:
+        if given is None:
             return answers_one_by_one(law, D, under)
-        return answers_to_friction(robot, _states(robot, on, q, v, a)[0], law, D, sharing)
+        return answers_to_friction(robot, given, law, D, sharing)
 
     friction = settle(law, v, under, answers)
     return replace(loads, joints=loads.joints + friction)
 
 
 def under_loads(
-    robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads, sharing: Sharing, *, solved: bool,
-    reactions: bool,
+    robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads, sharing: Sharing,
+    given: GivenMotion | None = None, *, solved: bool, reactions: bool,
 ) -> Result:  # fmt: skip
     """Compute the inverse model under known loads.
 
@@ -185,28 +186,29 @@ def under_loads(
         q, v, a: Positions, rates and accelerations, shapes (T, nq), (T, nv), (T, nv).
         loads: External wrenches and effects.
         sharing: How the load is distributed among motors.
+        given: The motion of modules where that is known.
         solved: Whether passive accelerations are computed for zero effort.
         reactions: Whether reactions are computed.
     """
-    on = loads.on
     if solved:
         from .direct import solve_passive  # which most calls need not
 
         a = solve_passive(robot, q, v, a, loads)
-    states, v, a = _states(robot, on, q, v, a)
-    residual = check_closed(robot, states, q, v, a)
+    motion = _given_motion(robot, loads.on, q, v, a, sharing) if given is None else given
     result = Reactions(np.zeros((len(q), 6))) if reactions else None
     tau = np.zeros((len(q), len(robot.motors)))
-    backward(robot, states, loads, sharing, tau, result, q, v, a)
-    return Result(tau, residual, result)
+    backward(robot, motion, loads, sharing, tau, result, q)
+    return Result(tau, motion.residual, result)
 
 
-def _states(
-    robot: HybridRobot, on: Effects, q: Array, v: Array, a: Array
-) -> tuple[list[ModuleState], Array, Array]:
-    """Compute the states of modules, and rates and accelerations, zero in statics."""
+def _given_motion(
+    robot: HybridRobot, on: Effects, q: Array, v: Array, a: Array, sharing: Sharing
+) -> GivenMotion:
+    """Compute the motion of modules, at rest in statics."""
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
-    return forward(robot, q, v, a, on.gravity, classical=on.velocity is not None), v, a
+    states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
+    residual = check_closed(robot, states, q, v, a)
+    return GivenMotion(states, v, a, residual, strict=sharing.on_singular == "raise")
 
 
 def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) -> Array | None:

@@ -2,6 +2,8 @@
 
 import itertools
 import warnings
+from collections import Counter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ from hybridyn.compiled import repeated
 from hybridyn.description.shipped import find_robot
 from hybridyn.dynamics.direct import direct_model
 from hybridyn.dynamics.inverse import inverse_model
+from hybridyn.effects import LoadFriction
 from hybridyn.linkage.tree import Tree
+from hybridyn.structure.mechanism import Mechanism
 
 
 @pytest.mark.parametrize("name", ["five_bar", "lx4"])
@@ -36,6 +40,32 @@ def test_each_module_is_swept_once(name: str, monkeypatch: pytest.MonkeyPatch) -
     assert len(placed) == 2 * len(robot.modules)  # and the tree after the cuts, at x_ddot = 0
     assert np.array_equal(found.residual, hybridyn.closure_residual(robot, q))
     assert np.array_equal(direct.residual, found.residual)
+
+
+@pytest.mark.parametrize("name", ["five_bar", "lx4"])
+def test_friction_that_grows_with_load_sweeps_no_module_again(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = hybridyn.load(find_robot(name))
+    q, v, a = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, (0.0, 0.1, 0.2)))
+    word = "radial" if name == "five_bar" else "normal"
+    rubbing = ["default", LoadFriction(**{word: dict.fromkeys(robot.motors, 1e-3)})]
+    counts = Counter[str]()
+    for kind, method in ((Tree, "_placements"), (Mechanism, "basis")):
+        own = getattr(kind, method)
+
+        def counted(*given: Any, own: Any = own, method: str = method, **more: Any) -> Any:
+            counts[method] += 1
+            return own(*given, **more)
+
+        monkeypatch.setattr(kind, method, counted)
+    hybridyn.idm(robot, q, v, a, effects=rubbing)  # what a module keeps is computed at first
+    counts.clear()
+    hybridyn.idm(robot, q, v, a)
+    without = counts.copy()
+    counts.clear()
+    hybridyn.idm(robot, q, v, a, effects=rubbing)
+    assert counts == without
 
 
 def test_many_single_calls_are_warned_of_once(monkeypatch: pytest.MonkeyPatch) -> None:
