@@ -146,6 +146,21 @@ def effects(results: Results) -> Table:
     return ["robot", "effect", "change of the efforts without it", "share of the operations"], rows
 
 
+def grown(results: Results) -> Table:
+    """List what losses that grow with load cost in compiled models."""
+    rows = [
+        [r.case, r.model, r.method, f"{r.iterations:.0f}", *ratios_of(r), number(r.us), number(r.error)]
+        for r in results["losses"]
+    ]
+    head = ["robot", "model", "loss", "iterations", "operations over those without", "time over that without"]
+    return [*head, "us", "error"], rows
+
+
+def ratios_of(row: Row) -> list[str]:
+    """Write the ratios of operations and of times of a row."""
+    return [f"{row.operations:.2f}", f"{row.value:.2f}"]
+
+
 def singular(results: Results) -> Table:
     """Give every method's error by distance."""
     rows = [r for r in results["singular"] if r.model != CHECK and not math.isnan(r.at)]
@@ -334,6 +349,7 @@ QUESTIONS = (
     Question("Where does hybridyn lose?", texts.LOSSES, ("ddm", "idm", "derivatives"), losses, "losses"),
     Question("Which goals are missed?", texts.GOALS, tuple({goal.section: None for goal in GOALS}), missed),
     Question("What does an effect cost?", texts.EFFECTS, ("effects",), effects, "effects"),
+    Question("What do losses that grow with load cost?", texts.GROWN, ("losses",), grown),
     Question("What happens near singularities?", texts.SINGULAR, ("singular",), singular, "singular"),
     Question("What does a cold call cost?", texts.COLD, ("cold",), cold, "cold"),
     Question("How fast are batches on a GPU?", texts.BATCHES, (), batches),

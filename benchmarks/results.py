@@ -26,6 +26,7 @@ SECTIONS = {
     "derivatives": "derivatives of both models",
     "singular": "errors close to singular postures",
     "effects": "what each effect changes along the robot's own motion, and its operations",
+    "losses": "losses that grow with load in compiled models, over these without",
     "cold": "single calls after other memory was touched",
     "callgrind": "instructions per sample",
     "peak": "share of the rate of one core",
@@ -59,6 +60,8 @@ class Row(NamedTuple):
         mib: What the process grew by, or held, at its peak [MiB].
         energy: Largest change of the energy over the largest kinetic energy.
         closure: Largest closure residual relative to the module's length.
+        operations: Operations over those of what it is compared with.
+        iterations: Steps of an iteration in each sample.
         value: Another number.
         unit: Its unit, empty for a ratio of like things.
         note: Why it was not measured, or how it ended.
@@ -79,6 +82,8 @@ class Row(NamedTuple):
     mib: float = NAN
     energy: float = NAN
     closure: float = NAN
+    operations: float = NAN
+    iterations: float = NAN
     value: float = NAN
     unit: str = ""
     note: str = ""

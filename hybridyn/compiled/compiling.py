@@ -100,8 +100,8 @@ def torque_models(compiled: CompiledRobot, on: Effects) -> dict[str, int] | None
         on: Effects of the torque; models are compiled for them where those of `compiled` differ.
 
     Returns:
-        The addresses; None for idle joints besides redundant motors, a moving base or gears that lose: the
-        direct model, which is then inverted, is not linear in the efforts of these.
+        The addresses; None for idle joints besides redundant motors, a moving base, or losses that grow with
+        load: the direct model, which is then inverted, is not linear in efforts with these.
 
     Raises:
         CompileError, ModelError: As in `compile`.
@@ -109,7 +109,7 @@ def torque_models(compiled: CompiledRobot, on: Effects) -> dict[str, int] | None
     robot = compiled.robot
     closing, models = closing_of_motors(robot), compiled
     redundant = any(len(module.motors) > module.mobility for module in robot.modules)
-    if closing is None and (redundant or robot.base == "moving" or on.gears is not None):
+    if closing is None and (redundant or robot.base == "moving" or on.gears or on.loaded):
         return None
     if not same_without_limits(robot, compiled.effects, on):
         models = compile(robot, on, wait=True)

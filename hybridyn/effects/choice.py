@@ -93,8 +93,8 @@ class Effects:
 
     @property
     def uncompiled(self) -> tuple[str, ...]:
-        """Names of those that the general path alone computes."""
-        return tuple(law.effect.name for law in (self.loaded, self.dc) if law is not None)
+        """Names of those among them that the general path alone computes."""
+        return () if self.dc is None else (self.dc.effect.name,)
 
     @property
     def unbounded(self) -> Effects:
@@ -233,18 +233,18 @@ def choose(robot: HybridRobot, effects: Choice) -> Effects:
     return replace(out, names=out.named(found.names))
 
 
-def without_losses(on: Effects, what: str, *, gears: bool = False) -> Effects:
+def without_losses(on: Effects, what: str, *, compiled: bool = False) -> Effects:
     """Return effects, for those who do not compute losses that grow with load, nor DC motors.
 
     Args:
         on: The effects.
         what: Who asks, for the message: "compiled models do not compute".
-        gears: Whether they compute losses of gears.
+        compiled: Whether they compute what compiled models do.
 
     Raises:
         ModelError: There are such effects.
     """
-    if names := on.uncompiled if gears else on.losses:
+    if names := on.uncompiled if compiled else on.losses:
         raise ModelError(
             f"{what} the effect '{names[0]}': hybridyn.idm, ddm, power and simulate do, on the general "
             "path. Leave it out here", element=names[0],

@@ -127,7 +127,8 @@ class OnLoads(NamedTuple):
         terms, at = self._among(joints)
         factor = self.factor[terms] * np.sqrt(np.bincount(at, minlength=len(joints)))[at]
         parts = np.einsum("kij,tkjs->tkis", factor[:, None, None] * self.part[terms], wrenches[:, at])
-        out: Array = (parts / weight[:, at, None, None]).reshape(len(wrenches), -1, wrenches.shape[3])
+        shape = len(wrenches), 3 * len(terms), wrenches.shape[3]
+        out: Array = (parts / weight[:, at, None, None]).reshape(shape)
         return out
 
     def _among(self, joints: Index) -> tuple[Index, Index]:

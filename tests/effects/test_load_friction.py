@@ -182,7 +182,6 @@ def test_who_cannot_compute_it_says_so() -> None:
     law = ["default", LoadFriction(radial={robot.motors[0]: 1e-3})]
     q, v, a = states_near_home(robot.description, "fixed", 0, 1)
     for call in (
-        lambda: hybridyn.compile(robot, effects=law),
         lambda: hybridyn.compiled.Derivatives(robot, "idm", effects=law),
         lambda: hybridyn.idm_jacobian(robot, q, v, a, effects=law),
         lambda: hybridyn.bias(robot, q, v, effects=law),

@@ -128,23 +128,33 @@ def forces(chain: Chain) -> Expression:
         Generalised forces over s, shape (6 + nv,): the wrench of the base on the tree, then H, where a
         platform's entries are its wrench on the bodies that it carries; wrenches in the base's frame.
     """
+    wrench, out = carried(chain), zeros(6 + chain.nv)
+    for i, cols in reversed(chain.v_slices.items()):
+        at = slice(6 + cols.start, 6 + cols.stop)
+        if i in chain.platforms:
+            out[at] = wrench_to_base(chain.R0[i + 1], chain.p0[i + 1], wrench[i + 1])
+        else:
+            out[at] = dot(chain.S[i].T, wrench[i + 1])
+    out[:6] = wrench[0]
+    return out
+
+
+def carried(chain: Chain) -> dict[int, Expression]:
+    """Compute the wrench that each body and those that its joints carry require for their motion, own frame.
+
+    The base requires that of the bodies that stand on it, without platforms.
+    """
     wrench = {body: zeros(6) for body in chain.V}
     for i, link in chain.links.items():
         inertia = numbers(link.inertia)
         if any(not is_zero(x) for x in inertia):
             V, A = chain.V[i + 1], chain.c[i + 1]
             wrench[i + 1] = plus(momentum(inertia, A), crf(V, momentum(inertia, V)))
-    out = zeros(6 + chain.nv)
-    for i, cols in reversed(chain.v_slices.items()):
-        at = slice(6 + cols.start, 6 + cols.stop)
-        if i in chain.platforms:
-            out[at] = wrench_to_base(chain.R0[i + 1], chain.p0[i + 1], wrench[i + 1])
-            continue
-        out[at] = dot(chain.S[i].T, wrench[i + 1])
-        parent = chain.links[i].parent
-        wrench[parent] = wrench[parent] + wrench_to_base(chain.R[i], chain.p[i], wrench[i + 1])
-    out[:6] = wrench[0]
-    return out
+    for i in reversed(chain.links):
+        if i not in chain.platforms:
+            parent = chain.links[i].parent
+            wrench[parent] = wrench[parent] + wrench_to_base(chain.R[i], chain.p[i], wrench[i + 1])
+    return wrench
 
 
 def mass_matrix(chain: Chain) -> tuple[Expression, Expression]:
@@ -154,8 +164,7 @@ def mass_matrix(chain: Chain) -> tuple[Expression, Expression]:
         M: Mass matrix, shape (6 + nv, 6 + nv); the base's block is left zero.
         S1: The base's block as ten numbers, the composite inertia of the bodies that the base carries.
     """
-    composite = {0: zeros(10)} | {i + 1: numbers(link.inertia) for i, link in chain.links.items()}
-    M = zeros(6 + chain.nv, 6 + chain.nv)
+    composite, M = composites(chain), zeros(6 + chain.nv, 6 + chain.nv)
     cols = {i: list(range(6 + at.start, 6 + at.stop)) for i, at in chain.v_slices.items()}
     for i in reversed(chain.links):
         if i in chain.platforms:
@@ -166,9 +175,42 @@ def mass_matrix(chain: Chain) -> tuple[Expression, Expression]:
         M[np.ix_(cols[i], cols[i])] = dot(chain.S[i].T, F)
         for rows, block in _inwards(chain, i, F):
             M[np.ix_(rows, cols[i])], M[np.ix_(cols[i], rows)] = block, block.T
-        parent = chain.links[i].parent
-        composite[parent] = composite[parent] + moved(composite[i + 1], chain.R[i], chain.p[i])
     return M, composite[0]
+
+
+def composites(chain: Chain) -> dict[int, Expression]:
+    """Return the ten inertial numbers of each body with those that its joints carry, own frame."""
+    out = {0: zeros(10)} | {i + 1: numbers(link.inertia) for i, link in chain.links.items()}
+    for i in reversed(chain.links):
+        if i not in chain.platforms:
+            parent = chain.links[i].parent
+            out[parent] = out[parent] + moved(out[i + 1], chain.R[i], chain.p[i])
+    return out
+
+
+def inertial_map(chain: Chain, joint: int) -> Expression:
+    """Compute the map from s to the wrench that a joint's child and what that carries require, child frame.
+
+    Returns:
+        Shape (6, 6 + nv).
+    """
+    composite, body = composites(chain), joint + 1
+    J, R, p = zeros(6, 6 + chain.nv), chain.R0[body].T, chain.p0[body]
+    for k, column in own_columns(chain, body).items():
+        J[:, 6 + k] = column
+    first = chain.columns_of(chain.root[body])[0]
+    J[:3, first : first + 3] = J[3:, first + 3 : first + 6] = R
+    J[:3, first + 3 : first + 6] = -dot(R, hat(p))
+    out = np.stack([momentum(composite[body], column) for column in J.T], axis=1)
+    for other, at in chain.v_slices.items():
+        beyond = carriers(chain, other + 1)
+        if joint not in beyond[1:]:
+            continue
+        F = [momentum(composite[other + 1], column) for column in chain.S[other].T]
+        for step in beyond[: beyond.index(joint)]:
+            F = [wrench_to_base(chain.R[step], chain.p[step], f) for f in F]
+        out[:, 6 + at.start : 6 + at.stop] = np.stack(F, axis=1)
+    return out
 
 
 def _inwards(chain: Chain, i: int, F: Expression) -> Iterator[tuple[list[int], Expression]]:

@@ -33,11 +33,14 @@ class CoreRows:
         K: Shape (rows, 6 + nv): K s + gamma = 0.
         gamma: Shape (rows,).
         guard: Guard of the positions and rates of closures and couplings, and of accelerations if given.
+        lines: Of each closure, the wrenches on its second body per unit multiplier of its rows, in the base,
+            shape (its rows, 6); the first body has the opposite ones.
     """
 
     K: Expression
     gamma: Expression
     guard: ca.SX
+    lines: list[Expression]
 
 
 @dataclass
@@ -87,7 +90,7 @@ def write_rows(
         weights: Weights of squared residuals of rates and, if given, of accelerations (`Scale.weight`).
     """
     K, gamma = [zeros(0, 6 + chain.nv)], [zeros(0)]
-    guard = ca.SX(0.0)
+    guard, lines = ca.SX(0.0), list[Expression]()
     for k, c in enumerate(parts.closures):
         a = _side(chain, c.body_a, numbers(c.R_a), numbers(c.p_a))
         b = _side(chain, c.body_b, numbers(c.R_b), numbers(c.p_b))
@@ -95,9 +98,10 @@ def write_rows(
         if rod := parts.rods.get(k):
             near, far = ((c.body_a, c.p_a, -1.0), b) if rod.on_a else ((c.body_b, c.p_b, 1.0), a)
             turned = _rod_rows(chain, rod, near, far)
-        rows, drift, open_by, slip = _closure(
+        rows, drift, open_by, slip, own = _closure(
             c, a, b, accelerations is not None, turned, exact=parts.mechanism.reduction.rounded
         )
+        lines.append(own)
         K, gamma = [*K, rows], [*gamma, drift]
         if k >= parts.checked:
             continue
@@ -119,7 +123,7 @@ def write_rows(
             guard = guard + weighed([(opened[[i]], unit)], scale.weight_of_positions)
             for weight, value in zip(weights, moving, strict=False):
                 guard = guard + weighed([(value[0, [i]], unit)], weight)
-    return CoreRows(np.concatenate(K), np.concatenate(gamma), guard if scale.compared else ca.SX(0.0))
+    return CoreRows(np.concatenate(K), np.concatenate(gamma), guard if scale.compared else ca.SX(0.0), lines)
 
 
 def _rod_rows(
@@ -146,8 +150,8 @@ def _rod_rows(
 def _closure(
     c: TreeClosure, a: _Side, b: _Side, given: bool, turned: tuple[Expression, Expression] | None,
     *, exact: bool,
-) -> tuple[Expression, Expression, tuple[Expression, Expression], Expression]:  # fmt: skip
-    """Compute rows and drift of one closure, the residuals of its translations and rotations, and of rates.
+) -> tuple[Expression, Expression, tuple[Expression, Expression], Expression, Expression]:  # fmt: skip
+    """Compute rows and drift of one closure, residuals of translations and rotations, of rates, and `lines`.
 
     `given` tells that accelerations are given: the drift is then a residual, too. `turned` are other axes of
     three translations, and their rows. `exact` rows are derivatives of the residuals also where rounding of
@@ -169,4 +173,8 @@ def _closure(
     # A drift that is a residual has any axes, and the velocity apart is a residual before it, and zero.
     apart = apart if given and whole and not exact else slide_dot
     drift = drift_of(directions, turning, apart, w, b.alpha - a.alpha)
-    return rows, drift, (opened, turned_apart(c.rotation, a.A, b.A)), slip
+    along = turned[0] if turned and not exact else directions.axes
+    forces = np.concatenate([along, cross(b.p[None], along)], axis=1)
+    moments = np.concatenate([zeros(len(directions.turns), 3), numbers(directions.turns)], axis=1)
+    opened_by = opened, turned_apart(c.rotation, a.A, b.A)
+    return rows, drift, opened_by, slip, np.concatenate([forces, moments])

@@ -19,7 +19,7 @@ from .chains import forces, mass_matrix, motion_map
 from .core import Core, motions_of, own_inertia, rank_guard
 from .direct_legs import LEG_SUMS
 from .direct_outwards import accelerations_outwards, add_wrists, legs_on_paths
-from .expressions import congruence, pack, symmetric, symmetric_product, upper, zeros
+from .expressions import congruence, eye, pack, symmetric, symmetric_product, upper, zeros
 from .factors import Handed
 from .guarded_elimination import solve_definite
 from .held_loops import followed, opened_loops
@@ -28,14 +28,16 @@ from .least_inertia import NEARLY_NO_INERTIA, least_inertia
 from .module_plan import ModulePlan
 from .options import Options
 from .rigid import classical, inertia_matrix, matrix_moved, momentum, moved, resting
+from .rubbing import efforts_of
+from .rubbing_moving import MovedModule, Needed
 from .scales import squares
 from .stages import GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
 
 
 def quadratic_form(
     core: Core, plan: ModulePlan, options: Options, forced: list[int], received: GivenColumns
-) -> tuple[Expression, Expression]:
-    """Compute M, shape (6 + nv, 6 + nv), and b, shape (6 + nv,).
+) -> tuple[Expression, Expression, list[Needed]]:
+    """Compute M, shape (6 + nv, 6 + nv), and b, shape (6 + nv,), and what each output needs.
 
     Args:
         options: Options of the direct model.
@@ -51,11 +53,10 @@ def quadratic_form(
     for i in sorted({group[0].platform for group in parts.groups}):
         S1 = S1 + _add_legs(core, i, M, b, received)
     M[:6, :6] = M[:6, :6] + inertia_matrix(S1)
-    for o in range(len(core.outputs)):
-        _add_output(core, plan, options, o, M, b, received)
+    outputs = [_add_output(core, plan, options, o, M, b, received) for o in range(len(core.outputs))]
     at = 6 + np.array(forced, dtype=int)
     b[at] = b[at] - tau
-    return M, b
+    return M, b, outputs
 
 
 def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: GivenColumns) -> Expression:
@@ -75,8 +76,8 @@ def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: GivenC
 def _add_output(
     core: Core, plan: ModulePlan, options: Options, o: int, M: Expression, b: Expression,
     received: GivenColumns,
-) -> None:  # fmt: skip
-    """Add the inertia and bias of an output, its own or articulated, to M and b."""
+) -> Needed:  # fmt: skip
+    """Add the inertia and bias of an output, its own or articulated, to M and b; return what it needs."""
     chain, body = core.chain, core.outputs[o]
     R0, p0, V = chain.R0[body], chain.p0[body], chain.V[body]
     own = own_inertia(plan, options.inertias[o], o)
@@ -91,8 +92,10 @@ def _add_output(
         c = classical(V, c)
     at_zero = np.concatenate([dot(R0, c[:3]), dot(R0, c[3:])])
     at_zero[:3] = at_zero[:3] + dot(hat(p0), at_zero[3:])
+    W = dot(inertia, at_zero) + wrench_to_base(R0, p0, beta)
     M[:] = M + congruence(J, inertia)
-    b[:] = b + dot(J.T, dot(inertia, at_zero) + wrench_to_base(R0, p0, beta))
+    b[:] = b + dot(J.T, W)
+    return Needed(body, J, inertia, W)
 
 
 def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
@@ -107,34 +110,72 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
         motion: What is held of the loops (`held_loops`), where the accelerations along the core's motions are
             given, "u_dot of core". Nothing is solved for, and the second stage computes how the loops open.
     """
-    parts, (outwards, inwards, back, last) = (
-        plan.parts,
-        (GivenColumns(), GivenColumns(), GivenColumns(), GivenColumns()),
-    )
+    parts, (outwards, inwards, back, settled, last) = plan.parts, (GivenColumns() for _ in range(5))
     if motion is not None:
         options = replace(options, carries=(False,) * len(options.carries))
     core, (q, v, _), (V, _) = begun(plan, options, outwards)
-    A, forced = back.base_acceleration(options), []
-    outputs = [_motion_outwards(core, plan, options), {}, {}, {}]
+    given = settled if options.loaded else back
+    A, forced = given.base_acceleration(options), []
+    outputs: list[dict[str, ca.SX]] = [_motion_outwards(core, plan, options), {}, {}, {}, {}]
     if motion is not None:
         y, outputs[1] = _along(core, plan, motion, options, (inwards, back))
     else:
-        right = np.concatenate([-core.rows.K[:, :6], -core.rows.gamma[:, None]], axis=1)
-        X, doubts = motions_of(plan, core.rows.K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
+        with_base = _with_base(core) if options.loaded else zeros(core.chain.nv, 6)
+        K = core.rows.K
+        right = np.concatenate([-K[:, :6] - dot(K[:, 6:], with_base), -core.rows.gamma[:, None]], axis=1)
+        X, doubts = motions_of(plan, K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
+        X[:, :6] = X[:, :6] + with_base
         forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
-        form = quadratic_form(core, plan, options, forced, inwards)
-        u_0, G, outputs[1] = _solve(core, plan, options, X, core.rows.guard + squares(doubts), form)
+        M, b, needed = quadratic_form(core, plan, options, forced, inwards)
+        pushed = _pushed(core, plan, options, v)
+        solved, outputs[1] = _solve(core, plan, options, X, core.rows.guard + squares(doubts), (M, b), pushed)
+        u_0, G, u_n = solved[:, 6], solved[:, :6], solved[:, 7:]
         y = dot(X[:, 7:], u_0 - dot(G, A)) + dot(X[:, :6], A) + X[:, 6]
+        if options.loaded:
+            model = MovedModule(core, plan, options, (M, b), (X, solved), pushed, needed)
+            outputs[1] |= model.answers()
+            outputs[2] = model.alone(back)
+            y = y + dot(X[:, 7:], dot(u_n, model.frictions(settled)))
     s = np.concatenate([A, y])  # Eq. (51)
     joints = [k for k, col in enumerate(parts.v) if col >= 0]
-    outputs[2] = accelerations_outwards(core, options, s, joints)
+    outputs[3 if options.loaded else 2] |= accelerations_outwards(core, options, s, joints)
     wrists, guard = add_wrists(core, plan, (q, v), (V, A), s, last)
     if wrists:
-        outputs[3] = {"a_wrists": pack(list(wrists.values()))}
-        outputs[3] |= {"guard": ca.SX(guard)} if motion is None else {}
+        outputs[4] = {"a_wrists": pack(list(wrists.values()))}
+        outputs[4] |= {"guard": ca.SX(guard)} if motion is None else {}
     at = {"a_core": parts.v[joints], "a_legs": legs_on_paths(plan), "tau": parts.tree_v[forced]}
     at["a_wrists"] = np.array(list(wrists), dtype=int)
-    return WrittenModule(cut([outwards, inwards, back, last], outputs), *read_by_core(plan), at)
+    inputs = [outwards, inwards, back, settled, last]
+    if not options.loaded:
+        del inputs[3], outputs[3]
+    return WrittenModule(cut(inputs, outputs), *read_by_core(plan), at)
+
+
+def _with_base(core: Core) -> Expression:
+    """Return the accelerations y of platforms that move as the base does, shape (n, 6).
+
+    A leg between base and platform feels nothing of these, so that fewer numbers are not zero.
+    """
+    out = zeros(core.chain.nv, 6)
+    for i in core.platforms:
+        out[np.array(core.chain.columns_of(i + 1)) - 6] = eye(6)
+    return out
+
+
+def _pushed(core: Core, plan: ModulePlan, options: Options, v: Expression) -> Expression:
+    """Return changes of b: per unit of each bias of outputs that carry modules, then of each friction.
+
+    Args:
+        v: Rates of the spanning tree.
+    """
+    out = [zeros(6 + core.chain.nv, 0)]
+    for o, body in enumerate(core.outputs):
+        if options.loaded and options.carries[o]:
+            R0, p0 = core.chain.R0[body], core.chain.p0[body]
+            unit = np.stack([wrench_to_base(R0, p0, e) for e in eye(6)], axis=1)
+            out.append(dot(motion_map(core.chain, body).T, unit))
+    efforts = np.concatenate([zeros(6, len(options.rubbing)), -efforts_of(options.rubbing, plan, v)])
+    return np.concatenate([*out, efforts], axis=1)
 
 
 def _along(
@@ -174,16 +215,19 @@ def _solve(
     X: Expression,
     guard: Any,
     form: tuple[Expression, Expression],
-) -> tuple[Expression, Expression, dict[str, ca.SX]]:
-    """Solve a module for its accelerations as functions of its base's.
+    pushed: Expression,
+) -> tuple[Expression, dict[str, ca.SX]]:
+    """Solve a module for its accelerations as functions of its base's, and of further forces.
 
     Args:
         X: The core's accelerations y over [V_dot_base, 1, u_dot].
         guard: Guard of its loops and their pivots.
         form: The module's quadratic form M, b.
+        pushed: Columns of changes of b, shape (6 + nv, k).
 
     Returns:
-        u_0 and G of u_dot = u_0 - G V_dot_base; the guard, and the inertia and bias on a base that moves.
+        G and u_0 of u_dot = u_0 - G V_dot_base, then its change by each column, shape (N, 7 + k); the guard,
+        and the inertia and bias on a base that moves.
     """
     (M, b), Psi_b, y_0, Psi = form, X[:, :6], X[:, 6], X[:, 7:]
     M_yy, M_yb = M[6:, 6:], M[6:, :6]
@@ -191,12 +235,13 @@ def _solve(
     A_t = congruence(Psi, M_yy)  # Eq. (43)
     E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))  # Eq. (42)
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
-    unforced = rest_idle(plan, options.rotor, (A_t, E, Q_0), f)
+    Q_n = -dot(Psi.T, pushed[6:])
+    unforced = rest_idle(plan, options.rotor, (A_t, E, Q_0, Q_n), f)
     least = None
     if plan.column is not None:
         least, uncertain = least_inertia(plan, Psi, M_yy, A_t)
         unforced = unforced + uncertain
-    right = np.concatenate([E, Q_0[:, None]], axis=1)
+    right = np.concatenate([E, Q_0[:, None], Q_n], axis=1)
     solved, definite = solve_definite(A_t, right, NEARLY_NO_INERTIA, least)
     G, u_0 = solved[:, :6], solved[:, 6]
     guard = rank_guard(plan, core.rows, guard + unforced, Psi)
@@ -205,7 +250,7 @@ def _solve(
     if options.base is None:
         inertia, bias = _on_base(form, (Psi_b, y_0), f, (E, G, u_0))
         out |= {"I_base": pack(upper(inertia)), "b_base": pack(bias)}
-    return u_0, G, out
+    return solved, out
 
 
 def _inertia_guard(guard: Any, options: Options, A_t: Expression, definite: Any) -> Any:

@@ -24,6 +24,7 @@ from .module_plan import ModulePlan
 from .motor_balance import motor_efforts
 from .options import Options
 from .rigid import classical, momentum, resting
+from .rubbing import answers, efforts_of, settle
 from .scales import squares
 from .stages import GivenColumns, Stage, WrittenModule, begun, cut, read_by_core, twist_width
 
@@ -45,9 +46,9 @@ def write_inverse(
             motion without inertia, what is left is its acceleration, which the direct model makes zero.
     """
     given, received = GivenColumns(), GivenColumns()
-    core, (q, _, a), base = begun(plan, options, given, accelerations=True)
+    core, (q, v, a), base = begun(plan, options, given, accelerations=True)
     chain = core.chain if options.velocity else without_rates(core, plan, q, a, base)
-    b, terms = required_forces(core, plan, options, chain, a, received)
+    b, terms, outputs = required_forces(core, plan, options, chain, a, received)
     X, guard = guarded_motions(core, plan)
     if balance:
         left = left_along(core, plan, options, dot(X.T, b[6:]), a)
@@ -55,6 +56,9 @@ def write_inverse(
     else:
         Psi = X[:, plan.idle :]
         B = _motor_map(core, plan, options, Psi, received)
+        if options.rubbing:
+            b, settled = _with_friction(core, plan, options, (B, Psi), (b, terms), pivots, v, chain, outputs)
+            guard = guard + settled
         efforts = _balanced(plan, options, (B, Psi), (b, terms), pivots, guard)
     efforts |= wrench_on_base(core, options, b)
     stages = cut([given, received], [motion_outwards(core, options), efforts])
@@ -94,14 +98,55 @@ def _balanced(
         pivots: Pivots of the motor map.
         guard: Guard of the loops.
     """
-    (B, Psi), (b, terms), parts = maps, required, plan.parts
+    (B, Psi), (b, terms) = maps, required
     size = sum(map(ca.fabs, terms), ca.SX(0.0))
-    units = plan.mechanism.reduction.col_scale[parts.tree_v[plan.motions[plan.idle :]]]
-    moving, tau = list(options.moving), zeros(len(options.motors))
-    Q, share = dot(Psi.T, b[6:]), np.array(options.share)
-    tau[moving], measure = motor_efforts(B[:, moving], Q, (size, units, plan.scale), share, pivots)
+    tau, measure = _driven(plan, options, B, dot(Psi.T, b[6:]), size, pivots)
     efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
     return efforts | ({"size_base": pack([size])} if options.measured else {})
+
+
+def _driven(
+    plan: ModulePlan, options: Options, B: Expression, Q: Expression, size: Any, pivots: Pivots | None
+) -> tuple[Expression, Any]:
+    """Return the efforts of a module's motors that balance Q along its motions, and their guard."""
+    parts, moving, tau = plan.parts, list(options.moving), zeros(len(options.motors))
+    units = plan.mechanism.reduction.col_scale[parts.tree_v[plan.motions[plan.idle :]]]
+    terms = (size, units, plan.scale)
+    tau[moving], measure = motor_efforts(B[:, moving], Q, terms, np.array(options.share), pivots)
+    return tau, measure
+
+
+def _with_friction(
+    core: Core,
+    plan: ModulePlan,
+    options: Options,
+    maps: tuple[Expression, Expression],
+    required: tuple[Expression, list[Any]],
+    pivots: Pivots | None,
+    v: Expression,
+    moving: Chain,
+    outputs: list[Expression],
+) -> tuple[Expression, Any]:
+    """Return the required forces with friction that grows with load, and the guard of that.
+
+    Args:
+        maps, required, pivots: As in `_balanced`.
+        v: Rates of the spanning tree.
+        moving: As in `required_forces`, which returns `outputs`.
+    """
+    (B, Psi), (b, terms), parts = maps, required, plan.parts
+    place = {int(col): k for k, col in enumerate(parts.tree_v)}
+    needed = np.concatenate([b[6:, None], -efforts_of(options.rubbing, plan, v)], axis=1)
+    left, size = needed.copy(), sum(map(ca.fabs, terms), ca.SX(0.0))
+    motors = [place[col] for col in options.motors]
+    for j, column in enumerate(needed.T):
+        left[motors, j] = left[motors, j] - _driven(plan, options, B, dot(Psi.T, column), size, pivots)[0]
+    n, guard = settle(
+        options.rubbing, answers(core, plan, options.rubbing, moving, outputs, left), plan.scale.eps
+    )
+    out = b.copy()
+    out[6:] = out[6:] + dot(needed[:, 1:], n)
+    return out, guard
 
 
 def left_along(core: Core, plan: ModulePlan, options: Options, left: Expression, a: Expression) -> Expression:
@@ -128,7 +173,7 @@ def _relative_motion(chain: Chain, body: int, velocity: bool) -> tuple[Expressio
 
 def required_forces(
     core: Core, plan: ModulePlan, options: Options, moving: Chain, a: Expression, received: GivenColumns
-) -> tuple[Expression, list[Any]]:
+) -> tuple[Expression, list[Any], list[Expression]]:
     """Compute the forces that a motion requires beyond joint laws; `a` as of the spanning tree.
 
     Args:
@@ -138,6 +183,7 @@ def required_forces(
     Returns:
         b: The forces over s = [base; y], shape (6 + n,).
         terms: The terms of their sum, as work per scaled coordinate; of a module on an output one sum of all.
+        outputs: The wrench that each output needs, own frame.
     """
     parts, b = plan.parts, forces(moving)
     terms = [x * u for x, u in zip(b[6:], plan.mechanism.reduction.col_scale[parts.tree_v], strict=True)]
@@ -149,11 +195,10 @@ def required_forces(
         at = core.chain.columns_of(i + 1)
         b[:6], b[at] = b[:6] + b_base - b_delta, b[at] + b_delta
         terms += _works(b_delta, plan)
-    for o in range(len(core.outputs)):
-        _add_output(core, plan, options, o, b, terms, received)
+    outputs = [_add_output(core, plan, options, o, b, terms, received) for o in range(len(core.outputs))]
     lawful_rows = 6 + np.array(lawful(plan, options), dtype=int)
     b[lawful_rows] = b[lawful_rows] - received.take("laws", len(lawful_rows))
-    return b, terms
+    return b, terms, outputs
 
 
 def _works(wrench: Expression, plan: ModulePlan) -> list[Any]:
@@ -169,8 +214,8 @@ def _add_output(
     b: Expression,
     terms: list[Any],
     received: GivenColumns,
-) -> None:
-    """Add the wrench that an output and the modules on it require, Eqs. (30)-(32)."""
+) -> Expression:
+    """Add the wrench that an output and the modules on it require, Eqs. (30)-(32); return it."""
     chain, body = core.chain, core.outputs[o]
     own = own_inertia(plan, options.inertias[o], o)
     V, A = _relative_motion(chain, body, options.velocity)
@@ -183,6 +228,7 @@ def _add_output(
         W = W + F
         terms += received.take(f"size {o}", 1).tolist() if options.measures else _works(F, plan)
     b[:] = b + dot(motion_map(chain, body).T, wrench_to_base(chain.R0[body], chain.p0[body], W))
+    return W
 
 
 def without_rates(

@@ -15,6 +15,7 @@ from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from .idle.inertia import idle_without_inertia
 from .request import Request
+from .rubbing import Rubbing, rubbing_joints
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,8 @@ class Options:
         massless: Whether some motion of the module has no inertia; the general path then computes it.
         usual: Largest inertia that each freedom moves with all other joints locked, for the direct model of a
             module without loops that carries others; else empty.
+        rubbing: Joints with friction that grows with load.
+        loaded: Whether such friction acts somewhere in the robot, for the direct model.
     """
 
     base: tuple[float, ...] | None
@@ -53,6 +56,8 @@ class Options:
     measured: bool = False
     massless: bool = False
     usual: tuple[float, ...] = ()
+    rubbing: tuple[Rubbing, ...] = ()
+    loaded: bool = False
 
 
 def direct_options(request: Request, k: int) -> Options:
@@ -62,6 +67,7 @@ def direct_options(request: Request, k: int) -> Options:
         motors=_forced(request, k),
         massless=_massless(request, k),
         usual=_usual(request, k),
+        loaded=request.on.loaded is not None,
     )
 
 
@@ -131,6 +137,7 @@ def _of_all(request: Request, k: int) -> Options:
         inertias=request.output_inertias(k),
         velocity=request.on.velocity is not None,
         rotor=request.rotor(module),
+        rubbing=rubbing_joints(request.on.loaded, module, request.plans[k].parts),
     )
 
 

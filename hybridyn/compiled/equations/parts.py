@@ -39,6 +39,8 @@ class Parts(TreeBranch):
         rank: Rank of the core's closures.
         idle: Idle motions of the core.
         rods: Rods at the ends of its closures, by the closure's number.
+        turns: For each body of the whole tree (base first) its axes in those of the file, shape (3, 3).
+        whole: Whether all is core.
     """
 
     closures: tuple[TreeClosure, ...]
@@ -51,6 +53,8 @@ class Parts(TreeBranch):
     rank: int
     idle: tuple[IdleMotion, ...]
     rods: dict[int, Rod]
+    turns: tuple[Array, ...]
+    whole: bool
 
     @property
     def all_idle(self) -> list[IdleMotion]:
@@ -65,6 +69,7 @@ def parts_of(
     *,
     leg_inertia: bool = True,
     arguments: ModuleArguments | None = None,
+    whole: bool = False,
 ) -> Parts:
     """Split a module into its core and its groups of legs.
 
@@ -72,9 +77,10 @@ def parts_of(
         marks: Motors and laws on each freedom of its tree; equal legs have equal marks.
         leg_inertia: Whether legs have mass.
         arguments: Numbers of the module that are arguments, or None.
+        whole: Whether all is core, and each body keeps its own inertia, as the wrenches of joints ask.
     """
     spec = mechanism.spec if arguments is None else arguments.spec
-    free = arguments is None or arguments.free
+    free = not whole and (arguments is None or arguments.free)
     constants, axes = _links(mechanism, leg_inertia, None)  # these decide on legs and rods
     links, turns = (constants, axes) if arguments is None else _links(mechanism, leg_inertia, arguments)
     links, base = regrouped(links) if free else (links, np.zeros(10))
@@ -100,7 +106,11 @@ def parts_of(
         base=base,
         rank=mechanism.reduction.rank - sum(leg.closure.rows for leg in legs),
         idle=idle_among(idle, core.tree_v),
-        rods=loosened(rods_of({i: constants[i] for i in kept}, known), links, [closures[i] for i in used]),
+        rods={}
+        if whole and not idle
+        else loosened(rods_of({i: constants[i] for i in kept}, known), links, [closures[i] for i in used]),
+        turns=tuple(turns),
+        whole=whole,
     )
 
 

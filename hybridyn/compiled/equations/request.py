@@ -25,7 +25,7 @@ from .module_plan import ModulePlan
 from .parts import Parts, parts_of
 from .planning import plan_module
 from .rigid import ten_expressions, ten_numbers
-from .states import generic_positions
+from .states import check_shared_loads, generic_positions
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,13 @@ class Request:
             self.marks(module),
             leg_inertia=self.on.leg_inertia is not None,
             arguments=arguments,
+            whole=self.rubs(module),
         )
+
+    def rubs(self, module: Module) -> bool:
+        """Return whether friction that grows with load acts on a joint of a module."""
+        loaded = self.on.loaded
+        return loaded is not None and not set(loaded.joints).isdisjoint(module.joints)
 
     @cached_property
     def undriven(self) -> list[bool]:
@@ -146,12 +152,12 @@ class Request:
     @cached_property
     def constant_plans(self) -> list[ModulePlan]:
         """A plan for each module, which chooses its pivots; equal modules with equal marks share it."""
-        known: dict[tuple[int, tuple[str, ...]], ModulePlan] = {}
+        known: dict[tuple[int, tuple[str, ...], bool], ModulePlan] = {}
         out = []
         given = self.arguments
         inertias = None if given is None or isinstance(given, ChosenNumbers) else given.of_modules
         for k, module in enumerate(self.robot.modules):
-            key = (id(module.mechanism), self.marks(module))
+            key = (id(module.mechanism), self.marks(module), self.rubs(module))
             if key not in known:
                 own = None if inertias is None else inertias[k]
                 parts = self._parts(module, own)
@@ -244,7 +250,7 @@ def request(
     Raises:
         ModelError: An effect is not available in compiled models, or no wrench can act on a link.
     """
-    on = without_losses(choose(robot, effects), "compiled models do not take", gears=True)
+    on = without_losses(choose(robot, effects), "compiled models do not take", compiled=True)
     for unit in (*on.links, *((on.base,) if on.base else ())):
         follows = isinstance(unit, LinkEffect) and unit.of_motion
         if contacts and follows:
@@ -259,7 +265,14 @@ def request(
             f"the effect '{unit.name}' cannot be compiled: {why}. Use the general path for it",
             element=unit.name,
         )
+    if on.loaded is not None and (on.links or wrenches):
+        raise ModelError(
+            f"the effect '{on.loaded.effect.name}' cannot be compiled with wrenches on links, which load "
+            "joints, too. Use the general path for both, or leave one out", element=on.loaded.effect.name,
+        )  # fmt: skip
     if on.inertia is None:
         raise ModelError("models without the effect 'inertia' cannot be compiled", element="inertia")
+    if on.loaded is not None:
+        check_shared_loads(robot, on)
     chosen = ChosenNumbers(robot, tuple(parameters)) if parameters else None
     return Request(robot, on, chosen, dtype, links=tuple(wrenches))

@@ -6,6 +6,7 @@ the intermediate results to later stages that need them, so that nothing is comp
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,7 +37,7 @@ class Stage:
     function: ca.Function
 
 
-def cut(inputs: list[dict[str, ca.SX]], outputs: list[dict[str, ca.SX]]) -> list[Stage]:
+def cut(inputs: Sequence[dict[str, ca.SX]], outputs: list[dict[str, ca.SX]]) -> list[Stage]:
     """Cut a graph into stages.
 
     A stage computes whatever its inputs suffice for, also what only a later stage asks for.
@@ -68,7 +69,7 @@ def cut(inputs: list[dict[str, ca.SX]], outputs: list[dict[str, ca.SX]]) -> list
 
 
 def _stage(
-    s: int, inputs: list[dict[str, ca.SX]], wanted: dict[str, ca.SX],
+    s: int, inputs: Sequence[dict[str, ca.SX]], wanted: dict[str, ca.SX],
     handed: list[list[tuple[ca.SX, ca.SX]]], used: list[set[int]],
 ) -> Stage:  # fmt: skip
     """Return stage s.

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
 from ...assembly.spanning import spanning_positions
 from ...dynamics.direct import ddm
 from ...dynamics.forward import forward
+from ...dynamics.load_friction import check_determined
+from ...effects.choice import Effects
+from ...errors import SingularityError
 from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.module import Module
@@ -43,6 +47,19 @@ def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
     """
     q, v, tau = moving_states(robot, count, seed)
     return q, v, ddm(robot, q, v, tau), tau
+
+
+def check_shared_loads(robot: HybridRobot, on: Effects) -> None:
+    """Check, at generic postures, that the motion determines the loads on which friction depends.
+
+    Raises:
+        ModelError: Redundant closures share one.
+    """
+    assert on.loaded is not None
+    q, v, tau = moving_states(robot, 2)
+    without = on.without("limits", on.loaded.effect.name, "gear_efficiency")
+    with suppress(SingularityError):  # the general path says so where it is asked
+        check_determined(on.loaded, ddm(robot, q, v, tau, effects=without, reactions=True)[1])
 
 
 def seen_positions(module: Module, count: int, rng: np.random.Generator) -> Array:

@@ -17,9 +17,11 @@ from ..program import Program, Source
 from .kinematics import unit_base
 from .module_calls import ModuleCalls, Ports, Stages, same_structure
 from .module_sweeps import Sweeps
+from .rubbing import FrictionSweeps
 from .writer import Writer
 
 PARTS = ["kinematics", "inertia", "accelerations", "wrists"]
+LOADED = ["kinematics", "inertia", "accelerations", "accelerations", "wrists"]
 LEG_PARTS = ["legs", "legs' accelerations"]
 
 
@@ -56,6 +58,10 @@ def write_direct_sweeps(request: Request, w: Writer, *, pushed: bool = False) ->
     sweeps.push(modules, "beta")
     for calls in reversed(modules):
         sweeps.inwards(calls)
+    if request.on.loaded is not None:
+        for calls in modules:
+            calls.call(2)
+        FrictionSweeps(w, modules).settle(request.plans[0].scale.eps)
     for calls in modules:
         sweeps.accelerate(calls)
 
@@ -87,11 +93,12 @@ class _DirectSweeps(Sweeps):
         v_index = calls.module.v_index
         for name in ("a_core", "a_legs", "a_wrists"):
             calls.ports[name] = self.w.result("a", v_index[calls.written.at[name]])
-        calls.call(2)
+        back = 3 if calls.options.loaded else 2
+        calls.call(back)
         for group, legs, numbers in calls.legs:
             at = v_index[np.array([leg.v for leg in group])]
             calls.call_legs(group, legs, 1, {"numbers": numbers, "a": self.w.result("a", at)})
-        calls.call(3)
+        calls.call(back + 1)
 
     def _calls(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Return the still empty calls of module k; equal modules share their code."""
@@ -100,7 +107,8 @@ class _DirectSweeps(Sweeps):
             options = replace(options, motors=tuple(range(6)))
         key = ("ddm", id(plan), options)
         written = self.w.once(key, write_direct, plan, options)
-        return self.begun(k, modules, options, written, key, PARTS)
+        parts = LOADED if options.loaded else PARTS
+        return self.begun(k, modules, options, written, key, parts)
 
     def _legs_outwards(self, calls: ModuleCalls, n: int) -> tuple[tuple[Leg, ...], Stages, Source]:
         """Add the inertias and biases of a group of legs, summed by platform; return it and its numbers."""

@@ -47,7 +47,7 @@ def motion_of(rows: Array) -> Motion:
 QUANTITY_OF = {"q": "position", "v": "velocity", "a": "acceleration", "tau": "effort"}
 #: Reasons for which a guard hands a sample over.
 NOT_FINITE, OPEN = "not finite", "loops open by more than rounding"
-SMALL = "a pivot nearly vanishes, rates leave the loops, or no motor gives a force"
+SMALL = "a pivot nearly vanishes, rates leave the loops, no motor gives a force, or joints may jam"
 #: Closure residual from which on open loops are the reason, as `equations.scales.GUARD_CLOSED`.
 OPEN_LOOPS = 1e-11
 GENERAL: dict[str, Callable[..., Any]] = {"idm": idm, "ddm": ddm}

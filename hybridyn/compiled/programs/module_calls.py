@@ -71,6 +71,7 @@ Ports = dict[str, Any]
 #: Ports of a module that are those of the output that carries it.
 OF_BASE = {
     "V_base": "V", "A_base": "A", "I_base": "I", "b_base": "beta", "F_base": "F", "size_base": "size",
+    "A0_base": "A0",
 }  # fmt: skip
 
 
@@ -205,7 +206,8 @@ def moving_base(request: Request, w: Writer, acceleration: str) -> Ports:
     outputs = [V, pack(A), pack(a)] if report else [V, pack(A)]
     kernel = w.kernel(("root", report), ca.Function("root", [q_col, v_col, a_col], outputs), "kinematics")
     ports = {"V_base": w.shared(V.numel()), "A_base": w.shared(6)}
+    alone = {"A0_base": ports["A_base"]}
     given = (("q", np.arange(3, 7)), ("v", np.arange(6)), (acceleration, np.arange(6)))
     more = [w.result("a", np.arange(6))] if report else []
     w.call(kernel, 1, [w.from_given(name, index) for name, index in given], [*ports.values(), *more])
-    return ports
+    return ports | alone

@@ -127,7 +127,7 @@ def asked_for(
         raise ModelError(f"dtype must be {' or '.join(map(repr, REAL))}, not {dtype!r}")
     if alone and not robot.nv:
         raise ModelError(f"robot '{robot.name}' has no joint that moves: there is nothing to compute")
-    on = without_losses(choose(robot, effects), "compiled models do not take", gears=True)
+    on = without_losses(choose(robot, effects), "compiled models do not take", compiled=True)
     if alone and on.limits is not None:
         why = f"the effect 'limits' is not part of {alone}: clip the efforts before the call"
         raise ModelError(why, element="limits")

@@ -96,23 +96,23 @@ def left_on_idle(plan: ModulePlan, rotor: Sequence[float], left: Expression, u_d
 def rest_idle(
     plan: ModulePlan,
     rotor: Sequence[float],
-    equation: tuple[Expression, Expression, Expression],
+    equation: tuple[Expression, ...],
     f: Expression,
 ) -> Any:
     """Give spins without inertia no acceleration, the least; return the guard that they have and feel none.
 
     Args:
         rotor: Rotor inertias over the freedoms of the tree after the cuts.
-        equation: A_t, E and Q_0 of the module, changed in place.
+        equation: A_t, E, Q_0 and columns of further forces Q_n of the module, changed in place.
         f: The forces along y, of whose terms those on the spins may be rounding.
     """
-    A_t, E, Q_0 = equation
+    A_t, E, Q_0, Q_n = equation
     guard: Any = 0.0
     for i, spin in enumerate(decided_of(plan, rotor)):
         left = np.array([times(1.0 - spin.has, Q_0[i])], dtype=object)
         guard = guard + spin.guard + without_forces(plan, left, f, plan.parts.tree_v)
         own = plus(times(spin.has, A_t[i, i]), 1.0 - spin.has)
-        for row in (E[i], Q_0[i : i + 1], A_t[i], A_t[:, i]):
+        for row in (E[i], Q_0[i : i + 1], Q_n[i], A_t[i], A_t[:, i]):
             row[:] = [times(spin.has, x) for x in row]
         A_t[i, i] = own
     return guard

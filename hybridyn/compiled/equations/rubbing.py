@@ -1,0 +1,308 @@
+"""Friction that grows with load in the inverse model of one module (see `dynamics.load_friction`).
+
+Motors balance friction under a given motion, so a module's wrenches answer to its own joints alone. With the
+friction n of its joints, what the law takes from their wrenches is p = p_0 + B n, and n = N(p). Newton's
+method begins at N(p_0). It is judged by what it reaches: with L[i, j] = N_i(column j of B) and any weights
+x > 0, the ratio rho = max (L x)_i / x_i bounds how far frictions feed on one another. Below 1 there is one
+solution, and |n_i - N_i| / x_i is at most r / (1 - rho) for all i, with the largest residual r of these. If
+that is more than rounding explains, the guard hands the sample to the general path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ...effects.load_friction import OnLoads
+from ...errors import ModelError
+from ...linkage.closures import TreeClosure
+from ...spatial import Array, wrench_to_base
+from ...structure.module import Module
+from ...symbols import Expression, dot, minus, plus, times
+from .chains import Chain, carried, carriers
+from .core import Core
+from .expressions import along, eye, filled, numbers, plain, zeros
+from .guarded_elimination import Triangular
+from .module_plan import ModulePlan
+from .parts import Parts
+
+#: Steps of Newton's method. A step leaves about the square of the error; the first has that of the ratio.
+NEWTON = 3
+#: Part of a friction's weight, over the rounding of one number, that the bound of its error may be.
+SETTLED = 256.0
+#: Part of a friction in its weight: a joint whose load does not change counts by its own friction.
+OWN_PART = 0.25
+#: What makes weights positive where nothing loads a joint, also in single precision.
+TINY = 1e-30
+#: Entries of constant directions below this are rounding.
+ROUNDED = 1e-14
+
+
+class LoadTerm(NamedTuple):
+    """What one term of the law takes from the wrench of its joint, in the joint's child frame.
+
+    Attributes:
+        factor: Its coefficient.
+        part: Orthogonal directions of wrenches, shape (k, 6), k up to 3; their length counts.
+    """
+
+    factor: float
+    part: tuple[tuple[float, ...], ...]
+
+
+class Rubbing(NamedTuple):
+    """A joint of a module with friction that grows with its load.
+
+    Attributes:
+        joint: Its number in the whole tree.
+        cols: Its freedoms in the tree after the cuts.
+        terms: Those of the law.
+        rise, speed, width: By how much friction is larger at rest, its Stribeck velocity, and `width`.
+    """
+
+    joint: int
+    cols: tuple[int, ...]
+    terms: tuple[LoadTerm, ...]
+    rise: float
+    speed: float
+    width: float
+
+    def effort(self, v: Expression) -> Expression:
+        """Compute the efforts over its freedoms per unit of friction at their rates v."""
+        if len(v) == 1:
+            speed, sign = v[0], -ca.tanh(v[0] / self.width)
+        else:
+            speed = ca.sqrt(ca.SX(along(v, v)))
+            sign = ca.if_else(speed > 0, -ca.tanh(speed / self.width) / speed, 0.0)
+        larger = 1.0 + self.rise * ca.exp(-((speed / self.speed) ** 2)) if self.rise else 1.0
+        each = v if len(v) > 1 else plain([1.0])
+        return filled([times(x, times(sign, larger)) for x in each], len(v))
+
+
+def rubbing_joints(law: OnLoads | None, module: Module, parts: Parts) -> tuple[Rubbing, ...]:
+    """Return the joints of a module on which friction that grows with load acts.
+
+    Raises:
+        ModelError: Friction turns an idle spin, or acts inside a wrist that carries a platform.
+    """
+    out: list[Rubbing] = []
+    spec, tree = module.mechanism.spec, module.mechanism.tree
+    spun = {col for spin in parts.all_idle for col in spin.cols}
+    for n, name in enumerate(() if law is None else law.joints):
+        if law is None or name not in module.joints:
+            continue
+        joint = spec.in_whole[module.joints.index(name)]
+        cols = tuple(range(*tree.v_slices[joint].indices(tree.nv))) if joint < len(spec.tree) else ()
+        if not cols or spun.intersection(cols):
+            where = "it turns a rod that spins" if cols else "it is in a wrist that carries a platform"
+            raise ModelError(
+                f"the effect '{law.effect.name}' cannot be compiled on joint '{name}': {where}. Use the "
+                "general path for it", element=name,
+            )  # fmt: skip
+        T = parts.turns[joint + 1]
+        terms = tuple(
+            LoadTerm(float(law.factor[k]), _in_aligned(law.part[k], T))
+            for k in np.flatnonzero(law.of_joint == n)
+        )
+        out.append(Rubbing(
+            joint, cols, terms, float(law.rise[n]), float(law.speed[n]), float(law.effect.width),
+        ))  # fmt: skip
+    return tuple(out)
+
+
+def efforts_of(rubbing: Sequence[Rubbing], plan: ModulePlan, v: Expression) -> Expression:
+    """Compute the efforts along y per unit of the friction of each joint, shape (n, joints).
+
+    Args:
+        rubbing: The joints.
+        v: Rates of the spanning tree.
+    """
+    own, out = plan.parts.tree_v, zeros(len(plan.parts.tree_v), len(rubbing))
+    place = {int(col): k for k, col in enumerate(own)}
+    for j, one in enumerate(rubbing):
+        at = [place[col] for col in one.cols]
+        out[at, j] = one.effort(np.array([v[plan.parts.v[k]] for k in at], dtype=object))
+    return out
+
+
+def _in_aligned(part: Array, T: Array) -> tuple[tuple[float, ...], ...]:
+    """Return what a term takes from a wrench in the axes T of the body, without rows of zeros."""
+    out = T.T @ part @ np.kron(np.eye(2), T)
+    out = np.where(np.abs(out) < ROUNDED, 0.0, out)
+    return tuple(tuple(row.tolist()) for row in out if row.any())
+
+
+class WrenchAnswers(NamedTuple):
+    """What the law takes from wrenches, for each term an array, and how it answers to friction.
+
+    Attributes:
+        alone: Without this friction, shape (k,).
+        per_unit: Per unit of the friction of each joint, shape (k, joints).
+    """
+
+    alone: list[Expression]
+    per_unit: list[Expression]
+
+
+def answers(
+    core: Core, plan: ModulePlan, rubbing: Sequence[Rubbing], moving: Chain, outputs: Sequence[Expression],
+    left: Expression,
+) -> WrenchAnswers:  # fmt: skip
+    """Compute what the law takes from the wrenches of joints.
+
+    Args:
+        rubbing: The joints.
+        moving: The core's motion for inertial forces.
+        outputs: Wrench that each output needs, own frame.
+        left: Forces along y that closures have to produce: without friction, then per unit of each joint's,
+            shape (n, 1 + joints).
+    """
+    inertial, own = carried(moving), list[Expression]()
+    for one in rubbing:
+        wrench = inertial[one.joint + 1]
+        for body, W in zip(core.outputs, outputs, strict=True):
+            if one.joint in carriers(core.chain, body):
+                wrench = wrench + seen_from(core.chain, one.joint + 1, _in_base(core.chain, body, W))
+        own += [dot(plain(term.part), wrench) for term in one.terms]
+    through = rows_of_terms(rubbing, dot(through_closures(core, plan, rubbing), left))
+    alone = [plus(x, taken[:, 0]) for x, taken in zip(own, through, strict=True)]
+    return WrenchAnswers(alone, [taken[:, 1:] for taken in through])
+
+
+def _in_base(chain: Chain, body: int, W: Expression) -> Expression:
+    """Transform a wrench on a body from its frame to the base's."""
+    return wrench_to_base(chain.R0[body], chain.p0[body], W)
+
+
+def seen_from(chain: Chain, body: int, W: Expression) -> Expression:
+    """Transform a wrench from the base's frame to a body's."""
+    R, p = chain.R0[body], chain.p0[body]
+    moment = minus(W[3:], np.array([
+        minus(times(p[1], W[2]), times(p[2], W[1])), minus(times(p[2], W[0]), times(p[0], W[2])),
+        minus(times(p[0], W[1]), times(p[1], W[0])),
+    ], dtype=object))  # fmt: skip
+    return np.concatenate([dot(R.T, W[:3]), dot(R.T, moment)])
+
+
+def through_closures(core: Core, plan: ModulePlan, rubbing: Sequence[Rubbing]) -> Expression:
+    """Return what all terms take per unit of each force along y that closures produce, shape (rows, n).
+
+    The multipliers m of the rows with pivots have K^T m = force. Others add self-stresses, which the law does
+    not feel (`dynamics.load_friction.check_determined`).
+    """
+    pivots, K = plan.loop_pivots, core.rows.K
+    per_multiplier = [
+        dot(plain(term.part), wrench)
+        for one in rubbing
+        for wrench in [_of_multipliers(core, plan.parts.closures, one.joint)]
+        for term in one.terms
+    ]
+    taken = np.concatenate([zeros(0, len(K)), *per_multiplier])
+    out, rows, cols = zeros(len(taken), K.shape[1] - 6), list(pivots.rows), list(pivots.cols)
+    if rows:
+        loops = Triangular.of_square(K[rows][:, [6 + col for col in cols]])
+        out[:, cols] = loops.solve(taken[:, rows].T).T
+    return out
+
+
+def _of_multipliers(core: Core, closures: Sequence[TreeClosure], joint: int) -> Expression:
+    """Return the wrench of a joint on its child per unit of each multiplier, child frame, shape (6, rows)."""
+    out, at = zeros(6, len(core.rows.K)), 0
+    for closure, lines in zip(closures, core.rows.lines, strict=True):
+        first, second = (joint in carriers(core.chain, x) for x in (closure.body_a, closure.body_b))
+        if first != second:
+            sign = 1.0 if first else -1.0
+            for r, line in enumerate(lines):
+                out[:, at + r] = seen_from(core.chain, joint + 1, numbers(line)) * sign
+        at += len(lines)
+    return out
+
+
+def settle(rubbing: Sequence[Rubbing], found: WrenchAnswers, eps: float) -> tuple[Expression, Any]:
+    """Solve for the friction of each joint; return it, shape (joints,), and its guard.
+
+    Args:
+        rubbing: The joints.
+        found: What the law takes from their wrenches.
+        eps: Rounding of one number.
+    """
+    n = friction_of(rubbing, found.alone)
+    for _ in range(NEWTON):
+        n = newton_step(rubbing, _under(found, n), found.per_unit, n)
+    N = friction_of(rubbing, _under(found, n))
+    columns = [[B[:, [j]] for B in found.per_unit] for j in range(len(rubbing))]
+    L = np.stack([friction_of(rubbing, [B[:, 0] for B in one]) for one in columns], axis=1)
+    x = weights(N, dot(L, N))
+    return N, far_from_solution(largest_over(dot(L, x), x), largest_over(N - n, x), eps)
+
+
+def weights(n: Expression, change: Expression) -> Expression:
+    """Return weights of frictions: a part of them, and a bound of what they change of one another."""
+    return np.array([OWN_PART * x + y + TINY for x, y in zip(n, change, strict=True)], dtype=object)
+
+
+def far_from_solution(ratio: Any, residual: Any, eps: float) -> Any:
+    """Return a guard that exceeds 1 if frictions may be further from the solution than rounding explains.
+
+    Args:
+        ratio: Bound of how much frictions feed on one another.
+        residual: Largest residual of a friction over its weight.
+        eps: Rounding of one number.
+    """
+    error = residual / ((1.0 - ratio) * SETTLED * eps)
+    return ca.if_else(ratio < 1.0, error * error, np.inf)
+
+
+def largest_over(values: Expression, weights: Expression) -> Any:
+    """Return the largest of some numbers over their weights."""
+    return reduce(ca.fmax, [ca.fabs(y) / x for y, x in zip(values, weights, strict=True)])
+
+
+def _under(found: WrenchAnswers, n: Expression) -> list[Expression]:
+    """Return what the law takes under friction n, for each term."""
+    return [plus(p, dot(B, n)) for p, B in zip(found.alone, found.per_unit, strict=True)]
+
+
+def _terms(rubbing: Sequence[Rubbing]) -> list[tuple[int, float, int]]:
+    """Return the number of its joint, the factor and the number of rows of each term."""
+    return [(i, term.factor, len(term.part)) for i, one in enumerate(rubbing) for term in one.terms]
+
+
+def rows_of_terms(rubbing: Sequence[Rubbing], rows: Expression) -> list[Expression]:
+    """Split what all terms take, shape (rows, ...), by term."""
+    ends = np.cumsum([size for _, _, size in _terms(rubbing)])
+    return np.split(rows, ends[:-1])
+
+
+def friction_of(rubbing: Sequence[Rubbing], parts: Sequence[Expression]) -> Expression:
+    """Compute the friction of each joint from what each term takes, shape (joints,).
+
+    Of changes of that it is a bound of the change of friction.
+    """
+    N = zeros(len(rubbing))
+    for (i, factor, _), part in zip(_terms(rubbing), parts, strict=True):
+        N[i] = N[i] + factor * ca.sqrt(ca.SX(along(part, part)))
+    return N
+
+
+def newton_step(
+    rubbing: Sequence[Rubbing], parts: Sequence[Expression], per_unit: Sequence[Expression], n: Expression
+) -> Expression:
+    """Take a step of Newton's method, shape (joints,).
+
+    Args:
+        rubbing: The joints.
+        parts: What each term takes under frictions n.
+        per_unit: How that answers to the frictions, shape (rows, joints) each.
+        n: The frictions.
+    """
+    N, slope = friction_of(rubbing, parts), zeros(len(rubbing), len(rubbing))
+    for (i, factor, _), part, B in zip(_terms(rubbing), parts, per_unit, strict=True):
+        size = ca.sqrt(ca.SX(along(part, part)))
+        scale = ca.if_else(size > 0, factor / size, 0.0)
+        slope[i] = slope[i] + [times(scale, x) for x in dot(part, B)]
+    return n + Triangular.of_square(eye(len(n)) - slope).solve((N - n)[:, None])[:, 0]

@@ -1,0 +1,176 @@
+"""Friction that grows with load in the direct model of one module (see `dynamics.friction_response`).
+
+Accelerations change with friction, and so do those of other modules. What the law takes from wrenches is
+linear in z = [change of the bias of every output; n] and in the change of V_dot of the base:
+
+    beta    = inward z                            handed to the module's base
+    V_dot_o = carried V_dot + driven z            handed to the modules on its outputs
+    p       = p_0 + of_base V_dot + of_z z
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ...spatial import motion_to_body, wrench_to_base
+from ...symbols import Expression, dot, plus
+from .chains import carried, carriers, inertial_map, motion_map
+from .core import Core, whole
+from .expressions import eye, pack, plain, zeros
+from .module_plan import ModulePlan
+from .rigid import classical
+from .rubbing import seen_from, through_closures
+from .stages import GivenColumns
+
+if TYPE_CHECKING:
+    from .options import Options
+
+
+class Needed(NamedTuple):
+    """The wrench that an output needs at s, in the base: inertia J s + bias.
+
+    Attributes:
+        body: Its body.
+        J: Its motion map, shape (6, 6 + nv).
+        inertia, bias: Its own or articulated ones, shapes (6, 6), (6,).
+    """
+
+    body: int
+    J: Expression
+    inertia: Expression
+    bias: Expression
+
+
+class TakenByLaw(NamedTuple):
+    """What the terms of the law take from wrenches, p = of_s s + of_forces b + sum of of_biases x bias.
+
+    Attributes:
+        of_s: Per acceleration, shape (rows, 6 + nv).
+        of_forces: Per force along y, shape (rows, nv).
+        of_biases: Per bias of each output, in the base, shape (rows, 6).
+    """
+
+    of_s: Expression
+    of_forces: Expression
+    of_biases: list[Expression]
+
+
+@dataclass(eq=False)
+class MovedModule:
+    """A module's direct model, with what further forces change.
+
+    Attributes:
+        core, plan, options: As in `write_direct`.
+        form: M and b of the module.
+        solutions: y over [V_dot_base, 1, u_dot]; G, u_0 and the change of u_dot by each column of `pushed`.
+        pushed: Changes of b by z, shape (6 + nv, z).
+        outputs: What each output needs.
+    """
+
+    core: Core
+    plan: ModulePlan
+    options: Options
+    form: tuple[Expression, Expression]
+    solutions: tuple[Expression, Expression]
+    pushed: Expression
+    outputs: list[Needed]
+
+    def answers(self) -> dict[str, ca.SX]:
+        """Return how the module answers to changes, of V_dot of its base only where that moves."""
+        (X, changes), (M, _), taken = self.solutions, self.form, self._taken
+        G, u_z, Psi = changes[:, :6], changes[:, 7:], X[:, 7:]
+        by_u = dot(taken.of_s[:, 6:], Psi)
+        outputs, biases = self._of_outputs(np.concatenate([zeros(6, Psi.shape[1]), Psi])), self._of_biases()
+        of_z = plus(dot(by_u, u_z), dot(taken.of_forces, self.pushed[6:]))
+        for of_bias, bias in zip(taken.of_biases, biases, strict=True):
+            of_z = plus(of_z, dot(of_bias, bias))
+        out = {"driven": dot(outputs, u_z), "of_z": of_z}
+        if self.options.base is None:
+            of_base = plus(taken.of_s[:, :6], dot(taken.of_s[:, 6:], X[:, :6]))
+            moved = self._of_outputs(np.concatenate([eye(6), X[:, :6]]))
+            out |= {"carried": moved - dot(outputs, G), "of_base": of_base - dot(by_u, G)}
+            E = dot(Psi.T, M[6:, :6] + dot(M[6:, 6:], X[:, :6]))
+            out["inward"] = self.pushed[:6] + dot(X[:, :6].T, self.pushed[6:]) + dot(E.T, u_z)
+        return {name: pack(values) for name, values in out.items() if values.size}
+
+    def alone(self, back: GivenColumns) -> dict[str, ca.SX]:
+        """Return the outputs' accelerations without this friction, and what the law takes from wrenches.
+
+        Args:
+            back: Filled with the base's acceleration.
+        """
+        X, changes = self.solutions
+        options, chain = self.options, self.core.chain
+        A = back.take("A0_base", 6) if options.base is None else plain(options.base)
+        u_dot = changes[:, 6] - dot(changes[:, :6], A)
+        s = np.concatenate([A, dot(X[:, :6], A) + X[:, 6] + dot(X[:, 7:], u_dot)])
+        out: dict[str, ca.SX] = {}
+        for o, body in enumerate(self.core.outputs):
+            if options.carries[o]:
+                at = whole(chain, body, s, motion_map(chain, body))
+                out[f"A0 {o}"] = pack(classical(chain.V[body], at) if options.velocity else at)
+        if options.rubbing:
+            taken, turning = self._taken, carried(chain) if options.velocity else {}
+            p = dot(taken.of_s, s) + dot(taken.of_forces, self.form[1][6:])
+            for of_bias, output in zip(taken.of_biases, self.outputs, strict=True):
+                p = plus(p, dot(of_bias, output.bias))
+            own = [zeros(0)] + [
+                dot(plain(term.part), turning.get(one.joint + 1, zeros(6)))
+                for one in options.rubbing
+                for term in one.terms
+            ]
+            out["p_0"] = pack(p + np.concatenate(own))
+        return out
+
+    def frictions(self, settled: GivenColumns) -> Expression:
+        """Return z, filled into what is known in the last sweep."""
+        outputs = [o for o in range(len(self.core.outputs)) if self.options.carries[o]]
+        biases = [settled.take(f"more {o}", 6) for o in outputs]
+        return np.concatenate([*biases, settled.take("n", len(self.options.rubbing))])
+
+    def _of_outputs(self, s: Expression) -> Expression:
+        """Return changes of V_dot of the outputs that carry modules, own frames, shape (6 outputs, k)."""
+        chain, out = self.core.chain, [zeros(0, s.shape[1])]
+        for o, body in enumerate(self.core.outputs):
+            if self.options.carries[o]:
+                at = chain.R0[body], chain.p0[body]
+                moved = dot(motion_map(chain, body), s)
+                out.append(np.stack([motion_to_body(*at, x) for x in moved.T], axis=1))
+        return np.concatenate(out)
+
+    def _of_biases(self) -> list[Expression]:
+        """Return the change of each output's bias by z, in the base, shape (6, z)."""
+        chain, at, out = self.core.chain, 0, list[Expression]()
+        for o, body in enumerate(self.core.outputs):
+            out.append(zeros(6, self.pushed.shape[1]))
+            if self.options.carries[o]:
+                R0, p0 = chain.R0[body], chain.p0[body]
+                out[o][:, at : at + 6] = np.stack([wrench_to_base(R0, p0, e) for e in eye(6)], axis=1)
+                at += 6
+        return out
+
+    @cached_property
+    def _taken(self) -> TakenByLaw:
+        """What the law takes from wrenches."""
+        chain, rubbing, M = self.core.chain, self.options.rubbing, self.form[0]
+        through = through_closures(self.core, self.plan, rubbing)
+        of_s, of_biases = dot(through, M[6:]), [zeros(len(through), 6) for _ in self.outputs]
+        at = 0
+        for one in rubbing:
+            body, inertial = one.joint + 1, inertial_map(chain, one.joint)
+            there = [one.joint in carriers(chain, output.body) for output in self.outputs]
+            for term in one.terms:
+                rows = slice(at, at + len(term.part))
+                of_s[rows] = plus(of_s[rows], dot(plain(term.part), inertial))
+                for o in np.flatnonzero(there):
+                    output = self.outputs[o]
+                    seen = np.stack([seen_from(chain, body, e) for e in eye(6)], axis=1)
+                    of_biases[o][rows] = dot(plain(term.part), seen)
+                    of_s[rows] = of_s[rows] + dot(of_biases[o][rows], dot(output.inertia, output.J))
+                at = rows.stop
+        return TakenByLaw(of_s, through, of_biases)
