@@ -78,12 +78,20 @@ class OnDcMotors(NamedTuple):
 
         The supply has the last word: where the back-EMF exceeds it, the motor brakes whatever is commanded.
         """
-        out, per_ampere = tau.copy(), np.abs(self.constant)
-        peak, stall = per_ampere * self.current, per_ampere * self.voltage / self.resistance
-        drag = self.constant**2 / self.resistance * speed[:, self.motors]
-        own = np.clip(tau[:, self.motors], -peak, peak)
-        out[:, self.motors] = np.clip(own, -stall - drag, stall - drag)
+        out, own = tau.copy(), tau[:, self.motors]
+        out[:, self.motors] = np.clip(own, *self.bounds(speed[:, self.motors]))
         return out
+
+    def bounds(self, speed: Array) -> tuple[Array, Array]:
+        """Return the least and the largest efforts that motors give at their rates, (T, motors of the law).
+
+        They are infinite where nothing limits them.
+        """
+        per_ampere = np.abs(self.constant)
+        peak, stall = per_ampere * self.current, per_ampere * self.voltage / self.resistance
+        drag = self.constant**2 / self.resistance * speed
+        least, most = (np.clip(sign * peak, -stall - drag, stall - drag) for sign in (-1.0, 1.0))
+        return least, most
 
     def check(self, robot: HybridRobot, tau: Array, speed: Array) -> None:
         """Check that efforts need no more than current and voltage allow at rates; both (T, motors).

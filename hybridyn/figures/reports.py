@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +19,17 @@ from ..studies.bearings import BEARING_UNITS
 from ..studies.sizing import MotorLoad, Sizing
 from .panels import Mark, Panel, PanelFigure
 
+if TYPE_CHECKING:
+    from ..effects.dc_motors import OnDcMotors
+
 #: Columns of panels: a module of six motors fills a row.
 COLUMNS = 6
 #: A limit is drawn if it is at most this multiple of the peak. A higher one would shrink the cloud to a dot.
 CLOUD_LIMIT_FACTOR = 3.0
+#: Points of the line of a DC motor, which has corners where its current ends it.
+SUPPLY_POINTS = 201
+#: Colour of that line.
+GIVEN = MODULES[1]
 #: Quantities of the loads of motors: the column of the unit or the unit itself, and the columns of the bars.
 LOADS = {
     "effort": ("effort_unit", {"peak": "peak_effort", "RMS": "rms_effort"}),
@@ -90,15 +98,27 @@ def _bar_panels(bars: Sequence[tuple[str, Value, Value, Value]]) -> list[Panel]:
     ]  # fmt: skip
 
 
-def chart_of_sizing(sizing: Sizing, *, title: str = "") -> PanelFigure:
-    """Build a chart, a panel per motor: effort over speed at every sample, RMS effort, peak and limits."""
+def chart_of_sizing(sizing: Sizing, *, dc: OnDcMotors | None = None, title: str = "") -> PanelFigure:
+    """Build a chart, a panel per motor: effort over speed at every sample, RMS effort, peak and limits.
+
+    Args:
+        sizing: The loads.
+        dc: DC motors, whose torque-speed lines are drawn, too; None where there are none.
+        title: Title of the chart.
+    """
     loads = sizing.loads()
-    panels = [_panel(load, sizing.cloud.points[:, i]) for i, load in enumerate(loads)]
+    panels = [_panel(load, sizing.cloud.points[:, i], i, dc) for i, load in enumerate(loads)]
     return PanelFigure(title, panels, across=min(COLUMNS, max(len(panels), 1)))
 
 
-def _panel(load: MotorLoad, points: Array) -> Panel:
-    """Return the panel of a motor. `points`: speed and effort of its samples, shape (T, 2)."""
+def _panel(load: MotorLoad, points: Array, motor: int, dc: OnDcMotors | None) -> Panel:
+    """Return the panel of a motor.
+
+    Args:
+        points: Speed and effort of its samples, shape (T, 2).
+        motor: Its number.
+        dc: As in `chart_of_sizing`.
+    """
     speed, effort = points.T
     marks = [Mark("samples", speed, effort, "dots", MODULES[0])]
     if len(points):
@@ -118,4 +138,24 @@ def _panel(load: MotorLoad, points: Array) -> Panel:
             marks.append(Mark("limit", across, np.full(2, sign * effort_limit), "solid", ALARM))
         if speed_limit < math.inf:
             marks.append(Mark("limit", np.full(2, sign * speed_limit), up, "solid", ALARM))
+    if dc is not None:
+        marks += _given_by_supply(dc, motor, across, CLOUD_LIMIT_FACTOR * np.abs(up).max())
     return Panel(load.motor, f"effort [{load.unit('effort')}]", marks, f"speed [{load.unit('speed')}]")
+
+
+def _given_by_supply(dc: OnDcMotors, motor: int, across: Array, most: float) -> list[Mark]:
+    """Return the lines of what a DC motor gives at most, where they are within the panel.
+
+    Args:
+        motor: Number of the motor.
+        across: Ends of the speeds, shape (2,).
+        most: Largest effort that is drawn.
+    """
+    marks = []
+    for at in np.flatnonzero(dc.motors == motor):
+        speed = np.linspace(across[0], across[1], SUPPLY_POINTS)
+        for effort in (bound[:, at] for bound in dc.bounds(np.tile(speed[:, None], len(dc.motors)))):
+            near = np.abs(effort) <= most
+            if near.any():
+                marks.append(Mark("DC motor", speed[near], effort[near], "solid", GIVEN))
+    return marks

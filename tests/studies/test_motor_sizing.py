@@ -11,6 +11,7 @@ import pytest
 
 import hybridyn
 from hybridyn.colours import ALARM
+from hybridyn.effects import DcMotors, choose
 from hybridyn.figures.as_matplotlib import figure_of_chart
 from hybridyn.figures.as_page import page_of_chart
 from hybridyn.figures.reports import chart_of_sizing
@@ -221,6 +222,21 @@ def test_a_page_shows_what_the_report_says(tmp_path: Path, capsys: pytest.Captur
         assert max(map(abs, samples["x"])) == pytest.approx(abs(facts["peak_speed"]), rel=EXACT)
         means = [trace["y"][0] for trace in own if trace["name"] == "RMS effort"]
         assert means == pytest.approx([-facts["rms_effort"], facts["rms_effort"]], rel=EXACT)
+
+
+def test_the_line_of_a_dc_motor_is_drawn_where_the_panel_shows_it(tmp_path: Path) -> None:
+    """Half the stall effort at half the speed without load; the current cuts it off at a third."""
+    robot, k, R, U = single(tmp_path), 0.04, 0.5, 2.0
+    stall, free = RATIO * k * U / R, U / (RATIO * k)
+    law = DcMotors({"drive": k}, {"drive": R}, {"drive": U}, {"drive": 0.7 * stall / (RATIO * k)})
+    sizing = Sizing(robot)
+    speeds, efforts = np.array([[0.0], [0.5 * free], [free]]), np.array([[0.3], [0.2], [-0.3]]) * stall
+    sizing.add(None, 1, np.zeros((3, 1)), speeds, efforts)
+    (panel,) = chart_of_sizing(sizing, dc=choose(robot, ["default", law]).dc).panels
+    upper = next(mark for mark in panel.marks if mark.name == "DC motor" and mark.y.max() > 0)
+    line = np.minimum(0.7 * stall, stall * (1 - upper.x / free))
+    assert np.abs(upper.y - line)[upper.x >= 0].max() < 1e-12 * stall
+    assert len([mark for mark in panel.marks if mark.name == "DC motor"]) == 2
 
 
 def test_limits_near_the_motion_are_drawn_on_figure_and_page(tmp_path: Path) -> None:

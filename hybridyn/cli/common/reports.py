@@ -57,7 +57,7 @@ class LoadReport:
 
     def __init__(self, robot: HybridRobot, tables: CommandTables, dc: OnDcMotors | None) -> None:
         self.robot, self.tables, self.sizing = robot, tables, Sizing(robot)
-        self.supply = None if dc is None else SupplyLoads(robot, dc)
+        self.dc, self.supply = dc, None if dc is None else SupplyLoads(robot, dc)
 
     def add(self, done: BlockResults) -> None:
         """Add a block."""
@@ -82,9 +82,8 @@ class LoadReport:
                 rows = [row | own.get(str(row["motor"]), none) for row in rows]
             write_report(self.tables.output, rows)
         if self.tables.plot:
-            save(
-                chart_of_sizing(self.sizing, title=title_of(self.robot, self.tables.source)), self.tables.plot
-            )
+            title = title_of(self.robot, self.tables.source)
+            save(chart_of_sizing(self.sizing, dc=self.dc, title=title), self.tables.plot)
         during = f" over {self.sizing.duration:.6g} s" if timed else ""
         samples = counted(self.sizing.samples, "sample")
         lines = [f"{name}: {counted(len(loads), 'motor')}, {samples}{during}", *_table(loads, timed)]
