@@ -30,6 +30,8 @@ LOCKED = 1e-13
 APART = 1e-9
 #: Tolerance of the linear program, the least that its solver takes.
 TIGHTEST = 1e-10
+#: Difference of the parts that joints need below which they begin to move at once: those of mirrored legs.
+TOGETHER = 1e-9
 #: Part of the largest effort that a joint without friction is taken to hold, so that ratios are finite.
 NOTHING = 1e-12
 
@@ -78,12 +80,13 @@ class Hold:
         """
         least = NOTHING * max(float(np.abs(efforts).max(initial=0.0)), np.finfo(float).tiny)
         forward, backward = np.maximum(forward, least), np.maximum(backward, least)
-        out, ratio, motion = efforts.copy(), 0.0, np.zeros(len(efforts))
+        out, parts, motion = efforts.copy(), np.zeros(len(efforts)), np.zeros(len(efforts))
         for joints, null in self.loops:
-            out[joints], part, along = _least_part(efforts[joints], null, forward[joints], backward[joints])
-            ratio = max(ratio, part)
-            motion[joints] = along if part > 1.0 else 0.0
-        return Held(out, ratio, motion)
+            own = _least_part(efforts[joints], null, forward[joints], backward[joints])
+            out[joints], parts[joints], motion[joints] = own
+        ratio = float(parts.max(initial=0.0))
+        begins = (parts >= 1.0 - TOGETHER) & (ratio > 1.0)
+        return Held(out, ratio, np.where(begins, motion, 0.0))
 
     def begin(self, a: Array, forward: Array, backward: Array) -> Array:
         """Compute the efforts of friction of joints at rest, some of which begin to move, shape (k,).

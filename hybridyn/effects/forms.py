@@ -35,13 +35,21 @@ def _fits(value: Any, hint: Any) -> bool:
     if hint is float:
         return isinstance(value, Real) and not isinstance(value, bool)
     if origin is np.ndarray:
-        return isinstance(value, np.ndarray) and value.dtype.kind in "fiu"
+        return _is_array(value)
     if origin is Mapping:
         return isinstance(value, Mapping) and all(_fits(x, inner[1]) for x in value.values())
     if origin in (Sequence, tuple):
         listed = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
         return listed and all(_fits(x, inner[0]) for x in value)
     return isinstance(value, hint)
+
+
+def _is_array(value: Any) -> bool:
+    """Return whether NumPy makes an array of numbers of a value."""
+    try:
+        return np.asarray(value).dtype.kind in "fiu"
+    except ValueError:
+        return False
 
 
 def _example(hint: Any) -> str:

@@ -287,6 +287,16 @@ def test_joints_that_reach_their_limits_together_start_together() -> None:
     assert np.abs(run.v[-1] - 4.5).max() < 1e-11  # (t - 3)^2 / 2, from rest within 1e-12 of their limits
 
 
+def test_mirrored_joints_start_at_once_although_rounding_tells_them_apart() -> None:
+    eps = np.finfo(float).eps
+    for behind, second in ((eps, 1.0), (1e-6, 0.0)):
+        held = Hold(np.eye(2)).share(np.array([-(1 + eps), 1 - behind]), np.ones(2), np.ones(2))
+        assert held.motion.tolist() == [1.0, -second]
+        assert held.ratio == 1 + eps
+    below = Hold(np.eye(2)).share(np.array([-(1 - eps), 1 - eps]), np.ones(2), np.ones(2))
+    assert not below.motion.any()
+
+
 def test_a_joint_whose_friction_is_zero_never_sticks() -> None:
     rows = [("a", "prismatic", "ground", "A", (0, 0), X), ("b", "prismatic", "A", "B", (0, 0), X)]
     robot, law = linkage(rows, [], ["b"]), CoulombFriction({"a": 0.0, "b": 3.0})
