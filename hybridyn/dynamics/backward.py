@@ -30,7 +30,7 @@ from .state_checks import check_closed, natural_force, robot_mass
 
 
 @dataclass(eq=False)
-class GivenMotion:
+class MotionOfModules:
     """The motion of a robot's modules, of which each has its basis computed once.
 
     Attributes:
@@ -59,7 +59,7 @@ class GivenMotion:
 
 
 def backward(
-    robot: HybridRobot, motion: GivenMotion, loads: Loads, sharing: Sharing | None, tau: Array,
+    robot: HybridRobot, motion: MotionOfModules, loads: Loads, sharing: Sharing | None, tau: Array,
     result: Reactions | None, q: Array,
 ) -> None:  # fmt: skip
     """Compute the forces that every module needs, the efforts of its motors and the wrench on its base.
@@ -122,7 +122,9 @@ def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, l
     """
     result, on = Reactions(np.zeros((len(q), 6))), loads.on
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
-    backward(robot, GivenMotion(states, v, a, np.zeros(len(q)), strict=False), loads, None, tau, result, q)
+    backward(
+        robot, MotionOfModules(states, v, a, np.zeros(len(q)), strict=False), loads, None, tau, result, q
+    )
     return result
 
 

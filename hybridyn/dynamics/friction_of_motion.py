@@ -12,13 +12,13 @@ from ..effects.load_friction import OnLoads
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .actuation import Sharing
-from .backward import GivenMotion, efforts_along
+from .backward import MotionOfModules, efforts_along
 from .joint_wrenches import joint_wrenches, needed_of_closures
 from .reactions import multipliers_of
 
 
 def answers_to_friction(
-    robot: HybridRobot, given: GivenMotion, law: OnLoads, D: Array, sharing: Sharing
+    robot: HybridRobot, given: MotionOfModules, law: OnLoads, D: Array, sharing: Sharing
 ) -> Array:
     """Compute the wrenches that unit frictions cause.
 

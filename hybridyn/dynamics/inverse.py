@@ -16,7 +16,7 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions, as_rates, one_of, same_samples
 from .actuation import Sharing
-from .backward import GivenMotion, backward
+from .backward import MotionOfModules, backward
 from .forward import forward
 from .loads import Loads, all_loads
 from .reactions import Reactions
@@ -152,7 +152,7 @@ def inverse_model(
 
 def _with_friction(
     robot: HybridRobot, law: OnLoads, q: Array, v: Array, a: Array, loads: Loads, sharing: Sharing,
-    given: GivenMotion | None,
+    given: MotionOfModules | None,
 ) -> Loads:  # fmt: skip
     """Add to the loads the friction that grows with what joints carry."""
     solved = given is None
@@ -178,7 +178,7 @@ def _with_friction(
 
 def under_loads(
     robot: HybridRobot, q: Array, v: Array, a: Array, loads: Loads, sharing: Sharing,
-    given: GivenMotion | None = None, *, solved: bool, reactions: bool,
+    given: MotionOfModules | None = None, *, solved: bool, reactions: bool,
 ) -> Result:  # fmt: skip
     """Compute the inverse model under known loads.
 
@@ -203,12 +203,12 @@ def under_loads(
 
 def _given_motion(
     robot: HybridRobot, on: Effects, q: Array, v: Array, a: Array, sharing: Sharing
-) -> GivenMotion:
+) -> MotionOfModules:
     """Compute the motion of modules, at rest in statics."""
     v, a = on.inertia.motion(v, a) if on.inertia else (np.zeros_like(v), np.zeros_like(a))
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
     residual = check_closed(robot, states, q, v, a)
-    return GivenMotion(states, v, a, residual, strict=sharing.on_singular == "raise")
+    return MotionOfModules(states, v, a, residual, strict=sharing.on_singular == "raise")
 
 
 def _weights(robot: HybridRobot, weights: Mapping[str, float] | Array | None) -> Array | None:

@@ -87,18 +87,18 @@ def rubbing_joints(law: OnLoads | None, module: Module, parts: Parts) -> tuple[R
     """Return the joints of a module on which friction that grows with load acts.
 
     Raises:
-        ModelError: Friction turns an idle spin, or acts inside a wrist that carries a platform.
+        ModelError: Friction acts along an idle motion, or inside a wrist that carries a platform.
     """
     out: list[Rubbing] = []
     spec, tree = module.mechanism.spec, module.mechanism.tree
-    spun = {col for spin in parts.all_idle for col in spin.cols}
+    idle = {col for motion in parts.all_idle for col in motion.cols}
     for n, name in enumerate(() if law is None else law.joints):
         if law is None or name not in module.joints:
             continue
         joint = spec.in_whole[module.joints.index(name)]
         cols = tuple(range(*tree.v_slices[joint].indices(tree.nv))) if joint < len(spec.tree) else ()
-        if not cols or spun.intersection(cols):
-            where = "it turns a rod that spins" if cols else "it is in a wrist that carries a platform"
+        if not cols or idle.intersection(cols):
+            where = "an idle motion turns it" if cols else "it is in a wrist that carries a platform"
             raise ModelError(
                 f"the effect '{law.effect.name}' cannot be compiled on joint '{name}': {where}. Use the "
                 "general path for it", element=name,
