@@ -37,9 +37,9 @@ SETTLED = 256.0
 #: Part of a friction in its weight: a joint whose load does not change counts by its own friction.
 OWN_PART = 0.25
 #: What makes weights positive where nothing loads a joint, also in single precision.
-TINY = 1e-30
+NO_LOAD = 1e-30
 #: Entries of constant directions below this are rounding.
-ROUNDED = 1e-14
+ROUNDED_PART = 1e-14
 
 
 class LoadTerm(NamedTuple):
@@ -132,7 +132,7 @@ def efforts_of(rubbing: Sequence[Rubbing], plan: ModulePlan, v: Expression) -> E
 def _in_aligned(part: Array, T: Array) -> tuple[tuple[float, ...], ...]:
     """Return what a term takes from a wrench in the axes T of the body, without rows of zeros."""
     out = T.T @ part @ np.kron(np.eye(2), T)
-    out = np.where(np.abs(out) < ROUNDED, 0.0, out)
+    out = np.where(np.abs(out) < ROUNDED_PART, 0.0, out)
     return tuple(tuple(row.tolist()) for row in out if row.any())
 
 
@@ -242,7 +242,7 @@ def settle(rubbing: Sequence[Rubbing], found: WrenchAnswers, eps: float) -> tupl
 
 def weights(n: Expression, change: Expression) -> Expression:
     """Return weights of frictions: a part of them, and a bound of what they change of one another."""
-    return np.array([OWN_PART * x + y + TINY for x, y in zip(n, change, strict=True)], dtype=object)
+    return np.array([OWN_PART * x + y + NO_LOAD for x, y in zip(n, change, strict=True)], dtype=object)
 
 
 def far_from_solution(ratio: Any, residual: Any, eps: float) -> Any:
