@@ -15,7 +15,8 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.equations.expressions import symbols
-from hybridyn.compiled.equations.guarded_elimination import Pivots, solve_definite
+from hybridyn.compiled.equations.factors import solve_definite
+from hybridyn.compiled.equations.guarded_elimination import Pivots
 from hybridyn.compiled.equations.motor_balance import motor_efforts
 from hybridyn.compiled.equations.scales import Scale as Limits
 from hybridyn.compiled.programs.whole_robot import function_of, programs

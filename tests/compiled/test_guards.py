@@ -18,11 +18,11 @@ from hybridyn.compiled.equations.chains import point_acceleration, point_velocit
 from hybridyn.compiled.equations.core import write_core
 from hybridyn.compiled.equations.direct import _inertia_guard
 from hybridyn.compiled.equations.expressions import numbers, pack, plain
+from hybridyn.compiled.equations.factors import solve_definite
 from hybridyn.compiled.equations.guarded_elimination import (
     TRUSTED_PIVOT,
     choose_pivots,
     solve,
-    solve_definite,
 )
 from hybridyn.compiled.equations.least_inertia import NEARLY_NO_INERTIA
 from hybridyn.compiled.equations.request import request

@@ -20,8 +20,7 @@ from .core import Core, motions_of, own_inertia, rank_guard
 from .direct_legs import LEG_SUMS
 from .direct_outwards import accelerations_outwards, add_wrists, legs_on_paths
 from .expressions import congruence, eye, pack, symmetric, symmetric_product, upper, zeros
-from .factors import Handed
-from .guarded_elimination import solve_definite
+from .factors import Handed, solve_definite
 from .held_loops import followed, opened_loops
 from .idle.cores import rest_idle
 from .least_inertia import NEARLY_NO_INERTIA, least_inertia

@@ -1,4 +1,4 @@
-"""Factors of matrices in expressions, for several solutions by one elimination, and numbers handed on.
+"""Factors of symmetric matrices in expressions, what they solve, and numbers handed on.
 
 A kernel hands the numbers of its arrays that are not known to a later kernel, which builds the arrays anew.
 """
@@ -6,14 +6,16 @@ A kernel hands the numbers of its arrays that are not known to a later kernel, w
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ...symbols import Expression, is_zero, minus, times
-from .expressions import along, pack, symbols, zeros
-from .guarded_elimination import take
+from ...spatial import Array
+from ...symbols import Expression, dot, is_zero, minus, times
+from .expressions import along, eye, pack, symbols, zeros
+from .guarded_elimination import Pivots, Triangular, solve, take
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +31,22 @@ class Definite:
     inverses: Expression
 
     @classmethod
-    def of(cls, A: Expression, least: float) -> tuple[Definite, Any]:
+    def of(cls, A: Expression) -> tuple[Definite, Expression]:
+        """Factor a matrix, shape (n, n); return the factors, and the entries of D, its pivots."""
+        W, n = A.copy(), len(A)
+        lower, inverses = zeros(n, n), zeros(n)
+        for i in range(n):
+            inverses[i] = 0.0 if is_zero(W[i, i]) else 1.0 / W[i, i]
+            for j in range(i + 1, n):
+                if is_zero(W[j, i]):
+                    continue
+                lower[j, i] = times(W[j, i], inverses[i])
+                for c in range(i + 1, j + 1):
+                    W[j, c] = minus(W[j, c], times(lower[j, i], W[c, i]))
+        return cls(lower, inverses), np.diag(W)
+
+    @classmethod
+    def certain(cls, A: Expression, least: float) -> tuple[Definite, Any]:
         """Factor a matrix, shape (n, n).
 
         Args:
@@ -39,18 +56,10 @@ class Definite:
         Returns:
             The factors, and a guard: above 1 where a pivot is smaller.
         """
-        W, n = A.copy(), len(A)
-        lower, inverses, guard = zeros(n, n), zeros(n), ca.SX(0.0)
-        for i in range(n):
-            guard = ca.fmax(guard, ca.if_else(W[i, i] > least * A[i, i], 0.0, 2.0))
-            inverses[i] = 1.0 / W[i, i]
-            for j in range(i + 1, n):
-                if is_zero(W[j, i]):
-                    continue
-                lower[j, i] = times(W[j, i], inverses[i])
-                for c in range(i + 1, j + 1):
-                    W[j, c] = minus(W[j, c], times(lower[j, i], W[c, i]))
-        return cls(lower, inverses), guard
+        factors, pivots = cls.of(A)
+        each = zip(pivots, np.diag(A), strict=True)
+        small = (ca.if_else(pivot > least * entry, 0.0, 2.0) for pivot, entry in each)
+        return factors, reduce(ca.fmax, small, ca.SX(0.0))
 
     def halfway(self, right: Expression) -> Expression:
         """Compute L^-1 right, shape (n, k)."""
@@ -91,6 +100,59 @@ class Definite:
         half = self.halfway(right)
         rows = [[times(ca.sqrt(d), y) for y in row] for d, row in zip(self.inverses, half, strict=True)]
         return np.array(rows, dtype=object).reshape(half.shape)
+
+
+def solve_definite(
+    A: Expression, right: Expression, noise: float, least: Expression | None = None
+) -> tuple[Expression, ca.SX]:
+    """Solve A X = right for a symmetric positive definite A by L D L^T.
+
+    Args:
+        A: Shape (n, n).
+        right: Shape (n, k).
+        noise: Least trusted ratio of a pivot to its diagonal entry of A.
+        least: Least trusted pivots, shape (n,), where the entries of A may be rounding.
+
+    Returns:
+        X, shape (n, k), and the smallest ratio of a pivot to the least trusted one.
+    """
+    (factors, pivots), trust = Definite.of(A), ca.SX(np.inf)
+    for i, pivot in enumerate(pivots):
+        bound = noise * A[i, i] if least is None else ca.fmax(noise * A[i, i], least[i])
+        # if it is 0: fmin would ignore the NaN of 0 / 0
+        trust = ca.fmin(trust, 0.0 if is_zero(pivot) else ca.if_else(bound > 0, pivot / bound, 0.0))
+    return factors.solve(right), trust
+
+
+def balanced(
+    K: Expression, right: Expression, pivots: Pivots, weight: Array
+) -> tuple[Expression, Expression]:
+    """Solve as `solve`, but let rows without a pivot count like the others, in the least-squares sense.
+
+    Such rows C K_p + d depend on those with pivots up to the rounding d of a file. The solution of the rows
+    with pivots leaves them open by r, and changing it by x with K_p x = z balances all rows:
+
+        z = -C^T (1 + C C^T)^-1 r
+
+    The neglected terms are of second order in d, as are those of the general path, which takes the same rows
+    by orthogonal steps. The condition of the small matrix matters only for a change of the size of d.
+
+    Args:
+        K, right, pivots: As for `solve`; every row counts.
+        weight: Factor that makes each row dimensionless, shape (m,).
+    """
+    X, doubts = solve(K, right, pivots)
+    rows, cols = list(pivots.rows), list(pivots.cols)
+    left = [i for i in range(len(K)) if i not in rows]
+    if not left:
+        return X, doubts
+    scaled = K * weight[:, None]
+    C = Triangular.of_square(scaled[rows][:, cols].T).solve(scaled[left][:, cols].T).T
+    r = dot(scaled[left], X)
+    r[:, : right.shape[1]] = r[:, : right.shape[1]] - right[left] * weight[left, None]
+    y, _ = solve_definite(eye(len(left)) + dot(C, C.T), r, 1.0)
+    X[cols] = X[cols] - Triangular.of_square(scaled[rows][:, cols]).solve(dot(C.T, y))
+    return X, doubts
 
 
 class Handed:

@@ -18,12 +18,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ...spatial import Array, Mask
-from ...symbols import Expression, dot, is_zero, minus, times
-from .expressions import along, eye, zeros
+from ...symbols import Expression, is_zero, minus, times
+from .expressions import zeros
 
 #: Least pivot relative to its usual size at which the choice of pivots is trusted. Rounding errors grow with
 #: the inverse square of this ratio (inertias are congruences): 5e-16 / ratio^2 was measured, so 1e-10 is
@@ -204,73 +203,3 @@ def solve(
     X[free, range(k, k + len(free))] = 1.0
     doubts = [times(TRUSTED_PIVOT * size, x) for size, x in zip(pivots.sizes, factors.inverses, strict=True)]
     return X, np.array(doubts, dtype=object)
-
-
-def balanced(
-    K: Expression, right: Expression, pivots: Pivots, weight: Array
-) -> tuple[Expression, Expression]:
-    """Solve as `solve`, but let rows without a pivot count like the others, in the least-squares sense.
-
-    Such rows C K_p + d depend on those with pivots up to the rounding d of a file. The solution of the rows
-    with pivots leaves them open by r, and changing it by x with K_p x = z balances all rows:
-
-        z = -C^T (1 + C C^T)^-1 r
-
-    The neglected terms are of second order in d, as are those of the general path, which takes the same rows
-    by orthogonal steps. The condition of the small matrix matters only for a change of the size of d.
-
-    Args:
-        K, right, pivots: As for `solve`; every row counts.
-        weight: Factor that makes each row dimensionless, shape (m,).
-    """
-    X, doubts = solve(K, right, pivots)
-    rows, cols = list(pivots.rows), list(pivots.cols)
-    left = [i for i in range(len(K)) if i not in rows]
-    if not left:
-        return X, doubts
-    scaled = K * weight[:, None]
-    C = Triangular.of_square(scaled[rows][:, cols].T).solve(scaled[left][:, cols].T).T
-    r = dot(scaled[left], X)
-    r[:, : right.shape[1]] = r[:, : right.shape[1]] - right[left] * weight[left, None]
-    y, _ = solve_definite(eye(len(left)) + dot(C, C.T), r, 1.0)
-    X[cols] = X[cols] - Triangular.of_square(scaled[rows][:, cols]).solve(dot(C.T, y))
-    return X, doubts
-
-
-def solve_definite(
-    A: Expression, right: Expression, noise: float, least: Expression | None = None
-) -> tuple[Expression, ca.SX]:
-    """Solve A X = right for a symmetric positive definite A by L D L^T.
-
-    Args:
-        A: Shape (n, n).
-        right: Shape (n, k).
-        noise: Least trusted ratio of a pivot to its diagonal entry of A.
-        least: Least trusted pivots, shape (n,), where the entries of A may be rounding.
-
-    Returns:
-        X, shape (n, k), and the smallest ratio of a pivot to the least trusted one.
-    """
-    n = len(A)
-    L, inverse, trust = zeros(n, n), [], ca.SX(np.inf)
-    W, B = A.copy(), right.copy()
-    for i in range(n):
-        nothing = is_zero(W[i, i])
-        bound = noise * A[i, i] if least is None else ca.fmax(noise * A[i, i], least[i])
-        # if it is 0: fmin would ignore the NaN of 0 / 0
-        trust = ca.fmin(trust, 0.0 if nothing else ca.if_else(bound > 0, W[i, i] / bound, 0.0))
-        inverse.append(0.0 if nothing else 1.0 / W[i, i])
-        for j in range(i + 1, n):
-            if is_zero(W[j, i]):
-                continue
-            L[j, i] = W[j, i] * inverse[i]
-            for c in range(i + 1, j + 1):
-                W[j, c] = minus(W[j, c], times(L[j, i], W[c, i]))
-            for c in range(B.shape[1]):
-                B[j, c] = minus(B[j, c], times(L[j, i], B[i, c]))
-    X = zeros(*right.shape)
-    for i in reversed(range(n)):
-        for c in range(B.shape[1]):
-            tail = along(L[i + 1 :, i], X[i + 1 :, c]) if i + 1 < n else 0.0
-            X[i, c] = times(inverse[i], B[i, c]) - tail
-    return X, trust

@@ -8,7 +8,8 @@ import casadi as ca
 
 from ...structure.mechanism import Mechanism
 from ...symbols import Expression
-from .guarded_elimination import Pivots, balanced, solve
+from .factors import balanced
+from .guarded_elimination import Pivots, solve
 from .parts import Parts
 from .scales import Scale
 

@@ -130,7 +130,7 @@ class ChainKernels(ModuleKernels):
     def _measured(self, Psi: Expression, x: Expression) -> tuple[Definite, Expression, Any]:
         """Return the factors of M, Psi^T W x, and a guard."""
         weighed = np.array([[times(w, y) for y in row] for w, row in zip(self._weight, Psi, strict=True)])
-        factors, guard = Definite.of(dot(weighed.T, Psi), SAME_MOTION)
+        factors, guard = Definite.certain(dot(weighed.T, Psi), SAME_MOTION)
         return factors, dot(weighed.T, x), guard
 
     def _least(self, rows: TreeRows, right: Expression, T: Expression, held: Expression) -> dict[str, Any]:

@@ -195,7 +195,7 @@ class ChainTargets:
     def meet(self) -> ca.Function:
         """From S, e and the residual to the multipliers of a step; last is a guard."""
         (s_col, s), (e_col, e), (r_col, r) = self._sums()
-        factors, guard = Definite.of(symmetric(s, self.rows), SAME_MOTION)
+        factors, guard = Definite.certain(symmetric(s, self.rows), SAME_MOTION)
         return ca.Function("meet", [s_col, e_col, r_col], [pack(factors.solve(-(r + e)[:, None])), guard])
 
     def _sums(self, k: int = 1) -> list[tuple[ca.SX, Expression]]:
@@ -226,8 +226,8 @@ class ChainTargets:
         (s_col, s), (e_col, e), (r_col, r) = self._sums(2)
         a_col, asked = symbols("asked", m)
         (s0_col, s_0), (f_col, F) = (symbols(name, len(s)) for name in ("S_0", "F"))
-        factors, guard = Definite.of(symmetric(s, m), SAME_MOTION)
-        before, guard_before = Definite.of(symmetric(s_0, m), SAME_MOTION)
+        factors, guard = Definite.certain(symmetric(s, m), SAME_MOTION)
+        before, guard_before = Definite.certain(symmetric(s_0, m), SAME_MOTION)
         turned = ca.sqrt(ca.fmax(before.trace(symmetric(F, m)), 0.0))
         right = np.stack([-r - e[:m], asked - e[m:]], axis=1)
         handed = Handed(lower=factors.lower, inverses=factors.inverses)
