@@ -31,7 +31,7 @@ def test_shipped_robots_agree_with_the_general_path(name: str) -> None:
     written_agrees(robot, effects=geared(robot), within=AGREES)
 
 
-@pytest.mark.parametrize("kind", ["branched", "planar_rpr", "star_four"])
+@pytest.mark.parametrize("kind", ["planar_rpr", slow("branched"), slow("star_four")])
 @pytest.mark.parametrize("seed", [0, *map(slow, range(1, 7))])
 def test_random_mechanisms_agree_with_the_general_path(kind: str, seed: int) -> None:
     robot = build_robot(random_mechanism(seed, kind=kind))
@@ -60,6 +60,7 @@ def test_c_computes_them_and_leaves_gears_that_lock_themselves_to_the_general_pa
         fast.mass_matrix(q)
 
 
+@pytest.mark.slow
 def test_computed_torque_does_not_invert_a_direct_model_that_is_not_linear_in_efforts() -> None:
     """Of a robot with fewer motors than motions."""
     robot = hybridyn.load("five_bar", motors=["m1_left_drive"])
