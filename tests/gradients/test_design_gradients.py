@@ -59,7 +59,10 @@ def test_gradients_are_those_of_robots_built_for_their_designs(name: str, base: 
 
 @pytest.mark.slow
 def test_a_leg_with_a_parallel_ankle_on_a_floating_base(tmp_path: Path) -> None:
-    (tmp_path / "leg.urdf").write_text(leg())
+    heavy = """<link name="pelvis"><inertial><mass value="8"/>
+        <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+    assert '<link name="pelvis"/>' in leg()
+    (tmp_path / "leg.urdf").write_text(leg().replace('<link name="pelvis"/>', heavy))
     robot = hybridyn.load(tmp_path / "leg.urdf", base="floating")
     agrees(robot, numbers_of(robot.description, 2), near_home(robot))
 
