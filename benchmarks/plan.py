@@ -23,6 +23,7 @@ from benchmarks import (
     programs,
     quantities,
     scaling,
+    searches,
     simulation,
     singular,
     studies,
@@ -141,6 +142,7 @@ def full() -> list[Task]:
         ("programs", programs.measure, [(case,) for case in programs.ROBOTS], False),
         ("quantities", quantities.measure, [(case,) for case in quantities.ROBOTS], True),
         ("sweeps", studies.sweeps, [(2, 48)], False),
+        ("searches", searches.searches, [(560, 11)], False),
     ]
     return tasks_of(jobs)
 

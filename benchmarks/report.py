@@ -236,6 +236,15 @@ def sweeps(results: Results) -> Table:
     return ["", "processor time", "by the clock"], rows
 
 
+def searched(results: Results) -> Table:
+    """Give the objective that searches reach by the number of designs."""
+    rows = [
+        [r.method, r.setting, f"{r.at:.0f}", f"{r.value:.4f}", f"{100 * r.error:.2g} %"]
+        for r in results["searches"]
+    ]
+    return ["method", "", "designs", "objective [N m]", "above the best"], rows
+
+
 def modules(results: Results) -> Table:
     """Give times by number of stacked modules, their growth, and memory."""
     rows = [
@@ -355,6 +364,7 @@ QUESTIONS = (
     Question("How fast are batches on a GPU?", texts.BATCHES, (), batches),
     Question("What do derivatives cost?", texts.DERIVATIVES, ("derivatives",), derivatives, "derivatives"),
     Question("What does a sweep cost?", texts.SWEEPS, ("sweeps",), sweeps, "sweeps"),
+    Question("How many designs does a search need?", texts.SEARCHES, ("searches",), searched),
     Question("What does a module cost?", texts.MODULES, ("scaling",), modules, "scaling"),
     Question("What does a tool's pose cost?", texts.TOOLS, ("tools",), tools),
     Question(

@@ -33,6 +33,7 @@ SECTIONS = {
     "programs": "what a program waits for around the models; loops closed in C; the command line",
     "quantities": "mass matrices and their like, beside those of Pinocchio's open tree",
     "sweeps": "sweeps of designs",
+    "searches": "designs that a search evaluates, with gradients and without",
 }
 #: The error that the speed goals ask of everybody.
 GOOD = 1e-10
