@@ -28,6 +28,7 @@ from tests.assembly.test_assembly import waves
 from tests.compiled import rods
 from tests.compiled.test_acting import laws, taking
 from tests.oracle import Base
+from tests.robots.any_mechanism import any_mechanism
 from tests.robots.mechanisms import KINDS, random_mechanism
 from tests.robots.shipped import shipped
 from tests.support.comparing import close_to, refused, same_bits
@@ -295,6 +296,17 @@ def test_one_robot_is_prepared_once(monkeypatch: pytest.MonkeyPatch, interpreted
     hybridyn.ddm_jacobian(five, five.home, v, np.zeros(2))
     hybridyn.idm_jacobian(five, five.home, v, v)  # the oldest went
     assert len(made) == 4
+
+
+def test_derivatives_are_written_where_a_motion_has_no_inertia(interpreted: None) -> None:
+    """A slide without mass, on which nothing acts, rests; so says the general path, which is asked."""
+    description, base = any_mechanism(47)
+    robot = build_robot(description, base=base)
+    rest = robot.home, np.zeros(robot.nv), np.zeros(0)
+    assert not hybridyn.ddm(robot, *rest).any()
+    found = Derivatives(robot, "ddm")(*rest)
+    assert found["q"].shape == (1, 1)
+    assert not any(block.any() for block in found.values())
 
 
 def test_steps_that_lead_to_no_result_are_left_out() -> None:

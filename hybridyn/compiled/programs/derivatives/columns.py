@@ -195,11 +195,13 @@ def factors(mask: Mask, rows: int) -> ca.Function:
     diag.
 
     Args:
-        mask: Which entries of these columns are not always zero, shape (n, n).
+        mask: Which entries of these columns are not always zero, shape (n, n). Without inertia a motion has
+            zero on the diagonal: its reciprocal is infinite at run time.
     """
     n = len(mask)
     column, given = matrix("W", n, rows)
-    W, L, reciprocals = np.where(mask & mask.T, given[:, :n], 0.0), eye(n), []
+    filled = mask & mask.T | np.eye(n, dtype=bool)
+    W, L, reciprocals = np.where(filled, given[:, :n], 0.0), eye(n), []
     for i in range(n):
         reciprocals.append(1.0 / W[i, i])
         for j in range(i + 1, n):
