@@ -110,11 +110,14 @@ def slides(seed: int = 0, foot: Foot = "ball", *, thin: bool = False, spare: boo
     return s.description(f"{foot}_slides")
 
 
-def ball_gough(seed: int = 0, foot: Foot = "ball", *, thin: bool = False) -> Description:
-    """Draw a Gough-Stewart platform: a foot, a driven slide and a ball in each leg."""
+def ball_gough(
+    seed: int = 0, foot: Foot = "ball", *, thin: bool = False, second: Foot | None = None
+) -> Description:
+    """Draw a Gough-Stewart platform: a foot, a driven slide and a ball in each leg; `second` in that leg."""
     s = plain(seed)
     p, platform = s.place(), None
-    for B, P in six_legs(s, p):
+    feet = [foot, second or foot, *[foot] * 4]
+    for (B, P), foot in zip(six_legs(s, p), feet, strict=True):
         d = unit(P - B)
         lower = footed(s, "base", B, d, foot, "lower")
         rod_body(s, lower, B, d, 0.4, thin=thin)

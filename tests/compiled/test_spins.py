@@ -11,11 +11,13 @@ from hybridyn.compiled.code.kernels import kernel_graph
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs.closing.closing_library import place_of
 from hybridyn.compiled.programs.closing.closing_source import closing_programs
 from hybridyn.compiled.programs.closing.kernels import ModuleKernels
 from hybridyn.compiled.programs.closing.members import parts_of
-from hybridyn.compiled.programs.closing.module_parts import numbers, places_at
+from hybridyn.compiled.programs.closing.module_parts import motors_given, numbers, places_at
 from hybridyn.compiled.programs.closing.own_requests import module_requests
+from hybridyn.compiled.programs.designs import changed
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.dynamics.forward import forward
 from hybridyn.effects.joint_laws import ViscousFriction
@@ -359,6 +361,30 @@ def test_designs_of_spinning_rods_close_in_c(foot: rods.Foot) -> None:
     beside = p[:1].copy()
     beside[0, :3] += 0.01 * np.cross(frame[:3, 3], [0.3, 0.5, -0.2])
     assert "could still move" in compiled.designs(beside, motors=motors).errors[0]
+
+
+def test_loops_close_where_a_position_moves_a_slide_off_the_line_of_its_rod() -> None:
+    """Turns of a rod on a universal joint move its end along the rod then; other rods still spin."""
+    description = rods.ball_gough(1, second="universal")
+    robot, slides = build_robot(description), [joint for joint in description.joints if joint.kind.slides]
+    parameters = Parameters(description, [f"position:{slides[1].name}"])
+    slots = parameters.slot_values(parameters.nominal[None] + 0.02)[0]
+    design, arguments = changed(robot, parameters, slots), request(robot, None, parameters=parameters.slots)
+    q, v, a, _ = random_states(design, 1, 3)
+    at = [design.q_slices[design.joint_index[name]].start for name in design.motors]
+    given = q[0, at], v[0, design.motor_v], a[0, design.motor_v]
+    motors = {name: tuple(x[i : i + 1] for x in given) for i, name in enumerate(design.motors)}
+    wanted = hybridyn.assemble(design, motors=motors, guess=q[0])
+    parts = parts_of(robot, module_requests(robot, gather_requests(robot, motors, {})))
+    assert len(parts[0].idle) == 5
+    settle = function_of(closing_programs(robot, parts, arguments.arguments)["settle"])
+    (own,) = parts_of(design, module_requests(design, gather_requests(design, motors, {})))
+    posture, p, g = place_of(design, [own], q[0])
+    order = motors_given(robot, parts)
+    found = settle(posture, p, posture, p, g, g, given[1][order], given[2][order], [], slots)
+    assert float(found[-1]) <= GUARD_LIMIT
+    for x, right in zip(found[2:4], wanted[1:], strict=True):
+        assert np.abs(x.full().ravel() - right[0]).max() <= CLOSED * np.abs(right).max()
 
 
 @pytest.mark.parametrize(

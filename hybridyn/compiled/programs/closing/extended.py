@@ -71,7 +71,8 @@ class Extended:
         joints = tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in self.tree.joints)
         loops = tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in (*self.closures, *self.welds))
         cut = len(self.mechanism.tree.joints)
-        return joints, cut, self.source, loops, tuple(c.form for c in self.couplings), self.length
+        rods = tuple((k, rod.on_a, rod.turns) for k, rod in self.rods.items())
+        return joints, cut, self.source, loops, tuple(c.form for c in self.couplings), self.length, rods
 
     @property
     def weight(self) -> Array:
@@ -87,11 +88,14 @@ class Extended:
 
 def with_arguments(m: Mechanism, spec: ModuleSpec) -> Extended:
     """Return the extended tree of a mechanism with other numbers, which may be arguments."""
+    from ...equations.rigid import links_of
+    from ...equations.rods import loosened
     from ...loops.loop_rows import along_rods
 
     e = extended(m)
     return replace(
         e,
+        rods=loosened(e.rods, links_of(spec.whole), spec.cut_closures),
         joints=tuple(replace(j, R=x.R, p=x.p) for j, x in zip(e.joints, spec.whole, strict=True)),
         closures=along_rods(spec.cut_closures, e.rods),
         couplings=spec.cut_couplings,

@@ -127,7 +127,8 @@ def rows_at(
     out = TreeRows(links, z, v)
     out.exact = exact
     closures, couplings = [t.closures for t in trees], [t.couplings for t in trees]
-    out.close_all(closures, couplings, trees[0].rods, folding, z)
+    rods = {k: min((t.rods[k] for t in trees), key=lambda rod: len(rod.turns)) for k in trees[0].rods}
+    out.close_all(closures, couplings, rods, folding, z)
     _prescribe(out, given, targets, places, lambda x: folding.array([x] * len(trees)))
     for same in zip(*(t.welds for t in trees), strict=True):
         out.close(folded(folding, same))
