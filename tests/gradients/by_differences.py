@@ -21,6 +21,8 @@ STEP, LEVELS = 2e-4, 3
 #: Least agreement, relative to the largest number: rounding of postures (1e-15) over the smallest step counts
 #: for 1e-10, and where loops are ill conditioned for as many times more.
 AGREE = 1e-8
+#: What Newton's method leaves of a posture of the general path, which the smallest step divides.
+POSTURE = 1e-12
 
 
 class Design(NamedTuple):
@@ -87,8 +89,11 @@ def design(
 
 def differences(
     robot: HybridRobot, parameters: Parameters, along: Array, at_design: Callable[[HybridRobot], Design]
-) -> Design:
-    """Return the derivatives along a direction of the parameters, shape (k,); those of q over freedoms."""
+) -> tuple[Design, Design]:
+    """Return derivatives along a direction of the parameters, shape (k,), those of q over freedoms.
+
+    Beside them stand their own errors: what the last extrapolation changed.
+    """
 
     def moved(step: float) -> Design:
         slots = parameters.slot_values((parameters.nominal + step * along)[None])[0]
@@ -103,10 +108,13 @@ def differences(
         ]
         both = [np.concatenate(way), *(x - y for x, y in zip(one[1:], other[1:], strict=True))]
         table.append([x / (2 * STEP / 2**level) for x in both])
+    before = table
     for level in range(1, LEVELS):
+        before = table
         pairs = pairwise(table)
         table = [[y + (y - x) / (4**level - 1) for x, y in zip(*pair, strict=True)] for pair in pairs]
-    return Design(*table[0])
+    changed_by = [np.abs(x - y) for x, y in zip(table[0], before[-1], strict=True)]
+    return Design(*table[0]), Design(*changed_by)
 
 
 def agrees(
@@ -130,14 +138,17 @@ def agrees(
     p = gradients.parameters.nominal
     along = np.random.default_rng(seed).standard_normal(len(p)) * np.maximum(np.abs(p), 0.1)
     along[opened] = 0.0
+    along *= min(1.0, 10.0 / efforts.condition)  # near singular postures a step leads far
     at_design = design(robot, q, v, a, tau, keep)
-    wanted = differences(robot, gradients.parameters, along, at_design)
+    wanted, errors = differences(robot, gradients.parameters, along, at_design)
     solved = gradients.undriven  # accelerations without a motor follow the parameters, and are not held
     for k, (mine, theirs) in enumerate(zip(own, wanted, strict=True)):
         if k == 2 and solved:
             continue
         known = np.ones(len(theirs), dtype=bool) if k == 3 else ~unknown
-        size = np.abs(theirs[known]).max(initial=0.0) + 1e-6  # no number follows: rounding
-        off = np.abs(np.nan_to_num(mine[known]) @ along - theirs[known]).max(initial=0.0) / size
-        assert off <= agree * efforts.condition, (Design._fields[k], off, efforts.condition)
+        size = np.abs(theirs[known]).max(initial=0.0) + 1e-2  # rounding over the smallest step, where none
+        off = np.abs(np.nan_to_num(mine[known]) @ along - theirs[known]).max(initial=0.0)
+        left = POSTURE / (STEP / 2 ** (LEVELS - 1))
+        allowed = (agree * size + left) * efforts.condition + errors[k][known].max(initial=0.0)
+        assert off <= allowed, (Design._fields[k], off, allowed, efforts.condition)
     return gradients
