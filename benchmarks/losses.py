@@ -16,7 +16,7 @@ from benchmarks.cases import case_of
 from benchmarks.results import Row
 from benchmarks.timing import interleaved
 from hybridyn.compiled import operations
-from hybridyn.compiled.equations.rubbing import NEWTON
+from hybridyn.compiled.equations.settling import NEWTON
 from hybridyn.compiled.programs.rubbing import SWEEPS
 from hybridyn.effects import GearEfficiency, LoadFriction, choose
 

@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import hybridyn
 from hybridyn.compiled import torque_models
+from hybridyn.compiled.equations.settling import far_from_solution, largest_over
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.effects import GearEfficiency, GravityCompensation, LoadFriction, choose
 from hybridyn.errors import ActuationError, ModelError
@@ -141,13 +143,19 @@ def test_an_iteration_that_did_not_arrive_is_not_trusted(base: str, monkeypatch:
     """Of one module, and of two."""
     robot = build_robot(shipped("five_bar"), base=base)
     effects = ["default", LoadFriction(radial=rubbing_law(robot).radial, width=0.05)]
-    monkeypatch.setattr("hybridyn.compiled.equations.rubbing.NEWTON", 0)
+    monkeypatch.setattr("hybridyn.compiled.equations.settling.NEWTON", 0)
     monkeypatch.setattr("hybridyn.compiled.programs.rubbing.NEWTON", 0)
     monkeypatch.setattr("hybridyn.compiled.programs.rubbing.SWEEPS", 1)
     q, v, a, tau = random_states(robot, 2)
     library = Interpreted(robot, ("idm", "ddm"), effects)
     for model, last in (("idm", a), ("ddm", tau)) if base == "fixed" else (("ddm", tau),):
         assert not (library.batch(model, q, v, last)[1] <= 1).any()
+
+
+def test_a_friction_that_is_nan_is_not_settled() -> None:
+    values = np.array([ca.SX(1.0), ca.SX(np.nan)], dtype=object)
+    assert float(largest_over(values[:1], np.array([2.0]))) == 0.5
+    assert float(far_from_solution(0.5, largest_over(values, np.ones(2)), 1e-16)) == np.inf
 
 
 def test_what_compiled_models_cannot_do_with_it_is_refused() -> None:

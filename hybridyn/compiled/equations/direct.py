@@ -105,9 +105,12 @@ def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
 def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = None) -> WrittenModule:
     """Write a module's direct model and cut it into its stages: outwards, inwards, outwards, wrists.
 
+    With friction that grows with load, wrenches without it are handed on before the accelerations, in a stage
+    of their own.
+
     Args:
         motion: What is held of the loops (`held_loops`), where the accelerations along the core's motions are
-            given, "u_dot of core". Nothing is solved for, and the second stage computes how the loops open.
+            given, "u_dot of core". Nothing is solved for, and the stage inwards computes how the loops open.
     """
     parts, (outwards, inwards, back, settled, last) = plan.parts, (GivenColumns() for _ in range(5))
     if motion is not None:
@@ -119,11 +122,7 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
     if motion is not None:
         y, outputs[1] = _along(core, plan, motion, options, (inwards, back))
     else:
-        with_base = _with_base(core) if options.loaded else zeros(core.chain.nv, 6)
-        K = core.rows.K
-        right = np.concatenate([-K[:, :6] - dot(K[:, 6:], with_base), -core.rows.gamma[:, None]], axis=1)
-        X, doubts = motions_of(plan, K[:, 6:], right)  # y over [V_dot_base, 1, u_dot]
-        X[:, :6] = X[:, :6] + with_base
+        X, doubts = _over_base(core, plan, options)
         forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
         M, b, needed = quadratic_form(core, plan, options, forced, inwards)
         pushed = _pushed(core, plan, options, v)
@@ -140,14 +139,23 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
     outputs[3 if options.loaded else 2] |= accelerations_outwards(core, options, s, joints)
     wrists, guard = add_wrists(core, plan, (q, v), (V, A), s, last)
     if wrists:
-        outputs[4] = {"a_wrists": pack(list(wrists.values()))}
-        outputs[4] |= {"guard": ca.SX(guard)} if motion is None else {}
+        outputs[4] = {"a_wrists": pack([*wrists.values()])} | ({} if motion else {"guard": ca.SX(guard)})
     at = {"a_core": parts.v[joints], "a_legs": legs_on_paths(plan), "tau": parts.tree_v[forced]}
     at["a_wrists"] = np.array(list(wrists), dtype=int)
     inputs = [outwards, inwards, back, settled, last]
     if not options.loaded:
         del inputs[3], outputs[3]
     return WrittenModule(cut(inputs, outputs), *read_by_core(plan), at)
+
+
+def _over_base(core: Core, plan: ModulePlan, options: Options) -> tuple[Expression, Expression]:
+    """Return y over [V_dot_base, 1, u_dot] that keeps the loops closed, and the doubts of the pivots."""
+    K = core.rows.K
+    with_base = _with_base(core) if options.loaded else zeros(core.chain.nv, 6)
+    right = np.concatenate([-K[:, :6] - dot(K[:, 6:], with_base), -core.rows.gamma[:, None]], axis=1)
+    X, doubts = motions_of(plan, K[:, 6:], right)
+    X[:, :6] = X[:, :6] + with_base
+    return X, doubts
 
 
 def _with_base(core: Core) -> Expression:
@@ -236,14 +244,11 @@ def _solve(
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
     Q_n = -dot(Psi.T, pushed[6:])
     unforced = rest_idle(plan, options.rotor, (A_t, E, Q_0, Q_n), f)
-    least = None
-    if plan.column is not None:
-        least, uncertain = least_inertia(plan, Psi, M_yy, A_t)
-        unforced = unforced + uncertain
+    least, uncertain = (None, 0.0) if plan.column is None else least_inertia(plan, Psi, M_yy, A_t)
     right = np.concatenate([E, Q_0[:, None], Q_n], axis=1)
     solved, definite = solve_definite(A_t, right, NEARLY_NO_INERTIA, least)
     G, u_0 = solved[:, :6], solved[:, 6]
-    guard = rank_guard(plan, core.rows, guard + unforced, Psi)
+    guard = rank_guard(plan, core.rows, guard + (unforced + uncertain), Psi)
     guard = ca.SX(np.inf) if options.massless else _inertia_guard(guard, options, A_t, definite)
     out = {"guard": ca.SX(guard)}
     if options.base is None:

@@ -86,12 +86,7 @@ def leg_sums(
         S1 = np.concatenate([S1[:4], plus(S1[4:], upper(freed.turned))])
     B = dot(D, leg.X)
     B[:, 3:] = B[:, 3:] - dot(B[:, :3], hat(leg.point))
-    sums = {
-        "over_base": over_base,
-        "f": f,
-        "A": A,
-        "S1": S1,
-        "B": B.ravel(),
+    sums = {"over_base": over_base, "f": f, "A": A, "S1": S1, "B": B.ravel()} | {
         "L": upper(matrix_moved(congruence(leg.X, A), numbers(np.eye(3)), leg.point)),
         "b_base": bias[:6] + dot(D, leg.y0),
         "b_delta": leg.wrench(dot(leg.X.T, needed)),

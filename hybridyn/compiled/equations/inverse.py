@@ -24,8 +24,9 @@ from .module_plan import ModulePlan
 from .motor_balance import motor_efforts
 from .options import Options
 from .rigid import classical, momentum, resting
-from .rubbing import answers, efforts_of, settle
+from .rubbing import answers, efforts_of
 from .scales import squares
+from .settling import settle
 from .stages import GivenColumns, Stage, WrittenModule, begun, cut, read_by_core, twist_width
 
 
@@ -141,9 +142,8 @@ def _with_friction(
     motors = [place[col] for col in options.motors]
     for j, column in enumerate(needed.T):
         left[motors, j] = left[motors, j] - _driven(plan, options, B, dot(Psi.T, column), size, pivots)[0]
-    n, guard = settle(
-        options.rubbing, answers(core, plan, options.rubbing, moving, outputs, left), plan.scale.eps
-    )
+    found = answers(core, plan, options.rubbing, moving, outputs, left)
+    n, guard = settle(options.rubbing, found, plan.scale.eps)
     out = b.copy()
     out[6:] = out[6:] + dot(needed[:, 1:], n)
     return out, guard

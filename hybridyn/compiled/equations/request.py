@@ -27,6 +27,12 @@ from .planning import plan_module
 from .rigid import ten_expressions, ten_numbers
 from .states import check_shared_loads, generic_positions
 
+#: Why a force that follows links is refused where modules are differentiated one by one.
+FOLLOWS_LINKS = (
+    "derivatives of 'ddm' and over motors go module by module, and this force follows links of several "
+    "modules; the models and the derivatives of 'idm' over joints have it"
+)
+
 
 @dataclass(frozen=True)
 class Request:
@@ -255,12 +261,7 @@ def request(
         follows = isinstance(unit, LinkEffect) and unit.of_motion
         if contacts and follows:
             continue
-        why = "it depends on time"
-        if follows:
-            why = (
-                "derivatives of 'ddm' and over motors go module by module, and this force follows links of "
-                "several modules; the models and the derivatives of 'idm' over joints have it"
-            )
+        why = FOLLOWS_LINKS if follows else "it depends on time"
         raise ModelError(
             f"the effect '{unit.name}' cannot be compiled: {why}. Use the general path for it",
             element=unit.name,

@@ -1,18 +1,13 @@
 """Friction that grows with load in the inverse model of one module (see `dynamics.load_friction`).
 
 Motors balance friction under a given motion, so a module's wrenches answer to its own joints alone. With the
-friction n of its joints, what the law takes from their wrenches is p = p_0 + B n, and n = N(p). Newton's
-method begins at N(p_0). It is judged by what it reaches: with L[i, j] = N_i(column j of B) and any weights
-x > 0, the ratio rho = max (L x)_i / x_i bounds how far frictions feed on one another. Below 1 there is one
-solution, and |n_i - N_i| / x_i is at most r / (1 - rho) for all i, with the largest residual r of these. If
-that is more than rounding explains, the guard hands the sample to the general path.
+friction n of its joints, what the law takes from their wrenches is p = p_0 + B n, and n = N(p) (`settling`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -25,19 +20,11 @@ from ...structure.module import Module
 from ...symbols import Expression, dot, minus, plus, times
 from .chains import Chain, carried, carriers
 from .core import Core
-from .expressions import along, eye, filled, numbers, plain, zeros
+from .expressions import along, filled, numbers, plain, zeros
 from .guarded_elimination import Triangular
 from .module_plan import ModulePlan
 from .parts import Parts
 
-#: Steps of Newton's method. A step leaves about the square of the error; the first has that of the ratio.
-NEWTON = 3
-#: Part of a friction's weight, over the rounding of one number, that the bound of its error may be.
-SETTLED = 256.0
-#: Part of a friction in its weight: a joint whose load does not change counts by its own friction.
-OWN_PART = 0.25
-#: What makes weights positive where nothing loads a joint, also in single precision.
-NO_LOAD = 1e-30
 #: Entries of constant directions below this are rounding.
 ROUNDED_PART = 1e-14
 
@@ -222,87 +209,12 @@ def _of_multipliers(core: Core, closures: Sequence[TreeClosure], joint: int) -> 
     return out
 
 
-def settle(rubbing: Sequence[Rubbing], found: WrenchAnswers, eps: float) -> tuple[Expression, Any]:
-    """Solve for the friction of each joint; return it, shape (joints,), and its guard.
-
-    Args:
-        rubbing: The joints.
-        found: What the law takes from their wrenches.
-        eps: Rounding of one number.
-    """
-    n = friction_of(rubbing, found.alone)
-    for _ in range(NEWTON):
-        n = newton_step(rubbing, _under(found, n), found.per_unit, n)
-    N = friction_of(rubbing, _under(found, n))
-    columns = [[B[:, [j]] for B in found.per_unit] for j in range(len(rubbing))]
-    L = np.stack([friction_of(rubbing, [B[:, 0] for B in one]) for one in columns], axis=1)
-    x = weights(N, dot(L, N))
-    return N, far_from_solution(largest_over(dot(L, x), x), largest_over(N - n, x), eps)
-
-
-def weights(n: Expression, change: Expression) -> Expression:
-    """Return weights of frictions: a part of them, and a bound of what they change of one another."""
-    return np.array([OWN_PART * x + y + NO_LOAD for x, y in zip(n, change, strict=True)], dtype=object)
-
-
-def far_from_solution(ratio: Any, residual: Any, eps: float) -> Any:
-    """Return a guard that exceeds 1 if frictions may be further from the solution than rounding explains.
-
-    Args:
-        ratio: Bound of how much frictions feed on one another.
-        residual: Largest residual of a friction over its weight.
-        eps: Rounding of one number.
-    """
-    error = residual / ((1.0 - ratio) * SETTLED * eps)
-    return ca.if_else(ratio < 1.0, error * error, np.inf)
-
-
-def largest_over(values: Expression, weights: Expression) -> Any:
-    """Return the largest of some numbers over their weights."""
-    return reduce(ca.fmax, [ca.fabs(y) / x for y, x in zip(values, weights, strict=True)])
-
-
-def _under(found: WrenchAnswers, n: Expression) -> list[Expression]:
-    """Return what the law takes under friction n, for each term."""
-    return [plus(p, dot(B, n)) for p, B in zip(found.alone, found.per_unit, strict=True)]
-
-
-def _terms(rubbing: Sequence[Rubbing]) -> list[tuple[int, float, int]]:
+def terms_of(rubbing: Sequence[Rubbing]) -> list[tuple[int, float, int]]:
     """Return the number of its joint, the factor and the number of rows of each term."""
     return [(i, term.factor, len(term.part)) for i, one in enumerate(rubbing) for term in one.terms]
 
 
 def rows_of_terms(rubbing: Sequence[Rubbing], rows: Expression) -> list[Expression]:
     """Split what all terms take, shape (rows, ...), by term."""
-    ends = np.cumsum([size for _, _, size in _terms(rubbing)])
+    ends = np.cumsum([size for _, _, size in terms_of(rubbing)])
     return np.split(rows, ends[:-1])
-
-
-def friction_of(rubbing: Sequence[Rubbing], parts: Sequence[Expression]) -> Expression:
-    """Compute the friction of each joint from what each term takes, shape (joints,).
-
-    Of changes of that it is a bound of the change of friction.
-    """
-    N = zeros(len(rubbing))
-    for (i, factor, _), part in zip(_terms(rubbing), parts, strict=True):
-        N[i] = N[i] + factor * ca.sqrt(ca.SX(along(part, part)))
-    return N
-
-
-def newton_step(
-    rubbing: Sequence[Rubbing], parts: Sequence[Expression], per_unit: Sequence[Expression], n: Expression
-) -> Expression:
-    """Take a step of Newton's method, shape (joints,).
-
-    Args:
-        rubbing: The joints.
-        parts: What each term takes under frictions n.
-        per_unit: How that answers to the frictions, shape (rows, joints) each.
-        n: The frictions.
-    """
-    N, slope = friction_of(rubbing, parts), zeros(len(rubbing), len(rubbing))
-    for (i, factor, _), part, B in zip(_terms(rubbing), parts, per_unit, strict=True):
-        size = ca.sqrt(ca.SX(along(part, part)))
-        scale = ca.if_else(size > 0, factor / size, 0.0)
-        slope[i] = slope[i] + [times(scale, x) for x in dot(part, B)]
-    return n + Triangular.of_square(eye(len(n)) - slope).solve((N - n)[:, None])[:, 0]

@@ -16,16 +16,8 @@ import numpy as np
 
 from ...symbols import Expression, dot, plus
 from ..equations.expressions import pack, symbols
-from ..equations.rubbing import (
-    NEWTON,
-    Rubbing,
-    far_from_solution,
-    friction_of,
-    largest_over,
-    newton_step,
-    rows_of_terms,
-    weights,
-)
+from ..equations.rubbing import Rubbing, rows_of_terms
+from ..equations.settling import NEWTON, far_from_solution, friction_of, largest_over, newton_step, weights
 from ..program import Add, Shared, Target, Worst
 from .module_calls import ModuleCalls
 from .writer import Writer

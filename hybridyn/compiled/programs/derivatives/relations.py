@@ -79,8 +79,7 @@ class Relations:
         self._caused |= dict(zip(names, self._sizes, strict=True))
         at = [x for part in parts for x in part.accelerations] if parts else a.numbers(0)
         self._ends = [x for end in group.results for x in end.numbers(0)] + at
-        self._known: dict[Any, Any] = {}
-        self._masks: dict[MatrixName, Mask] = {}
+        self._known, self._masks = dict[Any, Any](), dict[MatrixName, Mask]()
         self.onto = {place: writer.each(6, self._rows) for place in group.children}
         wrenches = [self.unit_changes(W) for *_, W in outputs]
         for reading, end in zip(wrenches, self.onto.values(), strict=True):

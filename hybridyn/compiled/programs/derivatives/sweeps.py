@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -108,6 +109,23 @@ def _require(node: StageNode, needed: set[Number]) -> None:
             for copy in range(node.copies) if used else ():
                 numbers = source.numbers(copy)
                 needed.update(numbers[k] for k in used if k < len(numbers))
+
+
+def _sums(ends: int, reading: Reading, terms: Sequence[tuple[int, int, int]], outputs: int) -> ca.Function:
+    """Write sums of products of derivatives with what is known on one side of them.
+
+    Args:
+        ends: Number of derivatives.
+        reading: What is known.
+        terms: For each product the numbers of its derivative, of what is known, and of its sum.
+        outputs: Number of sums.
+    """
+    J = ca.SX.sym("J", ends)
+    blocks, known = reading.symbols()
+    sums: list[Any] = [0.0] * outputs
+    for k, i, j in terms:
+        sums[j] = sums[j] + J[k] * known[i]
+    return ca.Function("products", [J, *blocks], [pack(sums)])
 
 
 @dataclass(eq=False)
@@ -214,16 +232,7 @@ class Sweep:
         outputs = {x: i for i, x in enumerate(dict.fromkeys(wanted for *_, wanted in pairs))}
         terms = tuple((k, inputs[known], outputs[wanted]) for k, known, wanted in pairs)
         reading = self.reading(list(inputs))
-
-        def function() -> ca.Function:
-            """Return the sums of products."""
-            J = ca.SX.sym("J", len(ends))
-            blocks, known = reading.symbols()
-            sums: list[Any] = [0.0] * len(outputs)
-            for k, i, j in terms:
-                sums[j] = sums[j] + J[k] * known[i]
-            return ca.Function("products", [J, *blocks], [pack(sums)])
-
+        function = partial(_sums, len(ends), reading, terms, len(outputs))
         w, place = self.writer, self.writer.own(self.lanes, len(outputs))
         kernel = w.kernel(("products", key, back, reading.key, terms), function, self.part)
         w.call(kernel, self.lanes, [values, *reading.blocks], [place])
