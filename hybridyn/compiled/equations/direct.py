@@ -7,13 +7,14 @@ V_dot_base + y_0, and u_dot = A_t^-1 (Q_0 - E V_dot_base).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ...spatial import crf, hat, wrench_to_base
+from ...spatial import Index, crf, hat, wrench_to_base
 from ...symbols import Expression, dot
 from .chains import forces, mass_matrix, motion_map
 from .core import Core, motions_of, own_inertia, rank_guard
@@ -105,8 +106,7 @@ def bias_of(own: Expression, V: Expression, velocity: bool) -> Expression:
 def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = None) -> WrittenModule:
     """Write a module's direct model and cut it into its stages: outwards, inwards, outwards, wrists.
 
-    With friction that grows with load, wrenches without it are handed on before the accelerations, in a stage
-    of their own.
+    With friction that grows with load, a stage before the accelerations hands on wrenches without it.
 
     Args:
         motion: What is held of the loops (`held_loops`), where the accelerations along the core's motions are
@@ -134,18 +134,26 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
             outputs[1] |= model.answers()
             outputs[2] = model.alone(back)
             y = y + dot(X[:, 7:], dot(u_n, model.frictions(settled)))
-    s = np.concatenate([A, y])  # Eq. (51)
-    joints = [k for k, col in enumerate(parts.v) if col >= 0]
+    s, joints = np.concatenate([A, y]), [k for k, col in enumerate(parts.v) if col >= 0]  # Eq. (51)
     outputs[3 if options.loaded else 2] |= accelerations_outwards(core, options, s, joints)
     wrists, guard = add_wrists(core, plan, (q, v), (V, A), s, last)
-    if wrists:
-        outputs[4] = {"a_wrists": pack([*wrists.values()])} | ({} if motion else {"guard": ca.SX(guard)})
-    at = {"a_core": parts.v[joints], "a_legs": legs_on_paths(plan), "tau": parts.tree_v[forced]}
-    at["a_wrists"] = np.array(list(wrists), dtype=int)
+    outputs[4] = _of_wrists(wrists, guard if motion is None else None)
+    at = {"a_core": parts.v[joints], "tau": parts.tree_v[forced]} | _at_ends(plan, wrists)
     inputs = [outwards, inwards, back, settled, last]
     if not options.loaded:
         del inputs[3], outputs[3]
     return WrittenModule(cut(inputs, outputs), *read_by_core(plan), at)
+
+
+def _of_wrists(wrists: Mapping[int, Any], guard: Any) -> dict[str, ca.SX]:
+    """Return the accelerations of wrists as an output, with their guard unless it is None."""
+    out = {"a_wrists": pack([*wrists.values()])} if wrists else {}
+    return out | ({"guard": ca.SX(guard)} if wrists and guard is not None else {})
+
+
+def _at_ends(plan: ModulePlan, wrists: Mapping[int, Any]) -> dict[str, Index]:
+    """Return the freedoms of legs and of wrists, by the name of their accelerations."""
+    return {"a_legs": legs_on_paths(plan), "a_wrists": np.array([*wrists], dtype=int)}
 
 
 def _over_base(core: Core, plan: ModulePlan, options: Options) -> tuple[Expression, Expression]:

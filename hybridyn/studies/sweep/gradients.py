@@ -11,6 +11,7 @@ from ...assembly.requests import gather_requests
 from ...description.records import Description
 from ...errors import HybridynError, ModelError
 from ...gradients.design_gradients import DesignGradients
+from ...gradients.gradient import MeasureGradients
 from ...gradients.kept import kept_by_requests
 from ...gradients.slot_changes import changes_of
 from ...spatial import Array
@@ -161,6 +162,15 @@ class StudyGradients:
         bars = [bars_of(robot, word, whole, tau) for word in words.values()]
         p, along = numbers
         found = structure.of_tasks[name].of_measures((whole.q, whole.v, whole.a), p, along, bars)
+        self._check(name, found, tau)
+        return _TaskGradients(dict(zip(words, found.over, strict=True)), found.closing, found.closing_over)
+
+    def _check(self, name: str, found: MeasureGradients, tau: Array) -> None:
+        """Check the gradients of a task.
+
+        Raises:
+            ModelError: Their model has other efforts than tau, or a parameter opens loops.
+        """
         off = float(np.abs(found.efforts - tau).max(initial=0.0))
         if off > SAME_EFFORTS * max(float(np.abs(tau).max(initial=0.0)), 1.0):
             raise ModelError(
@@ -175,7 +185,6 @@ class StudyGradients:
                     "be assembled; let other numbers follow it",
                     element=parameter,
                 )
-        return _TaskGradients(dict(zip(words, found.over, strict=True)), found.closing, found.closing_over)
 
 
 class _TaskGradients(NamedTuple):
