@@ -21,8 +21,9 @@ STEP, LEVELS = 2e-4, 3
 #: Least agreement, relative to the largest number: rounding of postures (1e-15) over the smallest step counts
 #: for 1e-10, and where loops are ill conditioned for as many times more.
 AGREE = 1e-8
-#: What Newton's method leaves of a posture of the general path, which the smallest step divides.
-POSTURE = 1e-12
+#: What Newton's method leaves of a posture of the general path, which the smallest step divides: it ends at
+#: residuals of 1e-12, ten times as much of the motions that follow.
+POSTURE = 1e-11
 
 
 class Design(NamedTuple):
