@@ -18,8 +18,9 @@ from ....joints.displacement import rate
 from ....joints.kinds import JointKind
 from ....spatial import Index, Mask
 from ....structure.robot import HybridRobot
-from ....symbols import Expression, dot, minus, times
+from ....symbols import Expression, dot
 from ...equations.expressions import eye, pack, symbols, zeros
+from ...equations.factors import Definite
 from ...program import Each, Own, Shared, Source, Target
 from ..writer import Writer
 from .nodes import Number
@@ -199,27 +200,14 @@ def factors(mask: Mask, rows: int) -> ca.Function:
             zero on the diagonal: its reciprocal is infinite at run time.
     """
     n = len(mask)
-    column, given = matrix("W", n, rows)
-    filled = mask & mask.T | np.eye(n, dtype=bool)
-    W, L, reciprocals = np.where(filled, given[:, :n], 0.0), eye(n), []
-    for i in range(n):
-        reciprocals.append(1.0 / W[i, i])
-        for j in range(i + 1, n):
-            L[j, i] = times(W[j, i], reciprocals[i])
-            for c in range(i + 1, j + 1):
-                W[j, c] = minus(W[j, c], times(L[j, i], W[c, i]))
-    return ca.Function("pivot", [column], [pack(L[np.tril_indices(n, -1)], reciprocals)])
+    column, W = matrix("W", n, rows)
+    found, _ = Definite.of(np.where(mask & mask.T | np.eye(n, dtype=bool), W[:, :n], 0.0))
+    return ca.Function("pivot", [column], [pack(found.lower[np.tril_indices(n, -1)], found.inverses)])
 
 
 def solved(numbers: Expression, mask: Mask, b: Expression) -> Expression:
     """Return x of W x = -b from the factors of W, of which `mask` tells the entries that are not zero."""
-    n, x = len(b), b.copy()
-    L = eye(n)
-    L[np.tril_indices(n, -1)] = numbers[: n * (n - 1) // 2]
-    L = np.where(filled_in(mask), L, 0.0)
-    for i in range(1, n):
-        x[i] = minus(x[i], dot(L[i, :i], x[:i])[()])
-    x = np.array([-times(y, z) for y, z in zip(x, numbers[n * (n - 1) // 2 :], strict=True)], dtype=object)
-    for i in reversed(range(n - 1)):
-        x[i] = minus(x[i], dot(L[i + 1 :, i], x[i + 1 :])[()])
-    return x
+    n, below = len(b), len(b) * (len(b) - 1) // 2
+    L = zeros(n, n)
+    L[np.tril_indices(n, -1)] = numbers[:below]
+    return Definite(np.where(filled_in(mask), L, 0.0), numbers[below:]).solve(-b[:, None])[:, 0]
