@@ -1,6 +1,7 @@
 """Friction that grows with load in compiled models: the general path's numbers, its refusals, no guesses."""
 
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -8,10 +9,11 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled import torque_models
+from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.settling import far_from_solution, largest_over
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.effects import GearEfficiency, GravityCompensation, LoadFriction, choose
-from hybridyn.errors import ActuationError, ModelError
+from hybridyn.errors import ActuationError, ModelError, SingularityError
 from hybridyn.joints.kinds import JointKind
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
@@ -168,3 +170,24 @@ def test_what_compiled_models_cannot_do_with_it_is_refused() -> None:
     ):
         with pytest.raises(ModelError, match=said):
             hybridyn.compile(robot, effects)
+
+
+@pytest.mark.parametrize(
+    ("postures", "said"),
+    [(1, "redundant closures share loads"), (2, "no posture tells .*general path")],
+)
+def test_shared_loads_are_refused_beside_singular_postures(
+    postures: int, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first ones of the two that are drawn: one is left to judge by, or none."""
+    robot, calls = build_robot(shipped("five_bar")), iter(range(2))
+
+    def direct(*state: Any, **more: Any) -> Any:
+        """Compute accelerations, at the first postures none."""
+        if next(calls) < postures:
+            raise SingularityError("the matrix lost rank")
+        return hybridyn.ddm(*state, **more)
+
+    monkeypatch.setattr("hybridyn.compiled.equations.states.ddm", direct)
+    with pytest.raises(ModelError, match=said):
+        request(robot, ["default", LoadFriction(tilt={robot.motors[0]: 1e-3})])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from ...dynamics.direct import ddm
 from ...dynamics.forward import forward
 from ...dynamics.load_friction import check_determined
 from ...effects.choice import Effects
-from ...errors import SingularityError
+from ...errors import ModelError, SingularityError
 from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from ...structure.module import Module
@@ -50,16 +49,26 @@ def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
 
 
 def check_shared_loads(robot: HybridRobot, on: Effects) -> None:
-    """Check, at generic postures, that the motion determines the loads on which friction depends.
+    """Check, at two generic postures, that the motion determines the loads on which friction depends.
 
     Raises:
-        ModelError: Redundant closures share one.
+        ModelError: Redundant closures share one, or both postures are singular.
     """
     assert on.loaded is not None
-    q, v, tau = moving_states(robot, 2)
     without = on.without("limits", on.loaded.effect.name, "gear_efficiency")
-    with suppress(SingularityError):  # the general path says so where it is asked
-        check_determined(on.loaded, ddm(robot, q, v, tau, effects=without, reactions=True)[1])
+    singular: list[SingularityError] = []
+    for q, v, tau in zip(*moving_states(robot, 2), strict=True):
+        try:
+            check_determined(on.loaded, ddm(robot, q, v, tau, effects=without, reactions=True)[1])
+        except SingularityError as error:
+            singular.append(error)
+    if len(singular) == 2:
+        name = on.loaded.effect.name
+        raise ModelError(
+            f"the effect '{name}' cannot be compiled: no posture tells whether redundant closures share its "
+            f"loads ({singular[0]}). Use the general path for it",
+            element=name,
+        ) from singular[0]
 
 
 def seen_positions(module: Module, count: int, rng: np.random.Generator) -> Array:
