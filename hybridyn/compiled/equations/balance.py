@@ -61,5 +61,8 @@ def write_balance_stages(plan: ModulePlan, options: Options) -> WrittenModule:
         inwards = [whole, {}, {}]
     u_dot = {"u_dot of core": pack(along_motions(core, plan, a)[1])}
     stages = cut([given, received, again, later], [motion_outwards(core, options) | u_dot, *inwards])
+    if held.size:
+        handed = [name for name in stages[1].outputs if isinstance(name, tuple)]
+        assert not handed, f"what is held has no derivatives, so its stage hands on nothing else: {handed}"
     at = {"laws": plan.parts.tree_v[lawful(plan, options)]}
     return WrittenModule(stages, *read_by_core(plan), at, held)
