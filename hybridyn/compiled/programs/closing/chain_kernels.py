@@ -77,15 +77,14 @@ class Ports:
 class ChainKernels(ModuleKernels):
     """Writes the kernels of modules of one shape in a chain."""
 
-    def join(self, ease: Sequence[Array], ports: Ports, rank: int) -> ChainKernels:
+    def join(self, ease: Sequence[Array], ports: Ports) -> ChainKernels:
         """Take what the chain says of the modules.
 
         Args:
             ease: Motion of each freedom of each module's tree after the cuts that counts as one, in its unit.
             ports: The bodies that carry targets.
-            rank: Number of independent own rows over the free freedoms of the tree after the cuts.
         """
-        self.rank, self.ports = rank, ports
+        self.ports = ports
         own = self.u.free[: self.u.own]
         weights = [1.0 / (one[own] * self.e.unit[own]) ** 2 for one in ease]
         weight = zeros(self.e.tree.nv)

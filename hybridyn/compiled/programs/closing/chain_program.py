@@ -80,10 +80,13 @@ class ChainWriter:
             first = own[members[0]]
             alike_modules = [own[k].module for k in members]
             numbers = [arguments[coupled.parts[k]] for k in members] if arguments else []
-            kernels = ChainKernels(alike_modules, first.given, (), numbers, places, first.idle_freedoms)
+            own_rows = coupled.problem.parts[members[0]].rank or 0
+            kernels = ChainKernels(
+                alike_modules, first.given, (), numbers, places, first.idle_freedoms, own_rows
+            )
             ports = Ports(self._targets.bodies[members[0]], maps[members[0]])
             ease = [coupled.problem.ease[k] for k in members]
-            kernels.join(ease, ports, coupled.problem.parts[members[0]].rank or 0)
+            kernels.join(ease, ports)
             at = [coupled.parts[k] for k in members]
             self.groups.append(Group(("chain", number, shape), members, at, kernels))
 

@@ -54,8 +54,9 @@ class ModuleKernels:
         arguments: Sequence[ModuleArguments | None] = (),
         places: tuple[Places, Places] = ({}, {}),
         idle: Sequence[int] = (),
+        rank: int | None = None,
     ) -> None:
-        """Choose the pivots.
+        """Collect the unknowns; pivots are chosen where they are first needed.
 
         Args:
             given: What is prescribed.
@@ -63,9 +64,11 @@ class ModuleKernels:
             arguments: Arguments of each module, or None; nothing where no module has any.
             places: Frames of the robot's links, and the same as functions of the arguments.
             idle: Freedoms that stand for idle motions that nothing determines; their rates are the least.
+            rank: Number of independent own rows over the free freedoms of the tree after the cuts; by default
+                the number of these freedoms.
         """
         self.u, self.blocks = Unknowns(modules, given, arguments, places, idle), blocks
-        self.e, self.rank = self.u.e, self.u.own
+        self.e, self.rank = self.u.e, self.u.own if rank is None else rank
         self._folding, self._z = Folding(), symbols("z", self.e.tree.nq)
 
     @cached_property
