@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..dynamics.articulated_module import ArticulatedModule
@@ -16,9 +14,6 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .code.scalars import GUARD_LIMIT
 from .comparing import SAMPLES, of_refused, random_states, refused_states
-
-if TYPE_CHECKING:
-    pass
 
 
 def reason(robot: HybridRobot, on: Effects) -> str:
