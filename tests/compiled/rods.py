@@ -145,6 +145,37 @@ def crank(seed: int = 0, foot: Foot = "ball", *, thin: bool = False, beside: flo
     return s.description(f"{foot}_crank")
 
 
+def mirrored_cranks() -> str:
+    """Return URDF of two cranks, mirrored, whose rods push slides; all bodies in the axes of the base."""
+
+    def link(name: str) -> str:
+        return (
+            f'<link name="{name}"><inertial><mass value="0.4"/>'
+            '<inertia ixx="2e-3" iyy="2e-3" izz="2e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        )
+
+    def joint(kind: str, name: str, parent: str, at: str, axis: str = "1 0 0") -> str:
+        return (
+            f'<joint name="{name}" type="{kind}"><origin xyz="{at}"/><parent link="{parent}"/>'
+            f'<child link="{name}"/><axis xyz="{axis}"/>'
+            '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        )
+
+    def side(s: str, y: float) -> str:
+        joints = (
+            joint("revolute", f"crank_{s}", "base", f"0 {5 * y} 0", "0 1 0"),
+            joint("spherical", f"rod_{s}", f"crank_{s}", "0.15 0 0"),
+            joint("prismatic", f"slide_{s}", "base", f"0.55 {6 * y} -0.1"),
+        )
+        loop = (
+            f'<loop name="end_{s}" type="spherical"><predecessor link="rod_{s}"><origin xyz="0.4 {y} -0.1"/>'
+            f'</predecessor><successor link="slide_{s}"/></loop>'
+        )
+        return "".join(link(f"{part}_{s}") for part in ("crank", "rod", "slide")) + "".join(joints) + loop
+
+    return f'<robot name="pair">{link("base")}{side("l", 0.1)}{side("r", -0.1)}</robot>'
+
+
 def moved(robot: hybridyn.HybridRobot, samples: int, size: float) -> tuple[Array, Array, Array]:
     """Assemble a motion in which each motor swings by a part of a radian, or of its module's length.
 

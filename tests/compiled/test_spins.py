@@ -1,6 +1,7 @@
 """Rods between two balls spin idly: compiled models compute them, whatever spins the caller gives."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hybridyn.compiled.code.kernels import kernel_graph
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.loops.loop_rows import shape_of
 from hybridyn.compiled.programs.closing.closing_library import place_of
 from hybridyn.compiled.programs.closing.closing_source import closing_programs
 from hybridyn.compiled.programs.closing.kernels import ModuleKernels
@@ -28,6 +30,7 @@ from tests.compiled import rods
 from tests.compiled.test_derivatives import DIFFERENCES, along_a_motion
 from tests.robots.shipped import shipped
 from tests.support.comparing import refused
+from tests.support.files import save
 from tests.support.samples import slow
 from tests.support.written_out import Interpreted
 
@@ -298,6 +301,23 @@ def test_newton_steps_close_loops_of_spinning_rods(name: str, foot: rods.Foot, s
         before, left = left, np.array([manifold.residual(x)[0] for x in near])
         assert (left <= np.maximum(100.0 * before**2, ROUNDING)).all()
     assert max(manifold.residual(x)[0] for x in lifted) <= ROUNDING
+
+
+def test_mirrored_modules_close_each_along_its_own_rods(tmp_path: Path) -> None:
+    """They share a kernel, and the line of each rod in its body is another."""
+    robot = hybridyn.load(save(tmp_path, rods.mirrored_cranks()), motors=["crank_l", "crank_r"])
+    assert len({shape_of(module) for module in robot.modules}) == 1
+    q, v, a = random_states(robot, 3, 1)[:3]
+    (_, rates, _), guard = Interpreted(robot, ("close",)).batch("close", q, v, a)
+    assert (guard <= 1).all()
+    manifold, step = Manifold(robot), 1e-5
+    for x, rate in zip(q, rates, strict=True):
+        moved = x.copy()
+        for m in robot.modules:
+            moved[m.q_index] = m.mechanism.spanning.integrate(
+                x[m.q_index][None], step * rate[m.v_index][None]
+            )
+        assert manifold.residual(moved)[0] <= 10.0 * step**2  # of second order
 
 
 @pytest.mark.slow

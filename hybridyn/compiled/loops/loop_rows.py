@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,8 @@ def shape_of(module: Module, *more: Any) -> Any:
     joints = tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in spec.spanning)
     closures = tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in spec.closures)
     couplings = tuple(c.form for c in spec.couplings)
-    return joints, closures, couplings, module.mobility, module.mechanism.length, *more
+    rods = tuple((k, rod.on_a, rod.turns) for k, rod in spanning_rods(module.mechanism).items())
+    return joints, closures, couplings, rods, module.mobility, module.mechanism.length, *more
 
 
 def along_rods(closures: Sequence[TreeClosure], rods: Mapping[int, Rod]) -> tuple[TreeClosure, ...]:
@@ -147,6 +149,17 @@ def idle_rods(m: Mechanism, joints: tuple[TreeJoint, ...], closures: Sequence[Tr
     return rods_of(links_of(joints), closures) if idle_motions(m, ()) else {}
 
 
+@cache
+def spanning_rods(m: Mechanism) -> dict[int, Rod]:
+    """Return the rods of closures of a module's spanning tree (`idle_rods`)."""
+    return idle_rods(m, m.spec.spanning, m.spec.closures)
+
+
+def fewest_turns(rods: Sequence[dict[int, Rod]]) -> dict[int, Rod]:
+    """Return rods of modules of one shape, each with the turns that are left out of all its rows."""
+    return {k: min((own[k] for own in rods), key=lambda rod: len(rod.turns)) for k in rods[0]}
+
+
 def spanning_closures(
     modules: list[Module],
     folding: Folding,
@@ -163,15 +176,15 @@ def spanning_closures(
         specs: The modules' numbers where some are arguments.
         v: Rates of the spanning tree, or None.
     """
-    m = modules[0].mechanism
     specs = specs or [module.mechanism.spec for module in modules]
     links = fold_links(folding, [links_of(s.spanning) for s in specs])
-    rods = idle_rods(m, m.spec.spanning, m.spec.closures)
-    for s in specs:
-        rods = loosened(rods, links_of(s.spanning), s.closures)
+    rods = [
+        loosened(spanning_rods(module.mechanism), links_of(s.spanning), s.closures)
+        for module, s in zip(modules, specs, strict=True)
+    ]
+    closures = [along_rods(s.closures, own) for s, own in zip(specs, rods, strict=True)]
     out = LoopRows(links, q, v)
-    closures, couplings = [along_rods(s.closures, rods) for s in specs], [s.couplings for s in specs]
-    out.close_all(closures, couplings, rods, folding, q)
+    out.close_all(closures, [s.couplings for s in specs], fewest_turns(rods), folding, q)
     return out
 
 

@@ -18,7 +18,7 @@ from ...equations.expressions import Folding, pack, plain, symbols, zeros
 from ...equations.legs import fold_links
 from ...equations.rigid import Links, links_of
 from ...equations.scales import largest
-from ...loops.loop_rows import LoopRows, folded
+from ...loops.loop_rows import LoopRows, fewest_turns, folded
 from ...program import Program
 from ..writer import ModuleWriter, alike
 from .extended import Extended, extended
@@ -127,8 +127,7 @@ def rows_at(
     out = TreeRows(links, z, v)
     out.exact = exact
     closures, couplings = [t.closures for t in trees], [t.couplings for t in trees]
-    rods = {k: min((t.rods[k] for t in trees), key=lambda rod: len(rod.turns)) for k in trees[0].rods}
-    out.close_all(closures, couplings, rods, folding, z)
+    out.close_all(closures, couplings, fewest_turns([t.rods for t in trees]), folding, z)
     _prescribe(out, given, targets, places, lambda x: folding.array([x] * len(trees)))
     for same in zip(*(t.welds for t in trees), strict=True):
         out.close(folded(folding, same))
