@@ -89,10 +89,15 @@ def design(
 
 
 def differences(
-    robot: HybridRobot, parameters: Parameters, along: Array, at_design: Callable[[HybridRobot], Design]
+    robot: HybridRobot,
+    parameters: Parameters,
+    along: Array,
+    q: Array,
+    at_design: Callable[[HybridRobot], Design],
 ) -> tuple[Design, Design]:
     """Return derivatives along a direction of the parameters, shape (k,), those of q over freedoms.
 
+    Displacements are those from the positions q of the robot itself: quotients have even errors alone then.
     Beside them stand their own errors: what the last extrapolation changed.
     """
 
@@ -104,7 +109,7 @@ def differences(
     for level in range(LEVELS):
         one, other = (moved(sign * STEP / 2**level) for sign in (1, -1))
         way = [
-            displacement.difference(kind, other.q[None, k], one.q[None, k])[0]
+            np.subtract(*(displacement.difference(kind, q[None, k], x.q[None, k])[0] for x in (one, other)))
             for kind, k in zip(robot.kinds, robot.q_slices, strict=True)
         ]
         both = [np.concatenate(way), *(x - y for x, y in zip(one[1:], other[1:], strict=True))]
@@ -141,7 +146,7 @@ def agrees(
     along[opened] = 0.0
     along *= min(1.0, 10.0 / efforts.condition)  # near singular postures a step leads far
     at_design = design(robot, q, v, a, tau, keep)
-    wanted, errors = differences(robot, gradients.parameters, along, at_design)
+    wanted, errors = differences(robot, gradients.parameters, along, q, at_design)
     solved = gradients.undriven  # accelerations without a motor follow the parameters, and are not held
     for k, (mine, theirs) in enumerate(zip(own, wanted, strict=True)):
         if k == 2 and solved:

@@ -106,7 +106,7 @@ def test_gradients_of_four_random_mechanisms_of_each_recipe(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", [slow(kind) for kind in ("loop_universal", "gough", "delta_rods", "legged")])
 def test_gradients_of_random_mechanisms_on_floating_bases(kind: str) -> None:
-    of_random(kind, 3, "floating")
+    of_random(kind, 4, "floating")
 
 
 @pytest.mark.slow
