@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ...dynamics.direct import ddm
 from ...dynamics.forward import forward
 from ...dynamics.load_friction import check_determined
 from ...effects.choice import Effects
+from ...effects.terms import LegInertia
 from ...errors import ModelError, SingularityError
 from ...spatial import Array
 from ...structure.mechanism import Mechanism
@@ -51,11 +53,16 @@ def random_states(robot: HybridRobot, count: int, seed: int = 0) -> tuple[Array,
 def check_shared_loads(robot: HybridRobot, on: Effects) -> None:
     """Check, at two generic postures, that the motion determines the loads on which friction depends.
 
+    Which loads closures share does not depend on inertia: legs have theirs here, so that the direct model is
+    regular.
+
     Raises:
         ModelError: Redundant closures share one, or both postures are singular.
     """
     assert on.loaded is not None
-    without = on.without("limits", on.loaded.effect.name, "gear_efficiency")
+    without = replace(
+        on.without("limits", on.loaded.effect.name, "gear_efficiency"), leg_inertia=LegInertia()
+    )
     singular: list[SingularityError] = []
     for q, v, tau in zip(*moving_states(robot, 2), strict=True):
         try:
