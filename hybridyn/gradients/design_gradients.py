@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..compiled import as_compile_error, asked_for
-from ..effects.choice import Choice
+from ..effects.choice import Choice, without_losses
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
 from ..structure.parameters.slots import Slot, check_signs
@@ -18,7 +18,7 @@ from .adjoint import Bars, ClosedAdjoint
 from .alike import programs_alike
 from .blocks import Factored, condition_of
 from .gradient import Gradient, MeasureBars, MeasureGradients
-from .kept import Kept, kept_by_name
+from .kept import Kept, check_held, kept_by_name
 from .model_sweeps import ModelSweeps, Samples
 from .slot_changes import slots_over_parameters
 
@@ -73,6 +73,7 @@ class DesignGradients:
             raise ModelError("gradients need parameters: a list of names such as ['mass:LINK']")
         with as_compile_error(robot):
             self.robot, on, self.parameters = asked_for(robot, effects, parameters, "float64")
+            self._effects = on
             if on.limits is not None:
                 why = "the effect 'limits' has no derivative: leave it out, and take margins as constraints"
                 raise ModelError(why, element="limits")
@@ -175,6 +176,7 @@ class DesignGradients:
             ModelError: The motors of the robot are not its independent coordinates, or do not stay.
             HybridynError: As `idm`.
         """
+        without_losses(self._effects, "the mass matrix does not take")
         u = self.robot.motor_v
         if [*self._kept.freedoms] != [*u] or self._kept.links:
             raise ModelError("the mass matrix is one over motors: leave 'keep' to them", element="keep")
@@ -215,6 +217,7 @@ class DesignGradients:
         factors = self._factors(at)
         closing, over = self._closed.closing(factors, at.numbers)
         rows, tau = [over], np.zeros((len(at.q), len(self.robot.motors)))
+        check_held(self.robot, self._kept, self.undriven, [one[2] for one in measures])
         for q_bar, v_bar, a_bar, tau_bar in measures:
             bars = Bars(q_bar, v_bar, a_bar)
             tau, found = self._models.summed(at, factors, tau_bar, "idm", bars)
@@ -232,6 +235,7 @@ class DesignGradients:
         weights: ArrayLike | None,
     ) -> Gradient:
         """Return the gradient of a model, see `idm`."""
+        check_held(self.robot, self._kept, self.undriven and name == "idm")
         given = as_rates(self.robot, x, "a") if name == "idm" else as_efforts(self.robot, x)
         at = self._state(q, v, given, p)
         factors, first = self._factors(at), 0 if at.single else slice(None)
@@ -264,7 +268,7 @@ class DesignGradients:
         if p.shape != (self.parameters.size,) or not np.isfinite(p).all():
             raise TrajectoryError(
                 f"parameters has shape {p.shape}; wanted {self.parameters.size} finite numbers "
-                f"({', '.join(self.parameters.labels[:6])}{', ...' if len(p) > 6 else ''})"
+                f"({', '.join(self.parameters.labels[:6])}{', ...' if self.parameters.size > 6 else ''})"
             )
         slots = self.parameters.slot_values(p[None])[0]
         check_signs(self.parameters.slots, slots)

@@ -11,7 +11,7 @@ from ..assembly.requests import Requests
 from ..description.names import did_you_mean
 from ..errors import ModelError
 from ..linkage.targets import COORDINATES
-from ..spatial import Index, indices
+from ..spatial import Array, Index, indices
 from ..structure.robot import HybridRobot
 
 #: A coordinate of a link, in columns of tables.
@@ -82,3 +82,29 @@ def _check(name: str, known: Sequence[str], what: str) -> None:
     """Raise if there is nothing of a name."""
     if name not in known:
         raise ModelError(f"keep: there is no {what} '{name}'{did_you_mean(name, known)}", element=name)
+
+
+def check_held(robot: HybridRobot, kept: Kept, undriven: bool, accelerations: Sequence[Array] = ()) -> None:
+    """Check that efforts have gradients at what stays.
+
+    Args:
+        robot: The robot.
+        kept: What stays.
+        undriven: Whether some motion has no motor: its acceleration follows the parameters, too.
+        accelerations: Derivatives of measures over the accelerations.
+
+    Raises:
+        ModelError: Something else than the motors stays beside such a motion, or a measure depends on
+            accelerations.
+    """
+    own = kept_by_name(robot, robot.motors)
+    if undriven and (kept.links or {*kept.freedoms} != {*own.freedoms}):
+        raise ModelError(
+            "where motions have no motor, efforts have gradients at accelerations of the motors: leave "
+            "'keep' to them, or take 'ddm'", element="keep",
+        )  # fmt: skip
+    if undriven and any(one.any() for one in accelerations):
+        raise ModelError(
+            "measures of accelerations have no gradient where motions have no motor: these accelerations "
+            "follow the parameters; take 'ddm'", element="acceleration",
+        )  # fmt: skip

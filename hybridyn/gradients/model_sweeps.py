@@ -149,11 +149,10 @@ class ModelSweeps:
         """
         T, N, u = len(at.q), len(self._robot.motors), self._robot.motor_v
         tau, _ = self._run(at, weights, "idm")
-        each = np.vstack([np.zeros((1, N)), np.eye(N)])
-        tried = at.repeated(N + 1)._replace(x=np.repeat(tau, N + 1, axis=0) + np.tile(each, (T, 1)))
-        a, _ = self._run(tried, np.zeros((T * (N + 1), self._robot.nv)), "ddm")
-        a = a.reshape(T, N + 1, -1)[:, :, u]
-        caused = a[:, 1:] - a[:, :1]  # by one effort a row
+        each = np.zeros((T * N, self._robot.nv))
+        each[np.arange(T * N), np.tile(u, T)] = 1.0
+        _, by = self._run(at.repeated(N)._replace(x=np.repeat(tau, N, axis=0)), each, "ddm")
+        caused = by["tau"].reshape(T, N, N).transpose(0, 2, 1)  # by one effort a row
         if (np.linalg.cond(caused) > 1.0 / SINGULAR_ROWS).any():
             raise SingularityError(
                 "motors are redundant beside motions without a motor: efforts have no gradient; take 'ddm'",

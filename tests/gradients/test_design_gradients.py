@@ -11,6 +11,7 @@ import pytest
 import hybridyn
 from hybridyn.compiled.programs.designs import changed
 from hybridyn.compiled.programs.whole_robot import function_of, programs
+from hybridyn.effects import GearEfficiency
 from hybridyn.errors import AssemblyError, HybridynError, ModelError, SingularityError, TrajectoryError
 from hybridyn.structure.building import build_robot
 from tests.gradients.by_differences import agrees, numbers_of
@@ -218,3 +219,25 @@ def test_wrong_samples_are_refused() -> None:
         gradients.idm(q, v, a, parameters=[-1.0])
     with pytest.raises(SingularityError, match="leaves 1 motions"):
         hybridyn.DesignGradients(robot, ["mass:m1_tool"], keep=["m1_left_drive"]).idm(q, v, a)
+
+
+def test_efforts_beside_free_motions_hold_the_motors_accelerations_behind_gears() -> None:
+    """Efforts follow parameters so that accelerations of motors stay."""
+    robot = hybridyn.load("five_bar", base="floating")
+    gears = ["default", GearEfficiency(dict.fromkeys(robot.motors, 0.7), width=0.05)]
+    q, v, _ = hybridyn.assemble(robot, motors=([0.1, 0.2], [0.5, -0.4], [0.0, 0.0]))
+    tau = np.array([1.0, -0.6])
+    gradients = hybridyn.DesignGradients(robot, ["mass:m1_tool"], effects=gears)
+    a, over = gradients.ddm(q, v, tau)[:2]
+    sides = [
+        [hybridyn.ddm(robot, q, v, tau + sign * 1e-6 * e, effects=gears)[robot.motor_v] for e in np.eye(2)]
+        for sign in (1, -1)
+    ]
+    by_tau = (np.array(sides[0]) - sides[1]).T / 2e-6
+    moved = by_tau @ gradients.idm(q, v, a).over[:, 0]
+    close_to(moved, -over[robot.motor_v, 0], 1e-7)  # rounding over the step
+    with pytest.raises(ModelError, match="mass matrix does not take the effect 'gear_efficiency'"):
+        gradients.mass_matrix(q)
+    elbows = hybridyn.DesignGradients(robot, ["mass:m1_tool"], keep=["m1_left_elbow", "m1_right_drive"])
+    with pytest.raises(ModelError, match="leave 'keep' to them"):
+        elbows.idm(q, v, a)

@@ -1,10 +1,13 @@
 """Gradients of a study's measures, against differences of the measures themselves."""
 
+import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from hybridyn.description.shipped import shipped_file
 from hybridyn.errors import HybridynError, ModelError
 from hybridyn.spatial import Array
 from hybridyn.studies.sweep.gradients import StudyGradients
@@ -91,3 +94,24 @@ def test_what_has_no_gradient_is_refused(text: str, measures: str, says: str, tm
         study(tmp_path, measures, text)(NUMBERS)
     assert isinstance(caught.value, ModelError)
     assert "\n" not in str(caught.value)
+
+
+def test_power_that_no_motor_takes_back_has_no_slope(tmp_path: Path) -> None:
+    """The tool rises all the time."""
+    of, t = study(tmp_path, 'measure = ["braking_power", "peak_power"]'), np.linspace(0.0, 1.0, 9)
+    rows = np.column_stack([t, 0.0 * t, -0.5 + 0.05 * t + 0.02 * t**2])
+    header = "time,m1_tool/pose/x,m1_tool/pose/z"
+    np.savetxt(tmp_path / "loop.csv", rows, delimiter=",", header=header, comments="")
+    found = of(NUMBERS)
+    assert found.row.measures[0] == 0.0
+    assert not found.gradient[0].any()
+    assert found.gradient[1].any()
+
+
+def test_margins_to_limits_that_follow_parameters_are_refused(tmp_path: Path) -> None:
+    shutil.copytree(Path(shipped_file("five_bar") or "").parent, tmp_path / "urdf")
+    module = tmp_path / "urdf" / "modules" / "five_bar.xacro"
+    module.write_text(re.sub('effort="[^"]*"', 'effort="${100 * upper_length}"', module.read_text()))
+    text = STUDY.replace('"five_bar"', '"urdf/five_bar.urdf.xacro"')
+    with pytest.raises(ModelError, match="'effort_margin' has no gradient where limits of joints follow"):
+        study(tmp_path, 'measure = ["effort_margin"]', text)(NUMBERS)

@@ -53,6 +53,11 @@ class _Structure(NamedTuple):
     of_tasks: dict[str, DesignGradients]
 
 
+def _limits(description: Description) -> tuple[tuple[float, ...], ...]:
+    """Return the limits of the joints."""
+    return tuple((one.lower, one.upper, one.speed_limit, one.effort_limit) for one in description.joints)
+
+
 class StudyGradients:
     """Evaluates single designs of a study with the gradients of their measures.
 
@@ -68,6 +73,7 @@ class StudyGradients:
         """
         self.source, self._designer = source, Designer(source)
         self._structure: _Structure | None = None
+        self._limits_follow = False
         for name, task in source.study.tasks.items():
             if task.trajectory is None or task.passive != "given":
                 what = f"a {task.kind}" if task.trajectory is None else "passive = 'solved'"
@@ -103,6 +109,7 @@ class StudyGradients:
                     gradient[names.index(self.source.column(name, key))] = own
                 if found.closing < closing:
                     closing, at_closing = found.closing, found.closing_gradient
+            gradient[np.isnan(np.array(row.measures, dtype=float))] = math.nan
         except ModelError:
             raise
         except HybridynError as error:  # near singular postures, or of a model
@@ -119,6 +126,7 @@ class StudyGradients:
         def numbers(rows: Array) -> Array:
             """Return the numbers in the slots that differ between designs."""
             described = [variants.description(variants.named(row)) for row in rows]
+            self._limits_follow = len({*map(_limits, described)}) > 1
             differ = {slot for one in described for slot in differences(base, one)}
             if known is not None and _same(known, base, differ):
                 found.append(known.slots)
@@ -159,6 +167,12 @@ class StudyGradients:
             )
             structure.of_tasks[name] = DesignGradients(robot, structure.slots, keep=kept, effects=effects)
         words = task.wanted
+        for word in words.values():
+            if self._limits_follow and word.endswith("_margin"):
+                raise ModelError(
+                    f"{self.source.file}: task '{name}': '{word}' has no gradient where limits of joints "
+                    "follow the parameters", element=name,
+                )  # fmt: skip
         bars = [bars_of(robot, word, whole, tau) for word in words.values()]
         p, along = numbers
         found = structure.of_tasks[name].of_measures((whole.q, whole.v, whole.a), p, along, bars)

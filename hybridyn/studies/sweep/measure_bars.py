@@ -140,6 +140,8 @@ def _of_motors(robot: HybridRobot, word: str, motion: MotorColumns, out: Measure
     limits = [getattr(one, f"{quantity}_limit") if of_margin else 1.0 for one in records]
     values = [abs(_value(statistic, of[:, i], time)) / limits[i] for i in motors]
     i = int(np.argmax(values))
+    if statistic in ("min", "max") and not values[i]:  # no motor ever brakes, or drives
+        return
     sign = -1.0 if of_margin or statistic == "min" else 1.0
     if math.isfinite(limits[i]):
         _add(robot, i, quantity, sign / limits[i] * _slope(statistic, of[:, i], time), motion, out)
