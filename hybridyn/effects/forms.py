@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from numbers import Real
 from types import UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -33,7 +32,7 @@ def _fits(value: Any, hint: Any) -> bool:
     if origin in (Union, UnionType):
         return any(_fits(value, one) for one in inner)
     if hint is float:
-        return isinstance(value, Real) and not isinstance(value, bool)
+        return np.ndim(value) == 0 and _is_array(value) and not isinstance(value, bool)
     if origin is np.ndarray:
         return _is_array(value)
     if origin is Mapping:
@@ -61,4 +60,6 @@ def _example(hint: Any) -> str:
         return f"{{'name': {_example(inner[1])}}}"
     if origin in (Sequence, tuple):
         return f"[{_example(inner[0])}, ...]"
+    if origin is np.ndarray:
+        return "[1.0, ...]"
     return "1.0" if hint is float else "'name'"

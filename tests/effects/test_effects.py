@@ -27,7 +27,7 @@ from tests.robots.effect_cases import CASES, every, rate_of
 from tests.robots.mechanisms import random_mechanism, random_states
 from tests.robots.shipped import ROBOTS as SHIPPED
 from tests.robots.shipped import shipped, states_near_home
-from tests.support.comparing import close_to, refused
+from tests.support.comparing import close_to, refused, same_bits
 from tests.support.engines import engine_of
 from tests.support.samples import slow
 
@@ -606,3 +606,14 @@ def test_mistakes_are_named(name: str) -> None:
 )
 def test_wrong_numbers_are_refused_at_once(make: Callable[[], Any], message: str) -> None:
     refused(make, ModelError, message)
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    """Those of arrays without axes, too."""
+    robot = hybridyn.load("five_bar")
+    state = hybridyn.assemble(robot, motors=([0.1, 0.2], [0.5, -0.4], [0.0, 0.0]))
+    name = robot.motors[0]
+    same_bits(
+        hybridyn.idm(robot, *state, effects=[fx.CoulombFriction({name: np.array(0.5)})]),
+        hybridyn.idm(robot, *state, effects=[fx.CoulombFriction({name: 0.5})]),
+    )
