@@ -81,8 +81,11 @@ static M stepped(Work *w, M good, int lone, M *reach) {
         const V size = size_of(&w->moved);
         if (!lone) good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
         if (reach) *reach = AND(*reach, OR(NOT(left), AND(trusted, nearer(w))));
-        for (int m = 0; KEPT && k && !lone && m < MODULES; m++) { /* the general path damps steps that open chains */
-            good = AND(good, OR(NOT(left), OR(LE(w->taken[m], C(NEVER_DAMPED)), LT(w->moved.open[m], w->before[m]))));
+        if (KEPT && k && !lone) { /* the general path damps steps that open chains */
+            for (int m = 0; m < MODULES; m++) {
+                const M undamped = OR(LE(w->taken[m], C(NEVER_DAMPED)), LT(w->moved.open[m], w->before[m]));
+                good = AND(good, OR(NOT(left), undamped));
+            }
         }
         memcpy(w->before, w->moved.open, sizeof(w->before));
         take(left, (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));

@@ -236,6 +236,11 @@ def motion_map(chain: Chain, body: int) -> Expression:
     return J
 
 
+def wrench_map(chain: Chain, body: int) -> Expression:
+    """Compute the map from a wrench on a body, own frame, to the base's frame, shape (6, 6)."""
+    return np.stack([wrench_to_base(chain.R0[body], chain.p0[body], e) for e in eye(6)], axis=1)
+
+
 def carriers(chain: Chain, body: int) -> list[int]:
     """Return the joints that carry a body, from its own to that on its root."""
     return [] if body == chain.root[body] else [body - 1, *carriers(chain, chain.links[body - 1].parent)]

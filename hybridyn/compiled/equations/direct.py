@@ -16,7 +16,7 @@ import numpy as np
 
 from ...spatial import Index, crf, hat, wrench_to_base
 from ...symbols import Expression, dot
-from .chains import forces, mass_matrix, motion_map
+from .chains import forces, mass_matrix, motion_map, wrench_map
 from .core import Core, motions_of, own_inertia, rank_guard
 from .direct_legs import LEG_SUMS
 from .direct_outwards import accelerations_outwards, add_wrists, legs_on_paths
@@ -186,9 +186,7 @@ def _pushed(core: Core, plan: ModulePlan, options: Options, v: Expression) -> Ex
     out = [zeros(6 + core.chain.nv, 0)]
     for o, body in enumerate(core.outputs):
         if options.loaded and options.carries[o]:
-            R0, p0 = core.chain.R0[body], core.chain.p0[body]
-            unit = np.stack([wrench_to_base(R0, p0, e) for e in eye(6)], axis=1)
-            out.append(dot(motion_map(core.chain, body).T, unit))
+            out.append(dot(motion_map(core.chain, body).T, wrench_map(core.chain, body)))
     efforts = np.concatenate([zeros(6, len(options.rubbing)), -efforts_of(options.rubbing, plan, v)])
     return np.concatenate([*out, efforts], axis=1)
 

@@ -15,7 +15,7 @@ import numpy as np
 from ...effects.load_friction import OnLoads
 from ...errors import ModelError
 from ...linkage.closures import TreeClosure
-from ...spatial import Array, wrench_to_base
+from ...spatial import Array, cross, wrench_to_base
 from ...structure.module import Module
 from ...symbols import Expression, dot, minus, plus, times
 from .chains import Chain, carried, carriers
@@ -168,11 +168,7 @@ def _in_base(chain: Chain, body: int, W: Expression) -> Expression:
 def seen_from(chain: Chain, body: int, W: Expression) -> Expression:
     """Transform a wrench from the base's frame to a body's."""
     R, p = chain.R0[body], chain.p0[body]
-    moment = minus(W[3:], np.array([
-        minus(times(p[1], W[2]), times(p[2], W[1])), minus(times(p[2], W[0]), times(p[0], W[2])),
-        minus(times(p[0], W[1]), times(p[1], W[0])),
-    ], dtype=object))  # fmt: skip
-    return np.concatenate([dot(R.T, W[:3]), dot(R.T, moment)])
+    return np.concatenate([dot(R.T, W[:3]), dot(R.T, minus(W[3:], cross(p, W[:3])))])
 
 
 def through_closures(core: Core, plan: ModulePlan, rubbing: Sequence[Rubbing]) -> Expression:
@@ -181,7 +177,7 @@ def through_closures(core: Core, plan: ModulePlan, rubbing: Sequence[Rubbing]) -
     The multipliers m of the rows with pivots have K^T m = force. Others add self-stresses, which the law does
     not feel (`dynamics.load_friction.check_determined`).
     """
-    pivots, K = plan.loop_pivots, core.rows.K
+    pivots, K = plan.loop_pivots, core.rows.K[:, 6:]
     per_multiplier = [
         dot(plain(term.part), wrench)
         for one in rubbing
@@ -189,10 +185,10 @@ def through_closures(core: Core, plan: ModulePlan, rubbing: Sequence[Rubbing]) -
         for term in one.terms
     ]
     taken = np.concatenate([zeros(0, len(K)), *per_multiplier])
-    out, rows, cols = zeros(len(taken), K.shape[1] - 6), list(pivots.rows), list(pivots.cols)
-    if rows:
-        loops = Triangular.of_square(K[rows][:, [6 + col for col in cols]])
-        out[:, cols] = loops.solve(taken[:, rows].T).T
+    out = zeros(len(taken), K.shape[1])
+    if pivots.rows:
+        found = Triangular.of(K, pivots).solve(taken[:, list(pivots.rows)].T)
+        out[:, list(pivots.cols)] = found.T
     return out
 
 

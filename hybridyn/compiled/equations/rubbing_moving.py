@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import casadi as ca
 import numpy as np
 
-from ...spatial import motion_to_body, wrench_to_base
+from ...spatial import motion_to_body
 from ...symbols import Expression, dot, plus
-from .chains import carried, carriers, inertial_map, motion_map
+from .chains import carried, carriers, inertial_map, motion_map, wrench_map
 from .core import Core, whole
 from .expressions import eye, pack, plain, zeros
 from .module_plan import ModulePlan
@@ -149,8 +149,7 @@ class MovedModule:
         for o, body in enumerate(self.core.outputs):
             out.append(zeros(6, self.pushed.shape[1]))
             if self.options.carries[o]:
-                R0, p0 = chain.R0[body], chain.p0[body]
-                out[o][:, at : at + 6] = np.stack([wrench_to_base(R0, p0, e) for e in eye(6)], axis=1)
+                out[o][:, at : at + 6] = wrench_map(chain, body)
                 at += 6
         return out
 

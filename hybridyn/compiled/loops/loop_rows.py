@@ -41,11 +41,23 @@ def shape_of(module: Module, *more: Any) -> Any:
     spec = module.mechanism.spec
     if not module.mechanism.spanning_closures.rows:
         return tuple(joint.kind for joint in spec.spanning), *more
-    joints = tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in spec.spanning)
-    closures = tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in spec.closures)
-    couplings = tuple(c.form for c in spec.couplings)
-    rods = tuple((k, rod.on_a, rod.turns) for k, rod in spanning_rods(module.mechanism).items())
-    return joints, closures, couplings, rods, module.mobility, module.mechanism.length, *more
+    rows = shape_of_rows(spec.spanning, spec.closures, spec.couplings, spanning_rods(module.mechanism))
+    return rows, module.mobility, module.mechanism.length, *more
+
+
+def shape_of_rows(
+    joints: Sequence[TreeJoint],
+    closures: Sequence[TreeClosure],
+    couplings: Sequence[TreeCoupling],
+    rods: Mapping[int, Rod],
+) -> tuple[object, ...]:
+    """Return everything but the numbers in which trees with the same code of their rows may differ."""
+    return (
+        tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in joints),
+        tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in closures),
+        tuple(c.form for c in couplings),
+        tuple((k, rod.on_a, rod.turns) for k, rod in rods.items()),
+    )
 
 
 def along_rods(closures: Sequence[TreeClosure], rods: Mapping[int, Rod]) -> tuple[TreeClosure, ...]:

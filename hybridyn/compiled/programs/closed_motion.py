@@ -22,6 +22,7 @@ from ...symbols import Expression, dot
 from ..equations.expressions import filled, numbers, pack, symbols
 from ..equations.request import Request
 from ..equations.rigid import links_of
+from .closing.rows import coordinate_rows
 from .general import WIDTH, motion_of
 from .kinematics import kinematics_program
 from .whole_robot import function_of
@@ -134,7 +135,7 @@ def _of_links(
             elif name.startswith("along "):
                 rows.append(pack(R[:, "xyz".index(name[-1])]))
             else:
-                rows.append(pack(_coordinate(R, p, COORDINATES.index(name))))
+                rows.append(pack([coordinate_rows(R, p)[0][COORDINATES.index(name)]]))
     return ca.vertcat(*rows), ca.vertcat(*now) if now else ca.SX(0, 1)
 
 
@@ -155,13 +156,3 @@ def _placed(request: Request, found: ca.SX, link: str) -> tuple[Expression, Expr
 def _turned(R: Expression) -> ca.SX:
     """Return three numbers that vanish with a small rotation, and whose rates are its rates."""
     return pack([(R[2, 1] - R[1, 2]) / 2, (R[0, 2] - R[2, 0]) / 2, (R[1, 0] - R[0, 1]) / 2])
-
-
-def _coordinate(R: Expression, p: Expression, row: int) -> Expression:
-    """Return a coordinate of `COORDINATES`, an angle that of the upright triple."""
-    if row < 3:
-        return p[row : row + 1]
-    upright = ca.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2)
-    pairs = [(R[2, 1], R[2, 2]), (-R[2, 0], upright), (R[1, 0], R[0, 0])]
-    y, x = pairs[row - 3]
-    return filled([ca.atan2(y, x)], 1)

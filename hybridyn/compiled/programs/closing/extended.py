@@ -68,11 +68,11 @@ class Extended:
     @property
     def shape(self) -> tuple[object, ...]:
         """Everything but the numbers in which modules with the same kernel may differ."""
-        joints = tuple((j.kind, j.parent, tuple(j.axis.tolist())) for j in self.tree.joints)
-        loops = tuple((c.body_a, c.body_b, c.translations, c.rotation) for c in (*self.closures, *self.welds))
-        cut = len(self.mechanism.tree.joints)
-        rods = tuple((k, rod.on_a, rod.turns) for k, rod in self.rods.items())
-        return joints, cut, self.source, loops, tuple(c.form for c in self.couplings), self.length, rods
+        from ...loops.loop_rows import shape_of_rows
+
+        closures = *self.closures, *self.welds
+        rows = shape_of_rows(self.tree.joints, closures, self.couplings, self.rods)
+        return rows, len(self.mechanism.tree.joints), self.source, self.length
 
     @property
     def weight(self) -> Array:
