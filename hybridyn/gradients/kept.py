@@ -97,13 +97,14 @@ def check_held(robot: HybridRobot, kept: Kept, undriven: bool, accelerations: Se
         ModelError: Something else than the motors stays beside such a motion, or a measure depends on
             accelerations.
     """
-    own = kept_by_name(robot, robot.motors)
-    if undriven and (kept.links or {*kept.freedoms} != {*own.freedoms}):
+    if not undriven:
+        return
+    if kept.links or {*kept.freedoms} != {*robot.motor_v}:
         raise ModelError(
             "where motions have no motor, efforts have gradients at accelerations of the motors: leave "
             "'keep' to them, or take 'ddm'", element="keep",
         )  # fmt: skip
-    if undriven and any(one.any() for one in accelerations):
+    if any(one.any() for one in accelerations):
         raise ModelError(
             "measures of accelerations have no gradient where motions have no motor: these accelerations "
             "follow the parameters; take 'ddm'", element="acceleration",

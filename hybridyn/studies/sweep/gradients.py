@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -73,7 +74,6 @@ class StudyGradients:
         """
         self.source, self._designer = source, Designer(source)
         self._structure: _Structure | None = None
-        self._limits_follow = False
         for name, task in source.study.tasks.items():
             if task.trajectory is None or task.passive != "given":
                 what = f"a {task.kind}" if task.trajectory is None else "passive = 'solved'"
@@ -126,7 +126,7 @@ class StudyGradients:
         def numbers(rows: Array) -> Array:
             """Return the numbers in the slots that differ between designs."""
             described = [variants.description(variants.named(row)) for row in rows]
-            self._limits_follow = len({*map(_limits, described)}) > 1
+            self._check_limits(described)
             differ = {slot for one in described for slot in differences(base, one)}
             if known is not None and _same(known, base, differ):
                 found.append(known.slots)
@@ -139,6 +139,25 @@ class StudyGradients:
         if known is None or slots != known.slots:
             known = self._structure = _Structure(base, slots, {})
         return known, np.array(values_of(base, slots)), along
+
+    def _check_limits(self, described: Sequence[Description]) -> None:
+        """Check that designs have the limits of joints to which margins are measured.
+
+        Raises:
+            ModelError: The limits differ.
+        """
+        margins = [
+            (name, word)
+            for name, task in self.source.study.tasks.items()
+            for word in task.wanted.values()
+            if word.endswith("_margin")
+        ]
+        if margins and len({*map(_limits, described)}) > 1:
+            name, word = margins[0]
+            raise ModelError(
+                f"{self.source.file}: task '{name}': '{word}' has no gradient where limits of joints "
+                "follow the parameters", element=name,
+            )  # fmt: skip
 
     def _task(
         self,
@@ -167,12 +186,6 @@ class StudyGradients:
             )
             structure.of_tasks[name] = DesignGradients(robot, structure.slots, keep=kept, effects=effects)
         words = task.wanted
-        for word in words.values():
-            if self._limits_follow and word.endswith("_margin"):
-                raise ModelError(
-                    f"{self.source.file}: task '{name}': '{word}' has no gradient where limits of joints "
-                    "follow the parameters", element=name,
-                )  # fmt: skip
         bars = [bars_of(robot, word, whole, tau) for word in words.values()]
         p, along = numbers
         found = structure.of_tasks[name].of_measures((whole.q, whole.v, whole.a), p, along, bars)
