@@ -149,6 +149,11 @@ class OnLoads(NamedTuple):
         return out
 
 
+def coefficients(effect: LoadFriction) -> dict[str, Numbers]:
+    """Return the tables of a law's friction coefficients, by their names."""
+    return {word: getattr(effect, word) for word in ("radial", "axial", "tilt", "normal")}
+
+
 def on_loads(effect: LoadFriction, robot: HybridRobot) -> OnLoads | None:
     """Find the law's joints in a robot; None if it has none.
 
@@ -156,7 +161,7 @@ def on_loads(effect: LoadFriction, robot: HybridRobot) -> OnLoads | None:
         ModelError: A joint is unknown or of a kind without this coefficient, or a number is negative.
     """
     positive(effect.name, "width", effect.width)
-    tables = {word: getattr(effect, word) for word in ("radial", "axial", "tilt", "normal")}
+    tables = coefficients(effect)
     terms: list[tuple[str, str, float, Array]] = []
     for word, table in tables.items():
         for name, (factor,) in given(f"{effect.name}: {word}", table).items():

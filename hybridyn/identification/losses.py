@@ -27,7 +27,7 @@ from ..dynamics.loads import all_loads
 from ..effects.choice import Choice, Effects, choose
 from ..effects.gears import GearEfficiency, OnGears
 from ..effects.listing import listed_units
-from ..effects.load_friction import LoadFriction, OnLoads
+from ..effects.load_friction import LoadFriction, OnLoads, coefficients
 from ..errors import ModelError
 from ..spatial import Array, rotate_back
 from ..structure.robot import HybridRobot
@@ -115,8 +115,8 @@ def _check_sought(units: Iterable[object]) -> None:
     """
     for unit in units:
         if isinstance(unit, LoadFriction):
-            tables = {word: getattr(unit, word) for word in ("radial", "axial", "tilt", "normal")}
-            zero = [(word, joint) for word, table in tables.items() for joint, x in table.items() if not x]
+            tables = coefficients(unit).items()
+            zero = [(word, joint) for word, table in tables for joint, x in table.items() if not x]
             if zero:
                 word, joint = zero[0]
                 raise ModelError(

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import click
 import numpy as np
@@ -11,6 +10,7 @@ from ...assembly.posture import check_joints
 from ...description.names import listed
 from ...dynamics.quantities.joint_map import JointMap, joint_map, motors_beside
 from ...dynamics.quantities.regular_map import regular_map
+from ...effects.dc_motors import OnDcMotors
 from ...errors import SingularityError
 from ...spatial import Array
 from ...streams.departures import Departures
@@ -19,9 +19,6 @@ from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
 from ...studies import actuators, map_table
 from ...tables.layout import Layout
-
-if TYPE_CHECKING:
-    from ...effects.dc_motors import OnDcMotors
 from ...tables.results import open_results
 from .options import Grid, refuse
 from .text import aligned_rows, counted
@@ -33,7 +30,7 @@ def map_rows(
     *,
     joints: Sequence[str],
     efforts: Callable[[HybridRobot, TreeSamples], BlockResults] | None,
-    dc: "OnDcMotors | None" = None,
+    dc: OnDcMotors | None = None,
 ) -> BlockResults:
     """Compute the map at the postures of a block, with rates, accelerations and efforts.
 

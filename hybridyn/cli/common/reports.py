@@ -18,6 +18,7 @@ from ...structure.robot import HybridRobot
 from ...studies.effect_worth import Contribution, EffectSets, contributions
 from ...studies.sizing import MotorLoad, Peak, Sizing, motor_rows
 from ...studies.supply import SupplyLoad, SupplyLoads
+from ...tables.columns import SUPPLY
 from ...tables.layout import Layout
 from .engine_choice import WORTH_OF_EFFECTS, choose_engine
 from .figures import save, title_of
@@ -31,7 +32,6 @@ from .text import aligned_rows, counted
 WORK_ROUNDING = 1e-12
 #: Quantities that have limits.
 LIMITED = ("position", "speed", "effort")
-OF_SUPPLY = ("current", "voltage")
 
 
 def motor_states(
@@ -73,7 +73,7 @@ class LoadReport:
         supply = [] if self.supply is None else self.supply.loads()
         if self.tables.output:
             over = Counter({(one.joint, one.quantity): one.count for one in left})
-            limited = (*LIMITED, *(OF_SUPPLY if supply else ()))
+            limited = (*LIMITED, *(SUPPLY if supply else ()))
             counts = [{f"over_{what}": over[load.motor, what] for what in limited} for load in loads]
             rows = [facts(load, timed) | count for load, count in zip(loads, counts, strict=True)]
             if supply:
