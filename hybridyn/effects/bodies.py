@@ -13,6 +13,7 @@ from ..description.names import did_you_mean
 from ..errors import ModelError
 from ..linkage.motion import Motion
 from ..spatial import LARGEST, Array, cross, rotate, rotate_back
+from ..structure.forms import check_form
 from ..structure.robot import HybridRobot
 from .joints import WIDTH, Numbers, positive
 from .lengths import WORDS, check_numbers, stretch, tension
@@ -115,6 +116,7 @@ class LineSprings(LinkEffect):
     name: ClassVar[str] = "line_springs"
 
     def __post_init__(self) -> None:
+        check_form(self)
         positive(self.name, "width", self.width)
         for line, links in self.ends.items():
             points = np.asarray(self.points.get(line, ()), dtype=float)

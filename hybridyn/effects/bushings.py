@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import ModelError
 from ..linkage.motion import Motion
 from ..spatial import LARGEST, Array, cross, rotate, rotate_back, rotation_from_quaternion
+from ..structure.forms import check_form
 from .link_effect import LinkEffect, Moving, Three
 from .springs import UNIT_QUATERNION
 
@@ -62,6 +63,7 @@ class Bushings(LinkEffect):
     name: ClassVar[str] = "bushings"
 
     def __post_init__(self) -> None:
+        check_form(self)
         for one, links in self.ends.items():
             if len(links) != 2 or links[0] == links[1]:
                 raise self._error(one, "needs two links in 'ends'")

@@ -11,6 +11,7 @@ from ..description.names import did_you_mean
 from ..errors import AT_SAMPLE, ActuationError, ModelError
 from ..linkage.motion import Motion
 from ..spatial import Array, rotation_from_quaternion
+from ..structure.forms import check_form
 from ..structure.robot import HybridRobot
 from ..tables.rates import FEWEST_ROWS, Spline, aligned, angular_rates
 from .joints import Numbers
@@ -78,11 +79,12 @@ class BaseMotion:
     builds one). The table then replaces the base's part of the caller's q, v, a.
     """
 
-    time: Sequence[float] | Array
-    pose: Sequence[Sequence[float]] | Array
+    time: Array | Sequence[float]
+    pose: Array | Sequence[Sequence[float]]
     name: ClassVar[str] = "base_motion"
 
     def __post_init__(self) -> None:
+        check_form(self)
         time, pose = table(self.name, self.time, self.pose, 7)
         if len(time) < FEWEST_ROWS:
             raise ModelError(f"{self.name}: {len(time)} rows; a quintic spline needs {FEWEST_ROWS}")

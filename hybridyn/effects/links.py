@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import ModelError, TrajectoryError
 from ..linkage.motion import Motion
 from ..spatial import Array, cross, rotate, rotate_back
+from ..structure.forms import check_form
 from .joints import WIDTH, positive
 from .link_effect import LinkEffect
 
@@ -60,13 +61,14 @@ class Wrench(LinkEffect):
     """
 
     link: str
-    wrench: Sequence[float] | Array
-    time: Sequence[float] | Array | None = None
+    wrench: Array | Sequence[float]
+    time: Array | Sequence[float] | None = None
     frame: str = "link"
     name: ClassVar[str] = "wrench"
     of_motion: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
+        check_form(self)
         if self.frame not in ("link", "world"):
             raise ModelError(
                 f"{self.name}: frame must be 'link' or 'world', not {self.frame!r}", element=self.link
@@ -124,6 +126,7 @@ class GroundContact(LinkEffect):
     name: ClassVar[str] = "ground_contact"
 
     def __post_init__(self) -> None:
+        check_form(self)
         for what in ("stiffness", "damping", "friction"):
             positive(self.name, what, getattr(self, what), or_zero=True)
         positive(self.name, "width", self.width)

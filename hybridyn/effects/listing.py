@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 from ..description.names import did_you_mean, listed
 from ..errors import ModelError
 from ..structure.bodies import Payload
+from ..structure.forms import check_form
 from ..structure.robot import HybridRobot
 from .catalogue import JOINTS, UNITS, class_of, made, names
 from .dc_motors import DcMotors, OnDcMotors, on_dc_motors
-from .forms import check_form
 from .gears import GearEfficiency, OnGears, on_gears
 from .inputs import BaseMotion, Limits
 from .joint_laws import RotorInertia

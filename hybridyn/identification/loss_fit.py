@@ -33,6 +33,8 @@ CLEAR = 10.0
 SURE = 3.0
 #: How often a step of the estimate is halved at most.
 HALVINGS = 12
+#: Part of the largest effort by which a step of the estimate may change efforts that are computed exactly.
+ROUNDED = 256 * np.finfo(float).eps
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,33 +133,48 @@ class LossyRows:
             step = found.x - p
             if (np.abs(step) <= AGREED * found.deviation).all():
                 return found
-            p = self._nearer(p, step, part)
-        moved = (np.abs(step) / found.deviation)[len(self.rows.start) :]
-        raise TrajectoryError(
-            f"losses that grow with load do not settle: '{names[int(np.argmax(moved)) - len(moved)]}' still "
-            f"moves by {np.max(moved):.3g} deviations after {MOST_ROUNDS} rounds; leave it out, or record a "
-            "motion under other loads"
-        )
+            nearer = self._nearer(p, step, found.sigma, part)
+            if nearer is None and np.abs(slope @ step).max() <= ROUNDED * np.abs(tau).max():
+                return found
+            if nearer is None:
+                raise self._unsettled(
+                    names, step / found.deviation, f"and no {2.0**-HALVINGS:g} of that helps"
+                )
+            p = nearer
+        raise self._unsettled(names, step / found.deviation, f"after {MOST_ROUNDS} rounds")
 
-    def _nearer(self, p: Array, step: Array, part: slice) -> Array:
-        """Take the longest of a step, its half, its quarter, ... that leaves less of the efforts than p."""
-        before = self._left_over(p, part)
+    def _nearer(self, p: Array, step: Array, sigma: Array, part: slice) -> Array | None:
+        """Take the longest of a step, its half, its quarter, ... that leaves less of the efforts than p.
+
+        Args:
+            sigma: Deviation of each motor's noise for which the step was estimated, shape (motors,).
+
+        Returns:
+            Where it leads; None if none of them leaves less.
+        """
+        before = self._left_over(p, sigma, part)
         for halved in range(HALVINGS):
             nearer: Array = p + step / 2**halved
-            if self._left_over(nearer, part) < before:
+            if self._left_over(nearer, sigma, part) < before:
                 return nearer
-        return np.asarray(p + step)  # what is left is rounding
+        return None
 
-    def _left_over(self, p: Array, part: slice) -> float:
-        """Return the sum over motors of the logarithm of the squares that are left, inf where friction jams.
-
-        Up to constants and a factor, this is the likelihood of efforts whose noise is not known.
-        """
+    def _left_over(self, p: Array, sigma: Array, part: slice) -> float:
+        """Return the squares that are left over the variances of motors, summed, inf where friction jams."""
         try:
-            left = (self.data.measured - self.predicted(p)[0])[part]
+            left = (self.data.measured - self.predicted(p)[0])[part] / sigma
         except ActuationError:
             return float("inf")
-        return float(np.sum(np.log(np.sum(left**2, axis=0))))
+        return float(np.sum(left**2))
+
+    def _unsettled(self, names: Sequence[str], step: Array, why: str) -> TrajectoryError:
+        """Return the error that names the loss that still moves most, from a step in deviations."""
+        moved = np.abs(step[len(self.rows.start) :])
+        return TrajectoryError(
+            f"losses that grow with load do not settle: '{names[int(np.argmax(moved)) - len(moved)]}' still "
+            f"moves by {np.max(moved):.3g} deviations {why}; leave it out, or record a motion under other "
+            "loads"
+        )
 
 
 def fit_losses(

@@ -17,6 +17,7 @@ from ..errors import ModelError
 from ..joints.kinds import JointKind
 from ..linkage.joints import TreeJoint
 from ..spatial import LARGEST, Array
+from .forms import check_form
 
 #: Extents below this part of the largest are zero, but for the rounding of placements.
 NO_EXTENT = 1e-12
@@ -178,6 +179,7 @@ class Payload:
     name: ClassVar[str] = "payload"
 
     def __post_init__(self) -> None:
+        check_form(self)
         # Tuples, so that equal payloads compare equal, whatever sequences they were built from.
         com, inertia = np.asarray(self.com, dtype=float), np.asarray(self.inertia, dtype=float)
         if com.shape != (3,) or inertia.shape != (3, 3):

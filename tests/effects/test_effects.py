@@ -566,6 +566,7 @@ MISTAKES: dict[str, tuple[Callable[[HybridRobot], Any], str]] = {
     "bare number": (lambda r: [fx.CoulombFriction(3.0)], "level must have the form {'name': 1.0}, not 3.0"),
     "motors' number": (lambda r: [fx.DcMotors(torque_constant=0.1)], "dc_motors: torque_constant must have"),
     "word": (lambda r: [fx.LoadFriction({r.motors[0]: "x"})], "load_friction: radial must have the form"),
+    "no name": (lambda r: [fx.Damper({1: 2.0})], "must have the form {'name': 1.0}, not {1: 2.0}"),
     "no number": (lambda r: [fx.CoulombFriction({}, width=None)], "width must be a number, not None"),
     "twice": (lambda r: [fx.Limits(), fx.Limits({})], "named 2 times"),
 }  # fmt: skip
@@ -587,11 +588,20 @@ def test_mistakes_are_named(name: str) -> None:
         (lambda: fx.Payload("link", -1.0), "must not be negative"),
         (lambda: fx.Payload("link", 1.0, inertia=np.diag([1.0, 1.0, 3.0])), "no body has"),
         (lambda: fx.Payload("link", 1.0, com=(0.0, 1.0)), "com has 3 numbers"),
+        (lambda: fx.Payload("link", "1 kg"), "payload: mass must be a number, not '1 kg'"),
+        (lambda: fx.Wrench("link", "up"), r"wrench: wrench must have the form \[1.0, ...\], not 'up'"),
+        (lambda: fx.GroundContact([[0.0, 0, 0]], 1.0), "ground_contact: points must have the form {'name': "),
+        (
+            lambda: fx.LineSprings({"l": 2}, {}),
+            "line_springs: ends must have the form {'name': .'name', ....",
+        ),
+        (lambda: fx.Bushings({"b": "ab"}), "bushings: ends must have the form"),
+        (lambda: fx.BaseMotion("now", {}), "base_motion: time must have the form"),
         (lambda: fx.GroundContact({"link": [[0.0, 0, 0]]}, -1.0), "stiffness must be"),
         *(
             (
                 lambda shares=shares: fx.LineSprings(
-                    {"l": "ab"}, {"l": [[0.0, 0, 0]] * 2}, shares={"l": shares}
+                    {"l": ["a", "b"]}, {"l": [[0.0, 0, 0]] * 2}, shares={"l": shares}
                 ),
                 "'shares' of line 'l' needs 1 finite numbers",
             )

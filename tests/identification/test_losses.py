@@ -24,6 +24,7 @@ from hybridyn.identification.rows import LogSource
 from hybridyn.identification.sought import linear_model
 from tests.identification.logs import Table, case
 from tests.support.command_line import call, table_text
+from tests.support.comparing import refused
 from tests.support.extras import needs
 from tests.support.samples import slow
 
@@ -202,14 +203,40 @@ class Steep(LossyRows):
         return self.data.Y[:, :, 0] * p[0] + load * (grown - 1), slope
 
 
+class Uphill(Steep):
+    """Derivatives by the loss of the wrong sign: each step leads away, however short."""
+
+    def predicted(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Compute efforts and their derivatives."""
+        tau, slope = super().predicted(p)
+        return tau, slope * [1.0, -1.0]
+
+
+def steep(kind: type[Steep], true: float, noise: float) -> Steep:
+    """Return 50 samples of a mass of 2 and a loss."""
+    data: Any = SimpleNamespace(Y=np.ones((50, 1, 1)), known=np.zeros((50, 1)))
+    one = kind(data, SimpleNamespace(start=np.zeros(1)), 1)  # type: ignore[arg-type]
+    clean = one.predicted(np.array([2.0, true]))[0]
+    data.measured = clean + noise * np.random.default_rng(0).normal(size=(50, 1))
+    return one
+
+
+def test_a_search_of_losses_that_only_leads_away_is_refused_and_one_that_ends_is_not() -> None:
+    names = ["m:mass", "radial of elbow"]
+    refused(
+        lambda: steep(Uphill, 0.1, 1e-3).fit(names),
+        TrajectoryError,
+        "'radial of elbow' still .* and no 0.0002",
+    )
+    found = steep(Steep, 0.1, 0.0).fit(names)
+    assert np.abs(found.x - [2.0, 0.1]).max() < EXACT
+
+
 @pytest.mark.parametrize("true", [1.0, -1.0])
 def test_the_search_of_losses_is_damped_and_names_a_loss_where_it_fails(
     true: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data: Any = SimpleNamespace(Y=np.ones((50, 1, 1)), known=np.zeros((50, 1)))
-    one = Steep(data, SimpleNamespace(start=np.zeros(1)), 1)  # type: ignore[arg-type]
-    noise = 1e-3 * np.random.default_rng(0).normal(size=(50, 1))
-    data.measured = one.predicted(np.array([2.0, true]))[0] + noise
+    one = steep(Steep, true, 1e-3)
     found = one.fit(["m:mass", "radial of elbow"])
     assert (np.abs(found.x - [2.0, true]) < 5 * found.deviation).all()
     monkeypatch.setattr("hybridyn.identification.loss_fit.MOST_ROUNDS", 1)

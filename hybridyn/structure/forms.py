@@ -1,4 +1,4 @@
-"""Check that the arguments of effects from Python have the form that their annotations state."""
+"""Check that the arguments of effects and payloads from Python have the form of their annotations."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ def _fits(value: Any, hint: Any) -> bool:
     if origin is np.ndarray:
         return _is_array(value)
     if origin is Mapping:
-        return isinstance(value, Mapping) and all(_fits(x, inner[1]) for x in value.values())
+        return isinstance(value, Mapping) and all(
+            _fits(k, inner[0]) and _fits(x, inner[1]) for k, x in value.items()
+        )
     if origin in (Sequence, tuple):
         listed = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
         return listed and all(_fits(x, inner[0]) for x in value)
