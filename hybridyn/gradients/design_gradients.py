@@ -18,7 +18,7 @@ from .adjoint import Bars, ClosedAdjoint
 from .alike import programs_alike
 from .blocks import Factored, condition_of
 from .gradient import Gradient, MeasureBars, MeasureGradients
-from .kept import Kept, check_held, kept_by_name
+from .kept import Kept, check_held, has_undriven, kept_by_name
 from .model_sweeps import ModelSweeps, Samples
 from .slot_changes import slots_over_parameters
 
@@ -104,6 +104,8 @@ class DesignGradients:
                 derivative is then returned, in one sweep.
 
         Raises:
+            ModelError: Motors share freedoms, or something else than the motors stays beside motions that
+                have no motor.
             AssemblyError: The loops are not closed.
             SingularityError: What stays does not determine the motion, or a pivot of the model vanishes.
             TrajectoryError: An array has a wrong shape, or is not finite.
@@ -173,11 +175,17 @@ class DesignGradients:
             parameters: As in `idm`.
 
         Raises:
-            ModelError: The motors of the robot are not its independent coordinates, or do not stay.
+            ModelError: The motors of the robot are not its independent coordinates, or something else stays.
             HybridynError: As `idm`.
         """
         without_losses(self._effects, "the mass matrix does not take")
         u = self.robot.motor_v
+        if has_undriven(self.robot):
+            raise ModelError(
+                "the mass matrix has gradients where every motion has its motor: free bases and passive "
+                "motions have none; take 'ddm'", element="motors",
+            )  # fmt: skip
+        check_held(self.robot, self._kept)
         if [*self._kept.freedoms] != [*u] or self._kept.links:
             raise ModelError("the mass matrix is one over motors: leave 'keep' to them", element="keep")
         rest = np.zeros((*np.shape(q)[:-1], self.robot.nv))
@@ -217,7 +225,7 @@ class DesignGradients:
         factors = self._factors(at)
         closing, over = self._closed.closing(factors, at.numbers)
         rows, tau = [over], np.zeros((len(at.q), len(self.robot.motors)))
-        check_held(self.robot, self._kept, self.undriven, [one[2] for one in measures])
+        check_held(self.robot, self._kept, [one[2] for one in measures])
         for q_bar, v_bar, a_bar, tau_bar in measures:
             bars = Bars(q_bar, v_bar, a_bar)
             tau, found = self._models.summed(at, factors, tau_bar, "idm", bars)
@@ -235,7 +243,8 @@ class DesignGradients:
         weights: ArrayLike | None,
     ) -> Gradient:
         """Return the gradient of a model, see `idm`."""
-        check_held(self.robot, self._kept, self.undriven and name == "idm")
+        if name == "idm":
+            check_held(self.robot, self._kept)
         given = as_rates(self.robot, x, "a") if name == "idm" else as_efforts(self.robot, x)
         at = self._state(q, v, given, p)
         factors, first = self._factors(at), 0 if at.single else slice(None)
@@ -250,13 +259,11 @@ class DesignGradients:
 
     @property
     def operations(self) -> float:
-        """Number of operations of the gradient of one weighted sum of efforts, a sample."""
-        return self._closed.operations + self._models.model("idm").n_instructions()
+        """Number of operations of the gradient of one weighted sum of efforts, a sample.
 
-    @property
-    def undriven(self) -> bool:
-        """Whether some motion has no motor: its acceleration follows the parameters, too."""
-        return self._models.undriven
+        It counts those of CasADi's graphs, and of the factors of the loops' rows.
+        """
+        return self._closed.operations + self._models.model("idm").n_instructions()
 
     def _state(
         self, q: ArrayLike, v: ArrayLike, third: tuple[Array, bool], parameters: ArrayLike | None

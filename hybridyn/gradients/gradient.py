@@ -11,9 +11,9 @@ class Gradient(NamedTuple):
     """A model's result and its derivative over parameters.
 
     Attributes:
-        value: The result, shape (n,) or (T, n).
-        over: Its derivative, shape (n, k) or (T, n, k), or that of its weighted sum, shape (k,) or (T, k).
-            Those of numbers that open a loop are NaN.
+        value: The result, shape (n,) or (T, n); that of `mass_matrix`, shape (N, N) or (T, N, N).
+        over: Its derivative, with one more axis of length k at the end, or that of its weighted sum, shape
+            (k,) or (T, k). Those of numbers that open a loop are NaN.
         condition: Largest condition number of the rows of loops, over the samples. The relative error of
             derivatives is about this times the rounding.
     """

@@ -84,20 +84,31 @@ def _check(name: str, known: Sequence[str], what: str) -> None:
         raise ModelError(f"keep: there is no {what} '{name}'{did_you_mean(name, known)}", element=name)
 
 
-def check_held(robot: HybridRobot, kept: Kept, undriven: bool, accelerations: Sequence[Array] = ()) -> None:
+def has_undriven(robot: HybridRobot) -> bool:
+    """Return whether some motion has no motor: its acceleration follows the parameters, too."""
+    return robot.base == "floating" or any(len(m.motors) < m.mobility for m in robot.modules)
+
+
+def check_held(robot: HybridRobot, kept: Kept, accelerations: Sequence[Array] = ()) -> None:
     """Check that efforts have gradients at what stays.
 
     Args:
         robot: The robot.
         kept: What stays.
-        undriven: Whether some motion has no motor: its acceleration follows the parameters, too.
         accelerations: Derivatives of measures over the accelerations.
 
     Raises:
-        ModelError: Something else than the motors stays beside such a motion, or a measure depends on
-            accelerations.
+        ModelError: Motors share freedoms; or, beside motions without a motor, something else than the motors
+            stays, or a measure depends on accelerations.
     """
-    if not undriven:
+    for module in robot.modules:
+        if len(module.motors) > module.mobility:
+            raise ModelError(
+                f"module '{module.name}': {len(module.motors)} motors share {module.mobility} freedoms, and "
+                "how they do has no gradient: leave out motors, or take 'ddm'",
+                element=module.name,
+            )
+    if not has_undriven(robot):
         return
     if kept.links or {*kept.freedoms} != {*robot.motor_v}:
         raise ModelError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
@@ -14,6 +13,7 @@ from ..errors import AT_SAMPLE, SingularityError
 from ..spatial import Array
 from .adjoint import Bars, ClosedAdjoint, called
 from .blocks import Factored
+from .kept import has_undriven
 
 
 class Samples(NamedTuple):
@@ -59,12 +59,6 @@ class ModelSweeps:
     def __init__(self, programs: RobotPrograms, closed: ClosedAdjoint) -> None:
         self._programs, self._closed, self._robot = programs, closed, programs.robot
         self._models: dict[str, ca.Function] = {}
-
-    @cached_property
-    def undriven(self) -> bool:
-        """Whether some motion has no motor: its acceleration follows the parameters, too."""
-        robot = self._robot
-        return robot.base == "floating" or any(len(m.motors) < m.mobility for m in robot.modules)
 
     def model(self, name: str) -> ca.Function:
         """Return a model: from its arguments and weights to results, guard and derivatives of the sum."""
@@ -115,7 +109,7 @@ class ModelSweeps:
         Raises:
             SingularityError: A pivot of the model vanishes, or nothing determines the motion.
         """
-        if name == "idm" and self.undriven:
+        if name == "idm" and has_undriven(self._robot):
             return self._driven(at, factors, weights, motion)
         value, by = self._run(at, weights, name)
         none = np.zeros((len(at.q), self._robot.nv))
@@ -134,9 +128,12 @@ class ModelSweeps:
         value, guard, *over = np.split(called(model, *given), ends, axis=1)
         if not (guard <= GUARD_LIMIT).all():
             t = int(np.argmax(~(guard[:, 0] <= GUARD_LIMIT)))
+            loaded = self._programs.effects.loaded is not None
+            why = ", or friction that grows with load does not settle" if loaded else ""
+            mend = ", or lower its coefficients" if loaded else ""
             raise SingularityError(
-                f"a pivot of the compiled model nearly vanishes{AT_SAMPLE} (guard {guard[t, 0]:.1e}, limit "
-                f"{GUARD_LIMIT:g}): there is no gradient; move the motion away from this posture",
+                f"a pivot of the compiled model nearly vanishes{why}{AT_SAMPLE} (guard {guard[t, 0]:.1e}, "
+                f"limit {GUARD_LIMIT:g}): there is no gradient; move the motion away from this posture{mend}",
                 what="the model",
                 sample=t,
             )

@@ -5,40 +5,85 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from ..spatial import Array, Mask
-from ..structure.parameters.entries import Parameters
+from ..structure.parameters.entries import Numbers, Parameters
 
 #: Imaginary step of functions that take complex numbers: no digit is lost.
 COMPLEX_STEP = 1e-30
-#: Largest step of a number of size one, and that of zero, of quotients of differences: files of xacro, and
-#: parameters of other packages, have no derivatives.
-QUOTIENT_STEP, STEP_AT_ZERO = 0.02, 1e-3
-#: Quotients that are extrapolated, each of half the step of the one before. The error is
-#: that of order 2 LEVELS: 1e-14 of a smooth expression; rounding counts for 1e-13.
-LEVELS = 4
+#: Half the interval of a polynomial through numbers without derivatives (files of xacro, parameters of other
+#: packages), as a part of a parameter's range or size; and that of a parameter that is zero.
+PART, STEP_AT_ZERO = 0.02, 1e-3
+#: Points in the interval: the error is that of order 8, 1e-14 of a smooth expression; rounding, 1e-13.
+POINTS = 8
+#: Rounding of a number over its change in half the interval from which it takes the interval of zero: a
+#: parameter may be zero but for rounding, beside a number that is not.
+NOISE = 1e-11
 
 
-def changes_of(function: Callable[[Array], Array], at: Array, fixed: Mask | None = None) -> Array:
-    """Return the derivative of rows of numbers over parameters, shape (numbers, k), by extrapolation.
+def changes_of(
+    function: Callable[[Array], Numbers], at: Array, ranges: Array | None = None, fixed: Mask | None = None
+) -> Array:
+    """Return the derivative of rows of numbers over parameters, shape (numbers, k), by polynomials.
+
+    Where a range ends, or numbers beyond are not possible, all points lie on one side.
 
     Args:
-        function: From parameters, shape (n, k), to numbers, shape (n, numbers).
+        function: From parameters, shape (n, k), to numbers, shape (n, numbers), and errors by row.
         at: The parameters, shape (k,).
+        ranges: Their lower and upper bounds, shape (k, 2), infinite where there are none.
         fixed: Which parameters are left out, shape (k,): their columns are zero.
+
+    Raises:
+        ModelError: Numbers are not possible at the parameters, or on both sides of one.
     """
-    step = np.where(at == 0.0, STEP_AT_ZERO, QUOTIENT_STEP * np.abs(at))
-    chosen = np.arange(len(at)) if fixed is None else np.flatnonzero(~fixed)
-    halves = 0.5 ** np.arange(LEVELS)
-    rows = [at + sign * h * step[k] * np.eye(len(at))[k] for k in chosen for h in halves for sign in (1, -1)]
-    found = function(np.array(rows).reshape(-1, len(at)))
-    found = found.reshape(len(chosen), LEVELS, 2, found.shape[1])
-    table = (found[:, :, 0] - found[:, :, 1]) / (2 * halves[:, None] * step[chosen, None, None])
-    for level in range(1, LEVELS):
-        table = table[:, 1:] + (table[:, 1:] - table[:, :-1]) / (4.0**level - 1.0)
-    out = np.zeros((found.shape[3], len(at)))
-    out[:, chosen] = table[:, 0].T
+    values = _possible(function(at[None]))[0]
+    bounds = np.tile([-np.inf, np.inf], (len(at), 1)) if ranges is None else ranges
+    widths = np.where(np.isfinite(bounds).all(axis=1), np.ptp(bounds, axis=1), 0.0)
+    steps = PART * np.maximum(np.abs(at), widths)
+    steps[steps == 0.0] = STEP_AT_ZERO
+    low, high = np.minimum(bounds[:, 0], at), np.maximum(bounds[:, 1], at)
+    rounding = np.finfo(float).eps
+    out = np.zeros((len(values), len(at)))
+    for k in range(len(at)) if fixed is None else np.flatnonzero(~fixed).tolist():
+
+        def slopes(step: float, k: int = k) -> Array:
+            """Return the derivative over one parameter, from an interval within its bounds."""
+            ends = max(low[k], at[k] - step), min(high[k], at[k] + step)
+            return _slopes(function, at, k, ends)
+
+        out[:, k] = slopes(steps[k])
+        noisy = rounding * np.abs(values) > NOISE * steps[k] * np.abs(out[:, k])
+        if noisy.any() and rounding > NOISE * steps[k]:
+            out[noisy, k] = slopes(STEP_AT_ZERO)[noisy]
     return out
+
+
+def _slopes(function: Callable[[Array], Numbers], at: Array, k: int, ends: tuple[float, float]) -> Array:
+    """Return the derivative of numbers over one parameter, shape (numbers,), from an interval."""
+    points = chebyshev.chebpts1(POINTS)
+    rows = np.tile(at, (POINTS, 1))
+    rows[:, k] = 0.5 * (ends[0] + ends[1] + (ends[1] - ends[0]) * points)
+    found, errors = function(rows)
+    beyond = {bool(rows[i, k] > at[k]) for i in errors}
+    if len(beyond) == 1 and ends[0] < at[k] < ends[1]:
+        side = (ends[0], float(at[k])) if True in beyond else (float(at[k]), ends[1])
+        return _slopes(function, at, k, side)
+    changes = _possible((found - found[0], errors))
+    place = (2 * at[k] - ends[0] - ends[1]) / (ends[1] - ends[0])
+    rates = [chebyshev.chebval(place, chebyshev.chebder(one)) for one in np.eye(POINTS)]
+    weights = np.linalg.solve(chebyshev.chebvander(points, POINTS - 1).T, rates)
+    out: Array = 2 * weights @ changes / (ends[1] - ends[0])
+    return out
+
+
+def _possible(numbers: Numbers) -> Array:
+    """Return numbers of which no row is an error."""
+    values, errors = numbers
+    if errors:
+        raise errors[min(errors)]
+    return values
 
 
 def slots_over_parameters(parameters: Parameters, p: Array) -> Array:
@@ -48,12 +93,13 @@ def slots_over_parameters(parameters: Parameters, p: Array) -> Array:
         p: The parameters, shape (k,).
 
     Raises:
-        ModelError: A xacro file is wrong, or has another structure, near these parameters.
+        ModelError: A xacro file is wrong, or has another structure, at these parameters or on both sides of
+            one.
     """
     exact = np.array([entry.analytic for entry in parameters.entries for _ in entry.labels], dtype=bool)
     out = np.zeros((len(parameters.slots), len(p)))
     if not exact.all():
-        out = changes_of(parameters.slot_values, p, exact)
+        out = changes_of(parameters.possible, p, fixed=exact)
     row = column = 0
     for entry in parameters.entries:
         own = slice(column, column + entry.size)

@@ -10,6 +10,7 @@ import hybridyn
 from hybridyn.compiled.programs.designs import changed
 from hybridyn.description.records import Description
 from hybridyn.dynamics.link_motion import kinematics
+from hybridyn.gradients.kept import has_undriven
 from hybridyn.joints import displacement
 from hybridyn.spatial import Array
 from hybridyn.structure.parameters.entries import Parameters
@@ -70,7 +71,7 @@ def design(
         name: (position(robot, name, q), float(v[k]), float(a[k]))
         for name, k in zip(robot.motors, at, strict=True)
     }
-    solved = robot.base == "floating" or any(len(m.motors) < m.mobility for m in robot.modules)
+    solved = has_undriven(robot)
     root, platforms = robot.description.root, {}
     links = {name.partition("/")[0] for name in keep}
     for link in links or ([root] if robot.base != "fixed" else []):
@@ -147,7 +148,7 @@ def agrees(
     along *= min(1.0, 10.0 / efforts.condition)  # near singular postures a step leads far
     at_design = design(robot, q, v, a, tau, keep)
     wanted, errors = differences(robot, gradients.parameters, along, q, at_design)
-    solved = gradients.undriven  # accelerations without a motor follow the parameters, and are not held
+    solved = has_undriven(robot)  # accelerations without a motor follow the parameters, and are not held
     for k, (mine, theirs) in enumerate(zip(own, wanted, strict=True)):
         if k == 2 and solved:
             continue

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from ...gradients.kept import kept_by_requests
 from ...gradients.slot_changes import changes_of
 from ...spatial import Array
 from ...streams.postures import TreeSamples
+from ...structure.parameters.entries import Numbers
 from ...structure.parameters.slots import Slot, differences, values_of
 from ...structure.robot import HybridRobot
 from .evaluation import Designer, DesignRow, effects_of, said, status_of
@@ -119,26 +121,36 @@ class StudyGradients:
 
     def _slots(self, robot: HybridRobot, values: Array) -> tuple[_Structure, Array, Array]:
         """Return the models of a structure, the numbers in its slots, and their derivative over values."""
-        variants, known = self._designer.variants, self._structure
-        base = robot.description
-        found: list[tuple[Slot, ...]] = []
+        variants, known, base = self._designer.variants, self._structure, robot.description
+        differ = {*known.slots} if known is not None and _same(known, base) else set[Slot]()
+        slots = None
 
-        def numbers(rows: Array) -> Array:
-            """Return the numbers in the slots that differ between designs."""
-            described = [variants.description(variants.named(row)) for row in rows]
-            self._check_limits(described)
-            differ = {slot for one in described for slot in differences(base, one)}
-            if known is not None and _same(known, base, differ):
-                found.append(known.slots)
-            else:
-                found.append(tuple(sorted(differ)))
-            return np.array([values_of(one, found[0]) for one in described])
+        def numbers(rows: Array) -> Numbers:
+            """Return the numbers in the slots, and find further slots that differ between designs."""
+            out, errors = np.full((len(rows), len(slots or ())), math.nan), dict[int, ModelError]()
+            for i, row in enumerate(rows):
+                try:
+                    described = variants.description(variants.named(row))
+                    differ.update(differences(base, described))
+                except ModelError as error:
+                    errors[i] = error
+                else:
+                    self._check_limits([base, described])
+                    out[i] = values_of(described, slots or ())
+            return out, errors
 
-        along = changes_of(numbers, values)
-        (slots,) = found
+        while slots is None or {*slots} != differ:
+            slots = tuple(sorted(differ))
+            along = changes_of(numbers, values, self._ranges)
         if known is None or slots != known.slots:
             known = self._structure = _Structure(base, slots, {})
         return known, np.array(values_of(base, slots)), along
+
+    @cached_property
+    def _ranges(self) -> Array:
+        """The bounds of the study's parameters, infinite where there are none, shape (parameters, 2)."""
+        stated = self.source.study.parameters.values()
+        return np.array([one.range or (-math.inf, math.inf) for one in stated])
 
     def _check_limits(self, described: Sequence[Description]) -> None:
         """Check that designs have the limits of joints to which margins are measured.
@@ -222,9 +234,9 @@ class _TaskGradients(NamedTuple):
     closing_gradient: Array
 
 
-def _same(known: _Structure, base: Description, differ: set[Slot]) -> bool:
+def _same(known: _Structure, base: Description) -> bool:
     """Return whether a design has a structure, and differs from it in its slots alone."""
     try:
-        return {*differences(known.base, base), *differ} <= {*known.slots}
+        return {*differences(known.base, base)} <= {*known.slots}
     except ModelError:
         return False
