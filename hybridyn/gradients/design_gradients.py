@@ -104,8 +104,8 @@ class DesignGradients:
                 derivative is then returned, in one sweep.
 
         Raises:
-            ModelError: Motors share freedoms, or something else than the motors stays beside motions that
-                have no motor.
+            ModelError: Something else than the motors stays beside motions that have no motor.
+            ActuationError: Motors share a load, and have different units and no effort limits.
             AssemblyError: The loops are not closed.
             SingularityError: What stays does not determine the motion, or a pivot of the model vanishes.
             TrajectoryError: An array has a wrong shape, or is not finite.
@@ -180,12 +180,11 @@ class DesignGradients:
         """
         without_losses(self._effects, "the mass matrix does not take")
         u = self.robot.motor_v
-        if has_undriven(self.robot):
+        if has_undriven(self.robot) or any(len(m.motors) > m.mobility for m in self.robot.modules):
             raise ModelError(
-                "the mass matrix has gradients where every motion has its motor: free bases and passive "
-                "motions have none; take 'ddm'", element="motors",
+                "the mass matrix has gradients where every motion has one motor: a motion of this robot has "
+                "none, or several; take 'ddm'", element="motors",
             )  # fmt: skip
-        check_held(self.robot, self._kept)
         if [*self._kept.freedoms] != [*u] or self._kept.links:
             raise ModelError("the mass matrix is one over motors: leave 'keep' to them", element="keep")
         rest = np.zeros((*np.shape(q)[:-1], self.robot.nv))

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..assembly.requests import Requests
 from ..description.names import did_you_mean
+from ..dynamics.actuation import load_share
 from ..errors import ModelError
 from ..linkage.targets import COORDINATES
 from ..spatial import Array, Index, indices
@@ -98,16 +99,13 @@ def check_held(robot: HybridRobot, kept: Kept, accelerations: Sequence[Array] = 
         accelerations: Derivatives of measures over the accelerations.
 
     Raises:
-        ModelError: Motors share freedoms; or, beside motions without a motor, something else than the motors
-            stays, or a measure depends on accelerations.
+        ActuationError: Motors share a load, and have different units and no effort limits.
+        ModelError: Beside motions without a motor, something else than the motors stays, or a measure depends
+            on accelerations.
     """
     for module in robot.modules:
         if len(module.motors) > module.mobility:
-            raise ModelError(
-                f"module '{module.name}': {len(module.motors)} motors share {module.mobility} freedoms, and "
-                "how they do has no gradient: leave out motors, or take 'ddm'",
-                element=module.name,
-            )
+            load_share(robot, module, None)
     if not has_undriven(robot):
         return
     if kept.links or {*kept.freedoms} != {*robot.motor_v}:

@@ -12,7 +12,14 @@ import hybridyn
 from hybridyn.compiled.programs.designs import changed
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.effects import GearEfficiency, LoadFriction
-from hybridyn.errors import AssemblyError, HybridynError, ModelError, SingularityError, TrajectoryError
+from hybridyn.errors import (
+    ActuationError,
+    AssemblyError,
+    HybridynError,
+    ModelError,
+    SingularityError,
+    TrajectoryError,
+)
 from hybridyn.structure.building import build_robot
 from tests.gradients.by_differences import agrees, numbers_of
 from tests.robots.as_written import leg
@@ -71,7 +78,7 @@ def test_a_leg_with_a_parallel_ankle_on_a_floating_base(tmp_path: Path) -> None:
 #: loops whose last freedom nothing keeps, motors beyond the compiled model, joints that no motion determines.
 WITHOUT = {
     "sps": "motions", "rssr": "motions", "star_few": "motions", "five_bar_one_motor": "motions",
-    "gough_eight_motors": "8 motors share 6 freedoms",
+    "gough_eight_motors": "share 6 freedoms. Give weights",
 }  # fmt: skip
 #: Motions that `assemble` cannot be asked for by joints of one freedom.
 NOT_ASKED = ("serial_all", "sps_thin")
@@ -86,13 +93,15 @@ def of_random(kind: str, seed: int, base: Any) -> None:
         a = hybridyn.ddm(robot, q, v, np.ones(len(robot.motors)))
     compare = partial(agrees, robot, numbers_of(description, seed), (q, v, a), seed)
     if kind in WITHOUT:
-        with pytest.raises((ModelError, SingularityError), match=WITHOUT[kind]):
+        with pytest.raises((ActuationError, SingularityError), match=WITHOUT[kind]):
             compare()
     else:
         compare()
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("loop_prismatic", 4), ("four_bar", 16), ("gear_rack", 45)])
+@pytest.mark.parametrize(
+    ("kind", "seed"), [("loop_prismatic", 4), ("four_bar", 16), ("gear_rack", 45), ("four_bar_two_motors", 0)]
+)
 def test_gradients_of_random_mechanisms(kind: str, seed: int) -> None:
     of_random(kind, seed, "fixed")
 
@@ -249,5 +258,5 @@ def test_efforts_beside_free_motions_hold_the_motors_accelerations_behind_gears(
     elbows = hybridyn.DesignGradients(robot, ["mass:m1_tool"], keep=["m1_left_elbow", "m1_right_drive"])
     with pytest.raises(ModelError, match="leave 'keep' to them"):
         elbows.idm(q, v, a)
-    with pytest.raises(ModelError, match="where every motion has its motor"):
+    with pytest.raises(ModelError, match="where every motion has one motor"):
         hybridyn.DesignGradients(robot, ["mass:m1_tool"]).mass_matrix(q)
