@@ -13,7 +13,7 @@ from ..structure.robot import HybridRobot
 from .choice import Effects
 from .joint_laws import DryFriction
 from .joints import OnJoints
-from .load_friction import OnLoads
+from .load_friction import OnLoads, larger
 
 
 class DryLaw(NamedTuple):
@@ -64,8 +64,8 @@ class OnSticking(NamedTuple):
     def gains(self, v: Array) -> Array:
         """Compute the friction of each joint of `loaded` at rates v, shape (k,), over that far from rest."""
         assert self.loaded is not None
-        speeds = np.abs(v[self.of_load])
-        return np.array([float(self.loaded.larger(j, x)) for j, x in enumerate(speeds)])
+        out: Array = larger(self.loaded.rise, v[self.of_load], self.loaded.speed)
+        return out
 
 
 def _rubs(law: OnJoints) -> Mask:

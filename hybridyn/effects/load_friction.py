@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from functools import reduce
+from operator import add
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -75,26 +77,18 @@ class OnLoads(NamedTuple):
         """Compute each joint's effort per unit of friction, shape (T, nv, joints), from rates (T, nv)."""
         out = np.zeros((*v.shape, len(self.joints)))
         for i, at in enumerate(self.freedoms):
-            speed = np.linalg.norm(v[:, at], axis=1, keepdims=True)
-            slope = np.tanh(speed / self.effect.width) / np.where(speed > 0, speed, 1.0)
-            slope *= self.larger(i, speed)
-            out[:, at, i] = -slope * v[:, at]
-        return out
-
-    def larger(self, joint: int, speed: Array) -> Array:
-        """Compute friction of a joint over that far from rest, at speeds of any shape."""
-        out: Array = 1 + self.rise[joint] * np.exp(-np.square(speed / self.speed[joint]))
+            out[:, at, i] = np.stack(
+                against(v[:, at].T, self.effect.width, self.rise[i], self.speed[i]), axis=1
+            )
         return out
 
     def sizes(self, wrenches: Array) -> Array:
         """Compute the friction of each joint, shape (..., joints), from wrenches, shape (..., joints, 6)."""
-        return self._by_joint(self.factor * np.linalg.norm(self._parts(wrenches), axis=-1))
+        return self._by_joint(self.factor * length(np.moveaxis(self._parts(wrenches), -1, 0)))
 
     def slopes(self, wrenches: Array) -> Array:
         """Compute the derivative of the friction of each joint by its wrench, shape (..., joints, 6)."""
-        parts = self._parts(wrenches)
-        size = np.linalg.norm(parts, axis=-1, keepdims=True)
-        along = np.where(size > 0, parts, 0.0) / np.where(size > 0, size, 1.0)
+        along = np.stack(direction(np.moveaxis(self._parts(wrenches), -1, 0)), axis=-1)
         each = self.factor[:, None] * np.einsum("...ki,kij->...kj", along, self.part)
         return np.moveaxis(self._by_joint(np.moveaxis(each, -1, 0)), 0, -1)
 
@@ -147,6 +141,48 @@ class OnLoads(NamedTuple):
         for k, joint in enumerate(self.of_joint):
             out[..., joint] += terms[..., k]
         return out
+
+
+#: Added to the square of a length that divides, so that a vector of zeros has no direction, also in single
+#: precision; far below the squares of rates [rad/s] and of loads [N, N m] that matter.
+NO_LENGTH = 1e-30
+
+
+def larger(rise: Any, rate: Any, speed: Any) -> Any:
+    """Compute friction at a rate over that far from rest.
+
+    This and the next three run on numbers and symbols.
+    """
+    return 1.0 + rise * np.exp(-((rate / speed) ** 2))
+
+
+def against(v: Array | Sequence[Any], width: Any, rise: Any, speed: Any) -> list[Any]:
+    """Return the efforts over a joint's freedoms per unit of its friction, from its rates v.
+
+    Args:
+        width, rise, speed: As of `OnLoads`.
+    """
+    rate = v[0] if len(v) == 1 else np.sqrt(_square(v) + NO_LENGTH)
+    slope = -np.tanh(rate / width) * larger(rise, rate, speed)
+    return [slope] if len(v) == 1 else [x * (slope / rate) for x in v]
+
+
+def length(part: Array | Sequence[Any]) -> Any:
+    """Return the length of a part of a wrench, to which the friction of its term is in proportion."""
+    return np.abs(part[0]) if len(part) == 1 else np.sqrt(_square(part))
+
+
+def direction(part: Array | Sequence[Any]) -> list[Any]:
+    """Return the derivative of `length` by the part, which vanishes where the part does."""
+    if len(part) == 1:
+        return [np.sign(part[0])]
+    size = np.sqrt(_square(part) + NO_LENGTH)
+    return [x / size for x in part]
+
+
+def _square(x: Array | Sequence[Any]) -> Any:
+    """Return the sum of the squares of some numbers."""
+    return reduce(add, [y * y for y in x])
 
 
 def coefficients(effect: LoadFriction) -> dict[str, Numbers]:

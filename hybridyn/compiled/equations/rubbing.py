@@ -9,18 +9,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
-from ...effects.load_friction import OnLoads
+from ...effects.load_friction import OnLoads, against
 from ...errors import ModelError
 from ...linkage.closures import TreeClosure
-from ...spatial import Array, cross, wrench_to_base
+from ...spatial import Array, cross, numpy_on_symbols, wrench_to_base
 from ...structure.module import Module
-from ...symbols import Expression, dot, minus, plus, times
+from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, carried, carriers
 from .core import Core
-from .expressions import along, filled, numbers, plain, zeros
+from .expressions import filled, numbers, plain, zeros
 from .guarded_elimination import Triangular
 from .module_plan import ModulePlan
 from .parts import Parts
@@ -60,14 +59,8 @@ class Rubbing(NamedTuple):
 
     def effort(self, v: Expression) -> Expression:
         """Compute the efforts over its freedoms per unit of friction at their rates v."""
-        if len(v) == 1:
-            speed, sign = v[0], -ca.tanh(v[0] / self.width)
-        else:
-            speed = ca.sqrt(ca.SX(along(v, v)))
-            sign = ca.if_else(speed > 0, -ca.tanh(speed / self.width) / speed, 0.0)
-        larger = 1.0 + self.rise * ca.exp(-((speed / self.speed) ** 2)) if self.rise else 1.0
-        each = v if len(v) > 1 else plain([1.0])
-        return filled([times(x, times(sign, larger)) for x in each], len(v))
+        with numpy_on_symbols():
+            return filled(against(v, self.width, self.rise, self.speed), len(v))
 
 
 def rubbing_joints(law: OnLoads | None, module: Module, parts: Parts) -> tuple[Rubbing, ...]:

@@ -15,8 +15,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ...effects.load_friction import direction, length
+from ...spatial import numpy_on_symbols
 from ...symbols import Expression, dot, plus, times
-from .expressions import along, eye, zeros
+from .expressions import eye, filled, zeros
 from .guarded_elimination import Triangular
 from .rubbing import Rubbing, WrenchAnswers, terms_of
 
@@ -83,7 +85,8 @@ def friction_of(rubbing: Sequence[Rubbing], parts: Sequence[Expression]) -> Expr
     """
     N = zeros(len(rubbing))
     for (i, factor, _), part in zip(terms_of(rubbing), parts, strict=True):
-        N[i] = N[i] + factor * ca.sqrt(ca.SX(along(part, part)))
+        with numpy_on_symbols():
+            N[i] = plus(N[i], times(factor, length(part)))
     return N
 
 
@@ -100,7 +103,8 @@ def newton_step(
     """
     N, slope = friction_of(rubbing, parts), zeros(len(rubbing), len(rubbing))
     for (i, factor, _), part, B in zip(terms_of(rubbing), parts, per_unit, strict=True):
-        size = ca.sqrt(ca.SX(along(part, part)))
-        scale = ca.if_else(size > 0, factor / size, 0.0)
-        slope[i] = slope[i] + [times(scale, x) for x in dot(part, B)]
+        with numpy_on_symbols():
+            way = direction(part)
+        along = filled([times(factor, x) for x in way], len(way))
+        slope[i] = plus(slope[i], dot(along, B))
     return n + Triangular.of_square(eye(len(n)) - slope).solve((N - n)[:, None])[:, 0]
