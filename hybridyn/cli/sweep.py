@@ -28,6 +28,7 @@ def run(
     resume: bool,
     allow_python: bool,
     engine: str | None,
+    gradient: bool,
     best: str | None,
     where: str | None,
     top: int,
@@ -39,13 +40,15 @@ def run(
     refuse(
         (not study and not asked, "give a STUDY to evaluate, or --best or --plot to ask earlier results"),
         (not study and (executor or dask), "--executor and --dask belong to a STUDY"),
+        (not study and gradient, "--gradient belongs to a STUDY"),
+        (gradient and engine == "compiled", "--gradient goes without --engine compiled"),
         (where and not asked, "--where belongs to --best or --plot"),
     )
     if study is not None:
         with processes(Asked(jobs, executor, dask)) as (count, start):
             _evaluate(
                 study, output, engine, jobs=count, executor=start, resume=resume, allow_python=allow_python,
-                strict=strict,
+                gradient=gradient, strict=strict,
             )  # fmt: skip
     if best is not None:
         click.echo("\n".join(_table(find_best(output, best, where, top))))

@@ -14,9 +14,8 @@ whatever the number of parameters. K^T is factored once a sample, by orthogonal 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from ..compiled import RobotPrograms
@@ -24,6 +23,9 @@ from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..spatial import Array
 from .blocks import Factored, RowBlock, blocks_of, reflections
 from .kept import Kept
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 #: Pivots of the rows below this part of the largest are zero: the rows depend on each other. Files whose
 #: loops close to rounding only raise it.
@@ -56,6 +58,8 @@ class ClosedAdjoint:
 
     def __init__(self, programs: RobotPrograms, kept: Kept) -> None:
         """Write the rows and their derivatives."""
+        import casadi as ca
+
         self._robot = robot = programs.robot
         rows = programs.closed_motion(kept.links)
         q, v, a, p, fixed = rows.q, rows.v, rows.a, rows.p, rows.fixed

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..compiled import as_compile_error, asked_for
+from ..compiled import as_compile_error, asked_for, needs_casadi
 from ..effects.choice import Choice, without_losses
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
@@ -71,6 +71,7 @@ class DesignGradients:
         """
         if isinstance(parameters, str) or not parameters:
             raise ModelError("gradients need parameters: a list of names such as ['mass:LINK']")
+        needs_casadi()
         with as_compile_error(robot):
             self.robot, on, self.parameters = asked_for(robot, effects, parameters, "float64")
             self._effects = on

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from ..assembly.task import SINGULAR_ROWS
@@ -14,6 +13,9 @@ from ..spatial import Array
 from .adjoint import Bars, ClosedAdjoint, called
 from .blocks import Factored
 from .kept import has_undriven
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 
 class Samples(NamedTuple):
@@ -62,6 +64,8 @@ class ModelSweeps:
 
     def model(self, name: str) -> ca.Function:
         """Return a model: from its arguments and weights to results, guard and derivatives of the sum."""
+        import casadi as ca
+
         if name not in self._models:
             model = self._programs.function(name)
             given = [ca.SX.sym(model.name_in(i), model.size1_in(i)) for i in range(model.n_in())]

@@ -682,11 +682,11 @@ def test_an_error_in_one_task_leaves_the_measures_of_the_others(
     ), "study.toml")  # fmt: skip
     whole, measure = evaluated(study)[0], Designer._task
 
-    def failing(own: Designer, robot: hybridyn.HybridRobot, name: str, task: Any) -> dict[str, float]:
+    def failing(own: Designer, robot: hybridyn.HybridRobot, name: str, *given: Any) -> dict[str, float]:
         """Fail in some tasks, and measure the others."""
         if name in wrong:
             raise error
-        return measure(own, robot, name, task)
+        return measure(own, robot, name, *given)
 
     monkeypatch.setattr(Designer, "_task", failing)
     row = evaluated(study)[0]

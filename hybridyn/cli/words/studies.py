@@ -204,6 +204,10 @@ sweep = Command(
         option("-o", "--output", metavar="FOLDER", default="results", show_default=True, help="The results."),
         option("--allow-python", is_flag=True, help="Allow measures that are functions of Python files."),
         ENGINE,
+        option(
+            "--gradient", is_flag=True,
+            help="Write the derivatives of measures over parameters, too: columns 'MEASURE.d_PARAMETER'.",
+        ),
         STRICT,
         option(
             "--best", metavar="A,-B,...",

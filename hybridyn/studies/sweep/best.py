@@ -20,7 +20,7 @@ class SweepRows(NamedTuple):
 
     Attributes:
         about: What they belong to.
-        columns: Columns of numbers by name, shape (designs,) each: "design", parameters, measures.
+        columns: Columns of numbers by name, shape (designs,) each: "design", parameters, measures, gradients.
         status: Status of each design, shape (designs,).
         met: Which designs are "ok" and meet the condition, shape (designs,).
     """
@@ -64,7 +64,7 @@ def rows_of(folder: str | PathLike[str], where: str | None = None) -> SweepRows:
         HybridynError: The folder has no results, or the condition is wrong.
     """
     about = about_of(str(folder))
-    numbers = ["design", *about.parameters, *about.measures]
+    numbers = ["design", *about.parameters, *about.measures, *about.gradients]
     condition = None if where is None else Expression(where, numbers, "--where")
     frame = read_shards(str(folder), [*numbers, "status"])
     columns = {name: frame[name].cast(float).fill_null(np.nan).to_numpy() for name in numbers}

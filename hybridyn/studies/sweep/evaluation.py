@@ -9,11 +9,12 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...effects import Effects, choose
 from ...errors import AssemblyError, HybridynError, SingularityError
 from ...spatial import Array
+from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
 from ..workspace.workspace import workspace
 from .following import Track, follow
@@ -39,6 +40,7 @@ class DesignRow:
         status: One of `STATUSES`: that of the first task with an error.
         measures: What was measured, in the order of the study's columns; nan for a task that met an error.
         message: The first error, or "".
+        gradients: What stands in `StudyFile.gradient_columns`, or nothing.
     """
 
     design: int
@@ -46,6 +48,25 @@ class DesignRow:
     status: str
     measures: tuple[float, ...]
     message: str
+    gradients: tuple[float, ...] = ()
+
+
+#: The blocks of a trajectory: postures, and efforts of the motors, shape (T, motors).
+Motions = list[tuple[TreeSamples, Array]]
+
+
+class Evaluation(NamedTuple):
+    """A design with the robot and the motions that were measured.
+
+    Attributes:
+        row: The design.
+        robot: Its robot, or None where it does not load.
+        motions: Those of each trajectory by task.
+    """
+
+    row: DesignRow
+    robot: HybridRobot | None
+    motions: dict[str, Motions]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,33 +125,37 @@ class Designer:
         Args:
             values: Values of the parameters, shape (parameters,).
         """
-        row, nothing = (
-            partial(DesignRow, design, tuple(values.tolist())),
-            (math.nan,) * len(self.source.columns),
-        )
+        return self.evaluated(design, values).row
+
+    def evaluated(self, design: int, values: Array) -> Evaluation:
+        """Evaluate a design, and return its robot and its motions, too; the arguments are those of a call."""
+        row = partial(DesignRow, design, tuple(values.tolist()))
+        measures, status, message = dict.fromkeys(self.source.columns, math.nan), "ok", ""
+        motions: dict[str, Motions] = {}
         try:
             robot = self.variants(self.variants.named(values))
         except Exception as error:
-            return row("not loaded", nothing, said(error))
-        measures, status, message = dict.fromkeys(self.source.columns, math.nan), "ok", ""
+            return Evaluation(row("not loaded", tuple(measures.values()), said(error)), None, motions)
         for name, task in self.source.study.tasks.items():
             try:
-                own = self._task(robot, name, task)
+                own = self._task(robot, name, task, motions)
             except Exception as error:
                 if status == "ok":
                     status, message = status_of(error), said(error)
             else:
                 measures |= {self.source.column(name, key): value for key, value in own.items()}
-        return row(status, tuple(measures.values()), message)
+        return Evaluation(row(status, tuple(measures.values()), message), robot, motions)
 
-    def _task(self, robot: HybridRobot, name: str, task: TaskTable) -> dict[str, float]:
+    def _task(
+        self, robot: HybridRobot, name: str, task: TaskTable, motions: dict[str, Motions]
+    ) -> dict[str, float]:
         if task.workspace is not None:
             return _in_workspace(robot, task, self.functions)
         if task.scene is not None:
             return self.players[name](robot, self.functions)
         effects = effects_of(robot, task)
-        blocks = [*follow(robot, self.tracks[name], task.passive, effects, task.redundancy)]
-        return measured(robot, task.wanted, blocks, self.functions)
+        motions[name] = [*follow(robot, self.tracks[name], task.passive, effects, task.redundancy)]
+        return measured(robot, task.wanted, motions[name], self.functions)
 
 
 def effects_of(robot: HybridRobot, task: TaskTable) -> Effects:

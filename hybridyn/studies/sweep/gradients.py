@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from ...assembly.requests import gather_requests
+from ...compiled import needs_casadi
 from ...description.records import Description
 from ...errors import HybridynError, ModelError
 from ...gradients.design_gradients import DesignGradients
 from ...gradients.gradient import MeasureGradients
-from ...gradients.kept import kept_by_requests
+from ...gradients.kept import Kept, kept_by_requests
 from ...gradients.slot_changes import changes_of
 from ...spatial import Array
 from ...streams.postures import TreeSamples
 from ...structure.parameters.entries import Numbers
 from ...structure.parameters.slots import Slot, differences, values_of
 from ...structure.robot import HybridRobot
-from .evaluation import Designer, DesignRow, effects_of, said, status_of
-from .following import follow
+from ...tables.layout import Layout
+from ...tables.trajectory import TableMotion
+from .evaluation import Designer, DesignRow, Motions, effects_of, said, status_of
 from .measure_bars import bars_of
-from .study_file import StudyFile, TaskTable
+from .study_file import CLOSING, StudyFile, TaskTable
 
 #: Largest difference of efforts of the gradients' model to those of the general path, of the largest effort.
 SAME_EFFORTS = 1e-8
@@ -48,10 +51,10 @@ class DesignGradient(NamedTuple):
     closing_gradient: Array
 
 
-class _Structure(NamedTuple):
-    """The models of designs that differ in slots alone, for each task."""
+class _Models(NamedTuple):
+    """The models of designs that differ in slots alone from a robot, by task."""
 
-    base: Description
+    robot: HybridRobot
     slots: tuple[Slot, ...]
     of_tasks: dict[str, DesignGradients]
 
@@ -65,7 +68,12 @@ class StudyGradients:
     """Evaluates single designs of a study with the gradients of their measures.
 
     Measures are those of trajectories: of motors, and of columns of joints and motors. A peak has the
-    gradient of its own sample.
+    gradient of its own sample. The models are those of the first design that loads; designs of another
+    structure have their own.
+
+    Attributes:
+        source: The study.
+        base: Values of the design whose models are kept, or None.
     """
 
     def __init__(self, source: StudyFile) -> None:
@@ -73,9 +81,14 @@ class StudyGradients:
 
         Raises:
             ModelError: A task is a workspace or a scene, or computes passive accelerations.
+            CompileError: CasADi is not installed.
         """
+        needs_casadi()
         self.source, self._designer = source, Designer(source)
-        self._structure: _Structure | None = None
+        self.base: Array | None = None
+        self._kept: _Models | None = None
+        if CLOSING in (*source.columns, *source.study.parameters):
+            raise ModelError(f"'{CLOSING}' is a column of gradients: choose another name", file=source.file)
         for name, task in source.study.tasks.items():
             if task.trajectory is None or task.passive != "given":
                 what = f"a {task.kind}" if task.trajectory is None else "passive = 'solved'"
@@ -94,34 +107,63 @@ class StudyGradients:
         Raises:
             ModelError: A measure has no gradient, or a parameter opens loops.
         """
-        values = np.asarray(values, dtype=float)
-        row = self._designer(design, values)
-        names = self.source.columns
-        gradient = np.full((len(names), len(values)), math.nan)
-        nothing = DesignGradient(row, gradient, math.nan, np.full(len(values), math.nan))
-        if row.status != "ok":
-            return nothing
+        found, error = self._evaluated(np.asarray(values, dtype=float), design)
+        if isinstance(error, ModelError):
+            raise error
+        return found
+
+    def row(self, design: int, values: Array) -> DesignRow:
+        """Evaluate a design, and return its row with the gradients; what has none makes it a failed one."""
+        found, _ = self._evaluated(values, design)
+        gradients = *found.gradient.ravel(), found.closing, *found.closing_gradient
+        return replace(found.row, gradients=tuple(map(float, gradients)))
+
+    def prepare(self, base: Array) -> None:
+        """Keep the models of a design, which loads.
+
+        Raises:
+            HybridynError: It does not load.
+        """
+        robot = self._designer.variants(self._designer.variants.named(base))
+        self._models(robot, base)
+
+    def _evaluated(self, values: Array, design: int) -> tuple[DesignGradient, HybridynError | None]:
+        """Return a design with its gradients, and why it has none."""
+        row, robot, motions = self._designer.evaluated(design, values)
+        gradient = np.full((len(self.source.columns), len(values)), math.nan)
+        nothing = DesignGradient(row, gradient, math.nan, gradient[0])
+        if robot is None:
+            return nothing, None
         try:
-            robot = self._designer.variants(self._designer.variants.named(values))
-            structure, slots, along = self._slots(robot, values)
-            closing, at_closing = math.inf, np.zeros(len(values))
-            for name, task in self.source.study.tasks.items():
-                found = self._task(robot, structure, name, task, (slots, along))
-                for key, own in found.measures.items():
-                    gradient[names.index(self.source.column(name, key))] = own
-                if found.closing < closing:
-                    closing, at_closing = found.closing, found.closing_gradient
-            gradient[np.isnan(np.array(row.measures, dtype=float))] = math.nan
-        except ModelError:
-            raise
+            models = self._models(robot, values)
+            return (nothing if row.status != "ok" else self._along(row, robot, motions, models)), None
         except HybridynError as error:  # near singular postures, or of a model
-            failed = DesignRow(design, row.values, status_of(error), row.measures, said(error))
-            return nothing._replace(row=failed)
+            if row.status == "ok":
+                row = replace(row, status=status_of(error), message=said(error))
+            return nothing._replace(row=row), error
+
+    def _along(
+        self,
+        row: DesignRow,
+        robot: HybridRobot,
+        motions: Mapping[str, Motions],
+        models: tuple[_Models, Array, Array],
+    ) -> DesignGradient:
+        """Return a design with its gradients, from its motions by task."""
+        values, names = row.values, self.source.columns
+        gradient = np.full((len(names), len(values)), math.nan)
+        closing, at_closing = math.inf, np.zeros(len(values))
+        for name, task in self.source.study.tasks.items():
+            found = self._task(robot, models, (name, task), motions[name])
+            gradient[[names.index(self.source.column(name, key)) for key in task.wanted]] = found.over
+            if found.closing < closing:
+                closing, at_closing = found.closing, found.closing_over
+        gradient[np.isnan(np.array(row.measures, dtype=float))] = math.nan
         return DesignGradient(row, gradient, closing, at_closing)
 
-    def _slots(self, robot: HybridRobot, values: Array) -> tuple[_Structure, Array, Array]:
+    def _models(self, robot: HybridRobot, values: Array) -> tuple[_Models, Array, Array]:
         """Return the models of a structure, the numbers in its slots, and their derivative over values."""
-        variants, known, base = self._designer.variants, self._structure, robot.description
+        variants, known, base = self._designer.variants, self._kept, robot.description
         differ = {*known.slots} if known is not None and _same(known, base) else set[Slot]()
         slots = None
 
@@ -142,9 +184,10 @@ class StudyGradients:
         while slots is None or {*slots} != differ:
             slots = tuple(sorted(differ))
             along = changes_of(numbers, values, self._ranges)
-        if known is None or slots != known.slots:
-            known = self._structure = _Structure(base, slots, {})
-        return known, np.array(values_of(base, slots)), along
+        models = known if known is not None and slots == known.slots else _Models(robot, slots, {})
+        if known is None:
+            self._kept, self.base = models, values
+        return models, np.array(values_of(base, slots)), along
 
     @cached_property
     def _ranges(self) -> Array:
@@ -174,35 +217,29 @@ class StudyGradients:
     def _task(
         self,
         robot: HybridRobot,
-        structure: _Structure,
-        name: str,
-        task: TaskTable,
-        numbers: tuple[Array, Array],
-    ) -> _TaskGradients:
+        models: tuple[_Models, Array, Array],
+        named: tuple[str, TaskTable],
+        blocks: Motions,
+    ) -> MeasureGradients:
         """Return the gradients of a task's measures, and of the singular value of its loops."""
-        track, effects = self._designer.tracks[name], effects_of(robot, task)
-        layout, motions = track.motions(robot)
-        if layout.full_state or motions[0].wrenches:
-            what = "every joint" if layout.full_state else "wrenches"
+        (name, task), (kept, p, along) = named, models
+        layout, motions = self._designer.tracks[name].motions(robot)
+        if motions[0].wrenches:
             raise ModelError(
-                f"{self.source.file}: task '{name}' prescribes {what}: there are gradients of tables of "
-                "motors and poses",
+                f"{self.source.file}: task '{name}' prescribes wrenches: there are gradients of tables "
+                "without them",
                 element=name,
             )
-        blocks = [*follow(robot, track, task.passive, effects, task.redundancy)]
         whole, tau = TreeSamples.joined([x for x, _ in blocks]), np.concatenate([x for _, x in blocks])
-        if name not in structure.of_tasks:
-            kept = kept_by_requests(
-                robot,
-                gather_requests(robot, motions[0].joints, motions[0].platforms, redundancy=task.redundancy),
-            )
-            structure.of_tasks[name] = DesignGradients(robot, structure.slots, keep=kept, effects=effects)
-        words = task.wanted
-        bars = [bars_of(robot, word, whole, tau) for word in words.values()]
-        p, along = numbers
-        found = structure.of_tasks[name].of_measures((whole.q, whole.v, whole.a), p, along, bars)
+        bars = [bars_of(robot, word, whole, tau) for word in task.wanted.values()]
+        if name not in kept.of_tasks:
+            kept.of_tasks[name] = DesignGradients(
+                kept.robot, kept.slots, keep=_stays(kept.robot, layout, motions[0], task),
+                effects=effects_of(kept.robot, task),
+            )  # fmt: skip
+        found = kept.of_tasks[name].of_measures((whole.q, whole.v, whole.a), p, along, bars)
         self._check(name, found, tau)
-        return _TaskGradients(dict(zip(words, found.over, strict=True)), found.closing, found.closing_over)
+        return found
 
     def _check(self, name: str, found: MeasureGradients, tau: Array) -> None:
         """Check the gradients of a task.
@@ -226,17 +263,17 @@ class StudyGradients:
                 )
 
 
-class _TaskGradients(NamedTuple):
-    """Gradients of the measures of a task by their names, and the least singular value of its loops."""
+def _stays(robot: HybridRobot, layout: Layout, motion: TableMotion, task: TaskTable) -> Kept:
+    """Return what a table prescribes: all joints, or those and poses from which loops are closed."""
+    if layout.full_state:
+        return Kept(np.arange(robot.nv), ())
+    requests = gather_requests(robot, motion.joints, motion.platforms, redundancy=task.redundancy)
+    return kept_by_requests(robot, requests)
 
-    measures: dict[str, Array]
-    closing: float
-    closing_gradient: Array
 
-
-def _same(known: _Structure, base: Description) -> bool:
+def _same(known: _Models, base: Description) -> bool:
     """Return whether a design has a structure, and differs from it in its slots alone."""
     try:
-        return {*differences(known.base, base)} <= {*known.slots}
+        return {*differences(known.robot.description, base)} <= {*known.slots}
     except ModelError:
         return False

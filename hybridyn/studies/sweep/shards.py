@@ -7,6 +7,7 @@ a run that continues evaluates the other designs, so that nothing is lost and no
 from __future__ import annotations
 
 import io
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -31,6 +32,7 @@ class About:
         measures: Columns of the measures.
         compiled: Whether compiled models evaluate designs.
         units: Units of measures, as far as known.
+        gradients: Columns of their derivatives, where they were asked for.
     """
 
     study: str
@@ -39,6 +41,7 @@ class About:
     measures: list[str]
     compiled: bool = False
     units: dict[str, str] = field(default_factory=dict)
+    gradients: list[str] = field(default_factory=list)
 
     def label(self, column: str) -> str:
         """Return a column with its unit, where it is known."""
@@ -48,7 +51,7 @@ class About:
     @property
     def columns(self) -> list[str]:
         """Columns of a shard."""
-        return ["design", *self.parameters, "status", *self.measures, "message"]
+        return ["design", *self.parameters, "status", *self.measures, *self.gradients, "message"]
 
 
 def gaps(folder: Path, designs: int) -> list[tuple[int, int]]:
@@ -63,7 +66,11 @@ def write_shard(folder: Path, about: About, rows: Sequence[DesignRow]) -> None:
     Raises:
         OSError: The disk is full, or the folder is gone; the shard does not appear then.
     """
-    cells = [(row.design, *row.values, row.status, *row.measures, row.message) for row in rows]
+    none = (math.nan,) * len(about.gradients)
+    cells = [
+        (row.design, *row.values, row.status, *row.measures, *(row.gradients or none), row.message)
+        for row in rows
+    ]
     out = io.BytesIO()
     _frame(about, cells).fill_nan(None).write_parquet(out)
     with part(folder, f"designs-{rows[0].design:09d}-{rows[-1].design:09d}.parquet") as draft:

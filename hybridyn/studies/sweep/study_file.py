@@ -157,6 +157,8 @@ class Study(Schema):
         return self
 
 
+#: Column of the smallest singular value of the loops' rows, beside gradients.
+CLOSING = "closing"
 #: Between file and function of a measure in Python.
 PYTHON = ".py:"
 
@@ -192,6 +194,13 @@ class StudyFile(TomlSource):
         """Columns of everything that is measured."""
         tasks = self.study.tasks.items()
         return [self.column(name, measure) for name, task in tasks for measure in task.wanted]
+
+    @property
+    def gradient_columns(self) -> list[str]:
+        """Columns of the derivatives of measures, of `CLOSING` and of its derivatives, by measure."""
+        values, names = [*self.columns, CLOSING], self.study.parameters
+        over = {value: [f"{value}.d_{name}" for name in names] for value in values}
+        return [*(column for value in self.columns for column in over[value]), CLOSING, *over[CLOSING]]
 
     @property
     def files(self) -> list[str]:

@@ -20,6 +20,8 @@ from .compiled_chunks import evaluate_chunk, plan_for
 from .compiled_designs import DesignPlan
 from .designs import designs_of
 from .evaluation import Chunk, Designer, DesignRow, Evaluated
+from .gradient_chunks import GradientPlan, evaluate_with_gradients, plan_of
+from .gradients import StudyGradients
 from .measures import unit_of
 from .reading import identity, read_study
 from .shards import About, about_of, gaps, read_shards, write_shard
@@ -88,6 +90,7 @@ def sweep(
     resume: bool = False,
     allow_python: bool = False,
     compiled: bool = True,
+    gradient: bool = False,
     progress: Callable[[Swept], None] | None = None,
     strict: bool = False,
 ) -> Swept:
@@ -107,6 +110,9 @@ def sweep(
             processes.
         compiled: Whether compiled models may evaluate designs if the study allows it. A resumed run uses the
             choice of the earlier run.
+        gradient: Whether rows have the derivatives of their measures over the parameters, too: the columns
+            `MEASURE.d_PARAMETER`, `closing` and `closing.d_PARAMETER`. The general path evaluates the designs
+            then.
         progress: Called after each chunk.
         strict: Whether notes on the robot are errors, as with `strict` in the study's `[robot]`.
 
@@ -142,17 +148,23 @@ def sweep(
     source = read_study(Path(study), allow_python=allow_python, strict=strict)
     designs = designs_of(source)
     state = Swept(Path(output), len(designs))
-    pace, plan = CHUNK_SECONDS, None
-    if not read_record(output).begun:
-        pace = _try_some(source, designs)
+    pace = CHUNK_SECONDS
+    plan: DesignPlan | GradientPlan | None = None
+    if gradient:  # a run that continues needs the same models
+        along = StudyGradients(source)
+        pace = _try_some(source, designs, along.row)
+        plan, state.why_general = plan_of(along), "gradients are those of single designs"
+    elif not read_record(output).begun:
+        pace = _try_some(source, designs, Designer(source))
         if compiled:
             plan, state.why_general = plan_for(source, designs, _tried(designs))
     required("polars", "sweep", "a sweep")
     about = About(
-        str(study), len(designs), list(source.study.parameters), source.columns, plan is not None,
-        _units(source, designs[0]),
+        str(study), len(designs), list(source.study.parameters), source.columns, isinstance(plan, DesignPlan),
+        _units(source, designs[0]), source.gradient_columns if gradient else [],
     )  # fmt: skip
     asked = {"command": "sweep", **identity(source, designs[0])}
+    asked |= {"gradient": "of measures"} if gradient else {}
     with writing(output, asked, asdict(about), ["[!.]*.parquet"], resume=resume):
         about = about_of(state.folder)
         state.statuses.update(read_shards(state.folder, ["status"])["status"])
@@ -161,7 +173,8 @@ def sweep(
                 plan = _plan_again(state.folder, source, designs)
             pool = open_pool(jobs, executor)
             tasks = ((source, chunk, plan) for chunk in _chunks(left, designs, state, pace))
-            for found in pool.run(evaluate_chunk, tasks, _lost, _designs):
+            work = evaluate_with_gradients if gradient else evaluate_chunk
+            for found in pool.run(work, tasks, _lost, _designs):
                 write_shard(state.folder, about, found.rows)
                 state.add(found)
                 state.restarts, state.seconds = pool.deaths, time.perf_counter() - started
@@ -204,7 +217,7 @@ def _plan_again(folder: Path, source: StudyFile, designs: Array) -> DesignPlan:
     return plan
 
 
-def _lost(source: StudyFile, chunk: Chunk, plan: DesignPlan | None) -> Evaluated:
+def _lost(source: StudyFile, chunk: Chunk, plan: DesignPlan | GradientPlan | None) -> Evaluated:
     """Return the row of a design that ends every process that evaluates it."""
     nothing = (float("nan"),) * len(source.columns)
     message = f"its worker process ended without a result {MOST_DEATHS} times; memory may have run out"
@@ -223,13 +236,15 @@ def _tried(designs: Array) -> Index:
     return np.unique(np.linspace(0, len(designs) - 1, TRIALS).astype(int))
 
 
-def _try_some(source: StudyFile, designs: Array) -> float:
+def _try_some(source: StudyFile, designs: Array, designer: Callable[[int, Array], DesignRow]) -> float:
     """Evaluate designs in this process until one loads; return the time that it took [s].
+
+    Args:
+        designer: Evaluates a design.
 
     Raises:
         HybridynError: None of the designs tried loads, or fails for another reason than its postures.
     """
-    designer = Designer(source)
     first: DesignRow | None = None
     tried = _tried(designs)
     for number in tried.tolist():
@@ -239,9 +254,8 @@ def _try_some(source: StudyFile, designs: Array) -> float:
             return time.perf_counter() - started
         first = first or row
     assert first is not None
-    named = ", ".join(
-        f"{name} = {value:.6g}" for name, value in designer.variants.named(np.array(first.values)).items()
-    )
+    values = zip(source.study.parameters, first.values, strict=True)
+    named = ", ".join(f"{name} = {value:.6g}" for name, value in values)
     verb = "loads" if first.status == "not loaded" else "can be evaluated"
     raise HybridynError(
         f"{source.file}: no design {verb} (tried {len(tried)} of {len(designs):,}); design {first.design} "
