@@ -149,4 +149,5 @@ class NativeModels:
     def _lift_text(self) -> str:
         """Return the C that closes the loops of a time step."""
         sizes = {"NQ": self.robot.nq, "NV": self.robot.nv, "MODULES": len(self.robot.modules)}
-        return LIFT_HEAD.format(LAST_NEWTON_STEP[self.dtype]) + sizes_text(**sizes) + c_text("lift.h")
+        head = LIFT_HEAD.format(LAST_NEWTON_STEP[self.dtype]) + sizes_text(**sizes)
+        return head + c_text("newton.h") + c_text("lift.h")

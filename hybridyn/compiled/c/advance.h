@@ -1,6 +1,6 @@
 /* A row closed on the branch of the row before, as `assembly.follow` does it: for W designs at once, each lane from its
    own row before, or for one robot (`one_lane.h`). Needs NQ, NP, NV, NG, NR, SLOTS, MODULES, KEPT, the constants of
-   `closing_source`, `walk.h`, `far.h`, `row_records.h`, and the programs "newton", "settle" and "branch". */
+   `closing_source`, `newton.h`, `walk.h`, `far.h`, `row_records.h`, and the programs "newton", "settle" and "branch". */
 #define NUMBERS(x) (sizeof(x) / sizeof(V))
 /* RUN: a program; gives the lanes in which its guard is within the limit. */
 #if W == 1
@@ -68,63 +68,65 @@ static M not_far(Work *w) {
     return LE(w->far, C(0));
 }
 
-/* Take Newton's steps from `at` to the positions. Gives where they keep to what is told of steps on one branch, and with
-   `reach`, where Newton's method comes there by itself, without damping: `lone` ones do no more. */
-static M stepped(Work *w, M good, int lone, M *reach) {
-    M left = EVERY;
-    V before = C(LONGEST);
-    const int steps = reach ? PATIENCE : ITERATIONS + 1;
-    for (int m = 0; m < MODULES; m++) w->later[m] = C(0), w->before[m] = C(INFINITY);
-    for (int k = 0; k < steps && ANY(AND(left, reach ? *reach : good)); k++) {
-        w->newton.at = w->now.at;
-        const M trusted = RUN(newton, w->newton, w->moved);
-        const V size = size_of(&w->moved);
-        if (!lone) good = AND(good, OR(NOT(left), AND(trusted, LE(size, before))));
-        if (reach) *reach = AND(*reach, OR(NOT(left), AND(trusted, nearer(w))));
-        if (KEPT && k && !lone) { /* the general path damps steps that open chains */
-            for (int m = 0; m < MODULES; m++) {
-                const M undamped = OR(LE(w->taken[m], C(NEVER_DAMPED)), LT(w->moved.open[m], w->before[m]));
-                good = AND(good, OR(NOT(left), undamped));
-            }
-        }
-        memcpy(w->before, w->moved.open, sizeof(w->before));
-        take(left, (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
-        if (!k) {
-            w->branch.predicted = w->moved.at;
-            memcpy(w->first, w->moved.step, sizeof(w->first));
-            memcpy(w->settle.kept, w->moved.kept, sizeof(w->settle.kept));
-        }
-        before = SELECT(left, size, before);
-        for (int m = 0; m < MODULES; m++) {
-            w->taken[m] = size_in(&w->moved, m);
-            if (k) w->later[m] += SELECT(left, w->taken[m], C(0));
-        }
-        left = AND(left, NOT(LE(size, C(NEAR))));
-        if (k == ITERATIONS && !lone) good = AND(good, NOT(left));
+/* Newton's method towards a row: `lone` where it has no branch, `guess` where the method must come there by itself, without
+   damping. */
+typedef struct {
+    Work *w;
+    int lone, guess;
+} Approach;
+
+static V row_step(void *of, int k, M *left) {
+    const Approach *const a = (const Approach *)of;
+    Work *const w = a->w;
+    w->newton.at = w->now.at;
+    M good = RUN(newton, w->newton, w->moved);
+    const V size = size_of(&w->moved);
+    if (a->guess) good = AND(good, nearer(w));
+    if (KEPT && k && !a->lone) /* the general path damps steps that open chains */
+        for (int m = 0; m < MODULES; m++)
+            good = AND(good, OR(LE(w->taken[m], C(NEVER_DAMPED)), LT(w->moved.open[m], w->before[m])));
+    memcpy(w->before, w->moved.open, sizeof(w->before));
+    take(*left, (V *)&w->now.at, (V *)&w->moved.at, NUMBERS(Posture));
+    if (!k) {
+        w->branch.predicted = w->moved.at;
+        memcpy(w->first, w->moved.step, sizeof(w->first));
+        memcpy(w->settle.kept, w->moved.kept, sizeof(w->settle.kept));
     }
-    if (reach) *reach = AND(*reach, NOT(left)), good = AND(good, *reach);
-    return AND(good, NOT(left));
+    for (int m = 0; m < MODULES; m++) {
+        w->taken[m] = size_in(&w->moved, m);
+        if (k) w->later[m] += SELECT(*left, w->taken[m], C(0));
+    }
+    *left = AND(*left, good);
+    return size;
 }
 
-/* Close a row on the branch of the row before, in `at`; `lone` where there is none. Gives where it is certain; `reach` as
-   of `stepped`. */
+/* The last steps, before which the rates are those after it; gives infinity where rows are open. */
+static V last_step(void *of, int k, M *left) {
+    Work *const w = (Work *)of;
+    (void)k;
+    w->settle.at = w->now.at;
+    const M trusted = RUN(settle, w->settle, w->settled);
+    take(*left, (V *)&w->now, (V *)&w->settled.now, NUMBERS(State));
+    take(*left, w->turning, w->settled.turning, MODULES);
+    for (int m = 0; m < MODULES; m++) w->later[m] += SELECT(*left, w->settled.step[m], C(0));
+    *left = AND(*left, trusted);
+    return SELECT(LE(largest_lanes(w->settled.open), C(OPEN)), largest_lanes(w->settled.step), C(INFINITY));
+}
+
+/* Close a row on the branch of the row before, in `at`, from there with what is told of steps on one branch. Gives where it
+   is certain; `reach` gets where Newton's method comes near it by itself, or is 0. */
 static M advanced(Work *w, M certain, int lone, M *reach) {
+    const Limits near = {LONGEST, 1, NEAR, 0, ITERATIONS + 1, PATIENCE};
+    const Limits last = {INFINITY, INFINITY, LAST_STEP, 0, LAST_STEPS, 0};
+    const Approach approach = {w, lone, reach != 0};
     w->settle.start = w->branch.start = w->now.at;
     memcpy(w->newton.g, w->settle.row.g, sizeof(w->newton.g));
     memcpy(w->branch.g, w->settle.row.g, sizeof(w->branch.g));
-    M left = EVERY, good = stepped(w, lone ? certain : AND(certain, not_far(w)), lone, reach);
-    for (int k = 0; k < LAST_STEPS && ANY(AND(left, good)); k++) {
-        w->settle.at = w->now.at;
-        const M trusted = RUN(settle, w->settle, w->settled);
-        take(left, (V *)&w->now, (V *)&w->settled.now, NUMBERS(State));
-        take(left, w->turning, w->settled.turning, MODULES);
-        const V step = largest_lanes(w->settled.step);
-        for (int m = 0; m < MODULES; m++) w->later[m] += SELECT(left, w->settled.step[m], C(0));
-        const M open = NOT(AND(LE(step, C(LAST_STEP)), LE(largest_lanes(w->settled.open), C(OPEN))));
-        good = AND(good, OR(NOT(left), trusted));
-        left = AND(left, open);
-    }
-    good = AND(good, NOT(left));
+    for (int m = 0; m < MODULES; m++) w->later[m] = C(0), w->before[m] = C(INFINITY);
+    M good = lone ? certain : AND(certain, not_far(w));
+    const M there = iterated(row_step, (void *)&approach, reach ? certain : good, near, reach ? &good : 0);
+    if (reach) *reach = there;
+    good = iterated(last_step, w, lone ? there : AND(good, there), last, 0);
     if (lone || !ANY(good)) return good;
     const M sure = surely_same(w);
     return ANY(AND(good, NOT(sure))) ? AND(good, OR(sure, on_branch(w))) : good;

@@ -1,9 +1,7 @@
 /* Newton's method onto the assembled postures, in the independent joints of `lift_program`. Needs NQ, NV, MODULES,
-   LAST_STEP (the next would be rounding), and the single call of "lift". */
-#define LIFTS 8           /* most Newton steps of a posture */
-#define FARTHEST 0.1      /* rad, module lengths: a first step beyond may leave the branch */
-#define CONTRACTION 0.25  /* a Newton step must be shorter than this part of the last */
-#define GOOD 5e-2         /* pivots below this part of their usual size are for the general path */
+   LAST_STEP (the next would be rounding), `newton.h` in one lane, and the single call of "lift". */
+#define FARTHEST 0.1 /* rad, module lengths: a first step beyond may leave the branch */
+#define GOOD 5e-2    /* pivots below this part of their usual size are for the general path */
 
 typedef struct {
     S q[NQ], xi[NV], v[NV], rate[NV], independent[NV], step[MODULES], pivot[MODULES], residual[MODULES];
@@ -16,23 +14,29 @@ static S largest_of(const S *x, int n) {
     return out;
 }
 
+/* What a step reads and gives, and the smallest pivot. */
+typedef struct {
+    const S *in[3];
+    Lifted *out;
+    S *pivot;
+} Lift;
+
+static S lift_step(void *of, int k, int *left) {
+    Lift *l = (Lift *)of;
+    if (k) l->in[1] = l->out->xi;
+    *left = !lift_single_at(l->in, (S *)l->out);
+    for (int m = 0; *left && m < MODULES; m++) {
+        if (l->out->pivot[m] < *l->pivot) *l->pivot = l->out->pivot[m];
+        *left = l->out->pivot[m] >= GOOD;
+    }
+    return largest_of(l->out->step, MODULES);
+}
+
 /* Close the loops from the displacement xi on, with the independent rates of v; 0 where that is certain. */
 static int lifted(const S *q_0, const S *xi, const S *v, Lifted *out, S *pivot) {
-    const S *in[3] = {q_0, xi, v};
-    S before = FARTHEST / CONTRACTION;
-    for (int k = 0; k < LIFTS; k++) {
-        if (lift_single_at(in, (S *)out)) return 1;
-        const S step = largest_of(out->step, MODULES);
-        for (int m = 0; m < MODULES; m++) {
-            if (out->pivot[m] < *pivot) *pivot = out->pivot[m];
-            if (!(out->pivot[m] >= GOOD)) return 1;
-        }
-        if (step <= LAST_STEP) return 0;
-        if (!(step <= CONTRACTION * before)) return 1;
-        before = step;
-        in[1] = out->xi;
-    }
-    return 1;
+    const Limits limits = {(S)FARTHEST, (S)CONTRACTION, (S)LAST_STEP, 0, FEW_STEPS, 0};
+    Lift l = {{q_0, xi, v}, out, pivot};
+    return !iterated(lift_step, &l, 1, limits, 0);
 }
 
 EXPORT int lifted_posture(const S *q_0, const S *xi, const S *v, S *out, S *pivot) {

@@ -1,7 +1,7 @@
 /* The loops closed from one side's positions, along the branch of a posture: for exported C and for Warp. Needs the numbers
    of `walking.walk_text`: NQ, NV, SIDE (joints of the side), GIVEN (size of what the program reads), NUMBERS (of which at its
    end are parameters), POSED (whether the side's positions are among it), and the rules of a walk; the programs "close" and
-   "turning"; `walk.h`; `at` and `turns`, the places of the side's joints in q, and `farthest`, how far each may move in one part of the
+   "turning"; `newton.h`, `walk.h`; `at` and `turns`, the places of the side's joints in q, and `farthest`, how far each may move in one part of the
    way; `unit_size`, how many coordinates of length one begin at each coordinate. `room`: memory of the programs. */
 static S position_of(const S *q, int m) { return turns(m) ? SCALAR(atan2)(q[at(m) + 1], q[at(m)]) : q[at(m)]; }
 
@@ -21,21 +21,6 @@ static void make_unit(S *q) {
     }
 }
 
-/* Newton's method from the posture that `given` begins with; the guard, which measures the last step. */
-static S newton(S *given, S *result, S *room) {
-    S guard = 2, before = (S)(LONGEST / CONTRACTION);
-    for (int n = 0; n < NEWTON_STEPS; n++) {
-        const int once_more = guard <= 1;
-        guard = close_run(given, result, room);
-        const S step = guard * (S)CLOSED;
-        if (guard <= (S)SETTLED || (once_more && guard <= 1)) return guard;
-        if (!(step <= (S)CONTRACTION * before || guard <= 1)) return guard;
-        before = step;
-        for (int k = 0; k < NQ; k++) given[k] = result[k];
-    }
-    return guard;
-}
-
 /* The guard of a part of the way: above 1 where another branch could lie between its ends. */
 static S turned(const S *given, const S *here, const S *there, S *room) {
     S both[2 * NQ + NUMBERS];
@@ -50,15 +35,25 @@ typedef struct {
     S *result, *room, given[GIVEN], here[NQ], from[SIDE], way[SIDE], guard;
 } Side;
 
-/* One part of it, in which Newton's method agrees. Ends where numbers are not finite. */
+/* A step of Newton's method; its size is the guard, which measures it by that of closed loops. */
+static S side_step(void *of, int k, int *left) {
+    Side *w = (Side *)of;
+    (void)left;
+    for (int i = 0; k && i < NQ; i++) w->given[i] = w->result[i];
+    return w->guard = close_run(w->given, w->result, w->room);
+}
+
+/* One part of the walk, in which Newton's method agrees. Ends where numbers are not finite. */
 static int side_part(void *of, int *left, S done, S to) {
+    const Limits limits = {(S)(LONGEST / CLOSED), (S)CONTRACTION, (S)SETTLED, 1, FEW_STEPS, 0};
     Side *w = (Side *)of;
     (void)done;
     for (int k = 0; k < NQ; k++) w->given[k] = w->here[k];
     for (int m = 0; m < SIDE; m++) place(w->given, m, to < 1 ? w->from[m] + to * w->way[m] : w->goal[m]);
-    w->guard = newton(w->given, w->result, w->room);
-    const S turn = w->guard <= 1 ? turned(w->start, w->here, w->result, w->room) : 0;
-    if (!(turn <= 1)) w->guard = turn;
+    if (iterated(side_step, w, 1, limits, 0)) {
+        const S turn = turned(w->start, w->here, w->result, w->room);
+        if (!(turn <= 1)) w->guard = turn;
+    }
     *left = w->guard == w->guard;
     for (int k = 0; w->guard <= 1 && k < NQ; k++) w->here[k] = w->result[k];
     return w->guard <= 1;

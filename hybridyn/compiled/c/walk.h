@@ -1,5 +1,5 @@
-/* A way that is walked in parts: of tables, designs (`advance.h`), exported C and Warp (`side.h`), W lanes or one. */
-#define EVERY LE(C(0), C(0))
+/* A way that is walked in parts: of tables, designs (`advance.h`), exported C and Warp (`side.h`), W lanes or one. Needs
+   `newton.h`. */
 #define TURN (S)6.283185307179586
 
 /* How far a position moves; an angle by the shorter way. */

@@ -13,6 +13,7 @@ def steps_in_c(programs: list[Program], scalar: Scalar) -> bool:
 
 #: What `laws.h`, `lift.h` and `steps.h` need of every library, and the size of their memory.
 STEPS = "#define STAGES 8\n#define LAST_STEP 1e-12\n#define LAW(name) law->name\n#define DDM ddm_single_at"
+NEEDED = "laws.h", "one_lane.h", "newton.h", "lift.h", "steps.h"
 STEPS_WORK = "EXPORT Long steps_work = sizeof(Work);"
 
 
@@ -22,4 +23,4 @@ def steps_source(programs: list[Program]) -> str:
     sizes, names = dict(lift.outputs), {"NQ": "q", "NV": "xi_dot", "MODULES": "step"}
     defines = [f"#define {name} {sizes[key]}" for name, key in names.items()]
     defines.append(f"#define EFFORTS {dict(ddm.inputs)['tau']}")
-    return "\n".join([*defines, STEPS, *map(c_text, ("laws.h", "lift.h", "steps.h")), STEPS_WORK])
+    return "\n".join([*defines, STEPS, *map(c_text, NEEDED), STEPS_WORK])

@@ -1,8 +1,8 @@
 """The walk of joints along an assembly branch, and the control step with it: one C text for exports and Warp.
 
-From where some joints are, the walk takes them straight to where they are wanted, in parts (`c/walk.h`, as
-tables do): in each, Newton's method closes the loops, and their rows must not turn by more than
-`assembly.follow` allows.
+From where some joints are, the walk takes them straight to where they are wanted, in parts (`c/walk.h`): in
+each, Newton's method closes the loops (`c/newton.h`, as it does for tables, designs and steps in time), and
+their rows must not turn by more than `assembly.follow` allows.
 """
 
 from __future__ import annotations
@@ -24,10 +24,6 @@ from .closing.closing_source import SHORTEST
 
 #: Guard of a walk that does not come to its end; no other guard has this value.
 OTHER_BRANCH = 1e30
-#: Most Newton steps of a part: four suffice where it is short.
-WALK_STEPS = 8
-#: A Newton step must be shorter than this part of the last, and the first than `LONGEST_STEP`.
-CONTRACTION = 0.25
 #: Guard of a last step before which rates and accelerations are those after it.
 SETTLED_GUARD = 1e-3
 #: How far a joint without loops may move in one part of the way.
@@ -57,7 +53,7 @@ def walk_text(
     names = {
         "NQ": robot.nq, "NV": robot.nv, "SIDE": len(side), "POSED": int(posed), "GIVEN": program.sizes[0],
         "NUMBERS": sum(size for _, size in request.parameter_inputs), "CLOSED": GUARD_CLOSED[request.dtype],
-        "LONGEST": LONGEST_STEP, "CONTRACTION": CONTRACTION, "NEWTON_STEPS": WALK_STEPS, "SETTLED": settled,
+        "LONGEST": LONGEST_STEP, "SETTLED": settled,
         "SHORTEST": SHORTEST, "OTHER_BRANCH": OTHER_BRANCH,
         "WRENCHES": sum(size for _, size in request.wrench_inputs),
     }  # fmt: skip
@@ -66,7 +62,8 @@ def walk_text(
         for column in columns[:, 0].tolist():
             units[column] = str(columns.shape[1])
     table = TABLE.format("int", "unit_size", ", ".join(units) or "0")
-    return "\n".join([*lines, joints_text(robot, side) + table + c_text("walk.h") + c_text("side.h")])
+    text = "".join(map(c_text, ("newton.h", "walk.h", "side.h")))
+    return "\n".join([*lines, joints_text(robot, side) + table + text])
 
 
 def joints_text(robot: HybridRobot, side: Sequence[str]) -> str:

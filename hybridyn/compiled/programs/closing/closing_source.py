@@ -1,7 +1,8 @@
 """The programs of a whole robot for one choice of given joints and targets, and their C libraries.
 
 One library closes the rows of a table, the other those of many designs in lanes: one text, `c/closing.h`.
-Exported control steps from poses close their rows by `c/advance.h`, too, and all walk by `c/walk.h`.
+Exported control steps from poses close their rows by `c/advance.h`, too, and all walk by `c/walk.h`, with
+Newton's method of `c/newton.h`.
 """
 
 from __future__ import annotations
@@ -135,7 +136,7 @@ def closing_source(
     """
     programs = closing_programs(robot, parts, chosen, chains)
     names, written = constants_of(programs, 0 if chosen is None else chosen.size), list(programs.values())
-    before, after = ["walk.h"], ["row_records.h", "advance.h", "closing.h"]
+    before, after = ["newton.h", "walk.h"], ["row_records.h", "advance.h", "closing.h"]
     order = motors_given(robot, parts) if chosen is None and not chains else []
     lines = [f"#define {name} {value!r}" for name, value in names.items()]
     if chosen is None:
