@@ -30,6 +30,7 @@ from tests.compiled import rods
 from tests.compiled.test_derivatives import DIFFERENCES, along_a_motion
 from tests.robots.shipped import shipped
 from tests.support.comparing import refused
+from tests.support.engines import written_agrees
 from tests.support.files import save
 from tests.support.samples import slow
 from tests.support.written_out import Interpreted
@@ -318,6 +319,19 @@ def test_mirrored_modules_close_each_along_its_own_rods(tmp_path: Path) -> None:
                 x[m.q_index][None], step * rate[m.v_index][None]
             )
         assert manifold.residual(moved)[0] <= 10.0 * step**2  # of second order
+
+
+def test_a_platform_on_a_ball_is_no_rod() -> None:
+    """A leg that carries a module is in no group: the closures of the other legs are not beside its own."""
+    s = rods.plain(0)
+    p = s.place()
+    platform = s.joint("spherical", "base", p(0.0, 0.0, 0.6), stem="platform")
+    cranks = []
+    for x in (0.5, -0.4):
+        cranks.append(s.joint("revolute", "base", p(x, 0.1, 0.0), motor=True))
+        rods.rod(s, cranks[-1], p(x, 0.0, 0.2), platform, p(0.6 * x, 0.1, 0.7), "ball")
+    s.joint("revolute", cranks[0], s.poses[cranks[0]][:3, 3], motor=True)
+    written_agrees(build_robot(s.description("on a ball")), 2)
 
 
 @pytest.mark.slow

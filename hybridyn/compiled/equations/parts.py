@@ -108,7 +108,11 @@ def parts_of(
         idle=idle_among(idle, core.tree_v),
         rods={}
         if whole and not idle
-        else loosened(rods_of({i: constants[i] for i in kept}, known), links, [closures[i] for i in used]),
+        else loosened(
+            rods_of({i: constants[i] for i in kept}, known, spec.platforms),
+            links,
+            [closures[i] for i in used],
+        ),
         turns=tuple(turns),
         whole=whole,
     )

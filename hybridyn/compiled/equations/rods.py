@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -34,8 +34,12 @@ class Rod:
     turns: tuple[int, ...]
 
 
-def rods_of(links: Links, closures: Sequence[TreeClosure]) -> dict[int, Rod]:
-    """Return the rods of closures by the closure's number; of one tree, in plain numbers."""
+def rods_of(links: Links, closures: Sequence[TreeClosure], platforms: Container[int] = ()) -> dict[int, Rod]:
+    """Return the rods of closures by the closure's number; of one tree, in plain numbers.
+
+    Args:
+        platforms: Joints of floating bodies that are no rods: further legs hold them.
+    """
     out: dict[int, Rod] = {}
     for k, c in enumerate(closures):
         if not is_ball(c):
@@ -43,7 +47,8 @@ def rods_of(links: Links, closures: Sequence[TreeClosure]) -> dict[int, Rod]:
         sides = [
             Rod(on_a, *found)
             for on_a, body, point in ((True, c.body_a, c.p_a), (False, c.body_b, c.p_b))
-            if (found := _free_rod(links, closures, k, body, point) or _rod(links, body, point))
+            if body - 1 not in platforms
+            and (found := _free_rod(links, closures, k, body, point) or _rod(links, body, point))
         ]
         if sides:  # a ball before a universal joint: a platform on a wrist is no rod that turns
             out[k] = max(sides, key=lambda rod: len(rod.turns))
