@@ -1,37 +1,57 @@
 """Compare written programs with the general path on drawn mechanisms, without a C compiler.
 
-    python -m tests.compiled.fuzzing 1000 0     a thousand mechanisms, from seed 0 on
+    python -m tests.compiled.fuzzing 1000 0             a thousand mechanisms, from seed 0 on
+    python -m tests.compiled.fuzzing 300 0 repeated     whose modules and legs repeat, mirrored and turned
 
 Both models at trusted states, and the derivatives of both, over joints and motors, along random motions that
-keep the loops closed: against differences of the general path, as new libraries are checked. What is refused
-in one line is left out. Rods on balls, cylinders, redundant rows, gears and all bases are among them.
+keep the loops closed: against differences of the general path, as new libraries are checked. The program that
+closes the loops, the joint map, and of every `STEP_OF` mechanisms the exported control step, in C. What is
+refused in one line is left out. Rods on balls, cylinders, redundant rows, gears and all bases are among them.
+The general path is compared with the oracle.
 """
 
+import ctypes
+import os
 import sys
+import tempfile
 from collections import Counter
 from dataclasses import dataclass, field, replace
+from itertools import product
+from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 
 import hybridyn
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
+from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.export_reference import rates_read
+from hybridyn.compiled.exporting import export
 from hybridyn.compiled.failures import difference
 from hybridyn.compiled.programs.derivatives import evaluation
+from hybridyn.compiled.programs.map_programs import map_programs
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.description.records import Description
+from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
+from hybridyn.structure.robot import joint_position
 from tests.compiled import rods
-from tests.oracle import Base
+from tests.compiled.copies import FEET, repeated
+from tests.compiled.test_export import called, compiler
+from tests.oracle import Base, Oracle
 from tests.robots.any_mechanism import BASES, any_mechanism
 from tests.robots.mechanisms import random_mechanism
 
 AGREE = 1e-10  # the claim of compiled models
+SOLVED = 1e-8  # solved with rows of condition up to some thousands, which nothing guards in the oracle
+CLOSED, CALLS = 1e-11, 6  # [m, rad], after as many Newton steps
+#: Derivatives; of every other one of repeated mechanisms, which are larger, one of them.
+DERIVED = [*product(("idm", "ddm"), ("joints", "motors"))]
+STEP_OF, TICKS = 3, 8  # one of so many mechanisms has its control step exported
 SAMPLES = 3
 #: Machines of rods, and how often each is drawn.
 MACHINES = {"crank": 0.6, "cylinder": 0.1, "slides": 0.1, "ball_gough": 0.1, "ball_delta": 0.1}
-FEET: tuple[rods.Foot, ...] = ("ball", "ball", "universal", "revolutes", "floating", "floating aside")
 SHAPES = ("round", "thin", "askew", "beside")
 
 
@@ -81,9 +101,9 @@ def shaped(description: Description, rng: np.random.Generator, shape: str) -> De
     return replace(description, links=tuple(links))
 
 
-def compare(seed: int, found: Found) -> None:
-    """Compare the models and derivatives of a mechanism; what is refused in one line is counted."""
-    description, base = drawn(seed)
+def compare(seed: int, found: Found, family: str) -> None:
+    """Compare the programs of a mechanism; what is refused in one line is counted."""
+    description, base = drawn(seed) if family == "any" else (repeated(seed), BASES[seed % len(BASES)])
     case = f"seed {seed}, {description.name}, base {base}"
     try:
         robot = build_robot(description, base=base)
@@ -92,8 +112,14 @@ def compare(seed: int, found: Found) -> None:
         found.count["refused"] += 1
         return
     compare_models(robot, states, case, found)
-    for model in ("idm", "ddm"):
-        for coordinates in ("joints", "motors"):
+    state = states[0][0], states[1][0], states[2][0]
+    compare_oracle(robot, state, case, found)
+    compare_closing(robot, state, case, found)
+    compare_map(robot, state[0], seed, case, found)
+    if seed % STEP_OF == 0:
+        compare_step(robot, state[0], case, found)
+    for number, (model, coordinates) in enumerate(DERIVED):
+        if family == "any" or seed % (2 * len(DERIVED)) == 2 * number + 1:
             compare_derivatives(robot, model, coordinates, case, found)
 
 
@@ -111,7 +137,7 @@ def compare_models(
                 found.count["not trusted"] += 1
                 continue
             wanted = getattr(hybridyn, name)(robot, *row[:3])
-            off = difference(np.ravel(result)[None], wanted[None])
+            off = difference(result.full().reshape(1, -1), wanted[None])
             found.add(name, case, float(off[0]), AGREE)
 
 
@@ -147,13 +173,114 @@ def compare_derivatives(
         derive._check(None)  # type: ignore[arg-type]
 
 
-def main(count: int, first: int) -> Found:
+def compare_closing(
+    robot: hybridyn.HybridRobot, state: tuple[np.ndarray, ...], case: str, found: Found
+) -> None:
+    """Compare the program that closes the loops with the oracle: what motors do, from a posture nearby.
+
+    Rods may have turned about themselves; positions, rates and accelerations must hold the loops' rows.
+    """
+    q, v, a = state
+    program, oracle = programs(robot, models=("close",))["close"], Oracle(robot.description, robot.base)
+    function, manifold, read = function_of(program), Manifold(robot), rates_read(program)
+    xi = 1e-3 * manifold.unit * np.random.default_rng(3).choice([-1.0, 1.0], size=robot.nv)
+    near = manifold.retraction.move(q, np.where(read > 0, 0.0, xi))
+    for _ in range(CALLS):
+        near, rates, change, guard = (x.full().ravel() for x in function(near, v, a))
+    if not guard[0] <= GUARD_LIMIT:
+        found.wrong.append(f"{case}: the loops do not close")
+        return
+    size = np.abs(rates / oracle.unit).max(initial=1e-300), np.abs(change / oracle.unit).max(initial=1e-300)
+    left = (
+        rates - oracle.project_velocity(near, rates),
+        change - oracle.consistent_acceleration(near, rates, change),
+    )
+    found.add("close", case, np.abs(oracle.residual(near)).max(initial=0.0), CLOSED)
+    for name, off, largest in zip(("rates", "accelerations"), left, size, strict=True):
+        found.add(name, case, np.abs(off / oracle.unit).max(initial=0.0) / largest, SOLVED)
+    held = read[robot.motor_v] > 0
+    for name, x, y in (("motors", rates, v), ("motors", change, a)):
+        found.add(name, case, np.abs(x - y)[robot.motor_v[held]].max(initial=0.0), SOLVED * np.abs(y).max())
+
+
+def compare_oracle(
+    robot: hybridyn.HybridRobot, state: tuple[np.ndarray, ...], case: str, found: Found
+) -> None:
+    """Compare efforts of the general path with the oracle's."""
+    try:
+        tau = hybridyn.idm(robot, *state)
+    except hybridyn.HybridynError:
+        found.count["refused efforts"] += 1
+        return
+    wanted = Oracle(robot.description, robot.base).idm(*state)
+    found.add("oracle", case, float(difference(tau[None], wanted[None])[0]), SOLVED)
+
+
+def compare_map(robot: hybridyn.HybridRobot, q: np.ndarray, seed: int, case: str, found: Found) -> None:
+    """Compare the map between motors and as many other joints of the modules."""
+    rng, joints = np.random.default_rng(seed), list[str]()
+    for module in robot.modules[robot.base == "floating" :]:
+        others = [x for x in module.joints if x not in module.motors and robot.records[x].kind.single]
+        if len(module.motors) == module.mobility <= len(others) and module.mechanism.spec.closures:
+            joints += [str(x) for x in rng.choice(others, size=module.mobility, replace=False)]
+    if not joints:
+        return
+    try:
+        written = map_programs(request(robot, None), joints)
+        right = hybridyn.joint_map(robot, q, joints)
+    except hybridyn.HybridynError:
+        found.count["refused maps"] += 1
+        return
+    for side, matrix in zip(
+        ("motor", "joint"), (right.joints_per_motors, right.motors_per_joints), strict=True
+    ):
+        position = getattr(right, f"{side}_positions")
+        program = next(x for x in written if x.inputs[1][0] == f"{side}_position")
+        *results, guard = function_of(program)(q, position, *np.zeros((2, len(joints))))
+        if float(guard) <= GUARD_LIMIT:
+            off = difference(results[-1].full().reshape(1, -1), matrix.reshape(1, -1))
+            found.add("joint map", case, float(off[0]), SOLVED)
+
+
+def compare_step(robot: hybridyn.HybridRobot, q: np.ndarray, case: str, found: Found) -> None:
+    """Compare ticks of the exported control step with the general path, at the posture that it closes."""
+    program = programs(robot, models=("close",))["close"]
+    read, manifold = rates_read(program), Manifold(robot)
+    with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ):
+        os.environ.pop("CC", None)
+        export(robot, folder, name="m")
+        source, library = Path(folder) / "m.c", Path(folder) / "m.so"
+        told = compiler("-O0", "-fPIC", "-shared", source, "-o", library, "-lm")
+        step = ctypes.CDLL(str(library)).m_idm_from_motors
+    assert told == ""
+    rng, last, work = np.random.default_rng(5), q.copy(), np.zeros(1_000_000)
+    at = np.array([robot.q_slices[robot.joint_index[x]].start for x in robot.motors], dtype=int)
+    position = np.array([float(joint_position(robot, q, x)) for x in robot.motors])
+    unit = robot.unit[robot.motor_v]
+    for _ in range(TICKS):
+        position = position + 0.01 * unit * rng.normal(size=len(at))
+        v, a = rng.normal(size=(2, robot.nv)) * robot.unit * (read > 0)
+        out = np.zeros(robot.nq), np.zeros(robot.nv), np.zeros(robot.nv), np.zeros(len(at))
+        if not called(step, last, position, v, a, *out, work) <= GUARD_LIMIT:
+            found.count["steps not trusted"] += 1
+            continue
+        last, rates, change, tau = out
+        try:
+            wanted = hybridyn.idm(robot, last, rates, change)
+        except hybridyn.HybridynError as error:
+            found.wrong.append(f"{case}: step {error}")
+            return
+        found.add("step", case, float(difference(tau[None], wanted[None])[0]), SOLVED)
+        found.add("step closes", case, manifold.residual(last)[0], CLOSED)
+
+
+def main(count: int, first: int, family: str = "any") -> Found:
     """Compare mechanisms, and print what is wrong and, from time to time, how far it is."""
     found = Found()
     for seed in range(first, first + count):
         before = len(found.wrong)
         try:
-            compare(seed, found)
+            compare(seed, found, family)
         except Exception as error:
             found.wrong.append(f"seed {seed}: {type(error).__name__} {error}")
         print(*found.wrong[before:], sep="\n", end="\n" if len(found.wrong) > before else "", flush=True)
@@ -166,8 +293,7 @@ def main(count: int, first: int) -> Found:
 
 if __name__ == "__main__":
     import logging
-    import os
 
     os.environ["CC"] = "none"
     logging.disable(logging.CRITICAL)
-    sys.exit(bool(main(int(sys.argv[1]), int(sys.argv[2])).wrong))
+    sys.exit(bool(main(int(sys.argv[1]), int(sys.argv[2]), *sys.argv[3:]).wrong))
