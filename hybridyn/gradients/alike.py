@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..compiled import RobotPrograms, asked_for
@@ -16,7 +18,9 @@ from ..structure.robot import HybridRobot
 NEARBY = 1e-7
 
 
-def programs_alike(robot: HybridRobot, on: Effects, parameters: Parameters, effects: Choice) -> RobotPrograms:
+def programs_alike(
+    robot: HybridRobot, on: Effects, parameters: Parameters, effects: Choice, wrenches: Sequence[str]
+) -> RobotPrograms:
     """Return programs of the robot, of which no wrist is cut if a parameter may open it.
 
     Args:
@@ -24,11 +28,12 @@ def programs_alike(robot: HybridRobot, on: Effects, parameters: Parameters, effe
         on: Its effects.
         parameters: Its parameters.
         effects: The effects as they were asked for.
+        wrenches: Links on which wrenches act.
 
     Raises:
         ModelError: A parameter decides the structure otherwise at its smallest change.
     """
-    programs = RobotPrograms(robot, on, parameters.slots)
+    programs = RobotPrograms(robot, on, parameters.slots, wrenches=wrenches)
     if not len(_deciding(programs, parameters)):
         return programs
     wrists = [
@@ -40,7 +45,7 @@ def programs_alike(robot: HybridRobot, on: Effects, parameters: Parameters, effe
     uncut, on, chosen = asked_for(
         rebuilt(robot, held=[*robot.held, *wrists]), effects, [*parameters.slots], "float64"
     )
-    programs = RobotPrograms(uncut, on, chosen.slots)
+    programs = RobotPrograms(uncut, on, chosen.slots, wrenches=wrenches)
     if len(wrong := _deciding(programs, parameters)):
         name = parameters.labels[int(wrong[0])]
         raise ModelError(

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..compiled import as_compile_error, asked_for, needs_casadi
 from ..effects.choice import Choice, without_losses
-from ..errors import ModelError, TrajectoryError
+from ..errors import ModelError
 from ..spatial import Array
-from ..structure.parameters.slots import Slot, check_signs
+from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_efforts, as_positions, as_rates, same_samples
+from ..structure.samples import as_batch, as_efforts, as_positions, as_rates
 from .adjoint import Bars, ClosedAdjoint
 from .alike import programs_alike
 from .blocks import Factored, condition_of
 from .gradient import Gradient, MeasureBars, MeasureGradients
 from .kept import Kept, check_held, has_undriven, kept_by_name
-from .model_sweeps import ModelSweeps, Samples
+from .model_sweeps import ModelSweeps
+from .samples import Samples, samples_of, wrench_columns
 from .slot_changes import slots_over_parameters
 
 #: Largest residual, in lengths of modules, that a unit of a number may open dependent rows by: rounding.
@@ -53,6 +54,7 @@ class DesignGradients:
         *,
         keep: Sequence[str] | Kept | None = None,
         effects: Choice = None,
+        wrenches: Sequence[str] = (),
     ) -> None:
         """Write the models and their sweeps back.
 
@@ -62,6 +64,7 @@ class DesignGradients:
             keep: What stays: joints, and coordinates of links seen from the root link, such as
                 "m1_tool/pose/x"; by default the motors. Joints that no loop moves stay, too.
             effects: Effects to include, as for `hybridyn.idm`.
+            wrenches: Links on which wrenches act; they stay in the axes of their links.
 
         Raises:
             ModelError: There are no parameters, one is unknown or no number, or moves a frame of a closure
@@ -80,7 +83,8 @@ class DesignGradients:
                 raise ModelError(why, element="limits")
             words = robot.motors if keep is None else keep
             self._kept = words if isinstance(words, Kept) else kept_by_name(robot, words)
-            programs = programs_alike(self.robot, on, self.parameters, effects)
+            self._pushed = tuple(wrenches)
+            programs = programs_alike(self.robot, on, self.parameters, effects, self._pushed)
             self._closed = ClosedAdjoint(programs, self._kept)
             self._models = ModelSweeps(programs, self._closed)
 
@@ -92,6 +96,7 @@ class DesignGradients:
         *,
         parameters: ArrayLike | None = None,
         weights: ArrayLike | None = None,
+        wrenches: Mapping[str, ArrayLike] | None = None,
     ) -> Gradient:
         """Compute motor efforts, and their derivatives over the parameters.
 
@@ -103,15 +108,16 @@ class DesignGradients:
                 assembled; by default those of the robot.
             weights: Derivatives of one number over the efforts, shape (motors,) or (T, motors): its
                 derivative is then returned, in one sweep.
+            wrenches: Wrenches on links that were named at first, as for `hybridyn.idm`; zero by default.
 
         Raises:
-            ModelError: Something else than the motors stays beside motions that have no motor.
+            ModelError: A motor does not stay beside motions that have none.
             ActuationError: Motors share a load, and have different units and no effort limits.
             AssemblyError: The loops are not closed.
             SingularityError: What stays does not determine the motion, or a pivot of the model vanishes.
             TrajectoryError: An array has a wrong shape, or is not finite.
         """
-        return self._gradient("idm", q, v, a, parameters, weights)
+        return self._gradient("idm", (q, v, a, parameters, wrenches), weights)
 
     def ddm(
         self,
@@ -121,6 +127,7 @@ class DesignGradients:
         *,
         parameters: ArrayLike | None = None,
         weights: ArrayLike | None = None,
+        wrenches: Mapping[str, ArrayLike] | None = None,
     ) -> Gradient:
         """Compute accelerations of constant efforts, and their derivatives over the parameters.
 
@@ -130,11 +137,12 @@ class DesignGradients:
             tau: Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
             parameters: As in `idm`.
             weights: Derivatives of one number over the accelerations, shape (nv,) or (T, nv).
+            wrenches: As in `idm`.
 
         Raises:
             HybridynError: As `idm`.
         """
-        return self._gradient("ddm", q, v, tau, parameters, weights)
+        return self._gradient("ddm", (q, v, tau, parameters, wrenches), weights)
 
     def motion(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, parameters: ArrayLike | None = None
@@ -190,15 +198,8 @@ class DesignGradients:
             raise ModelError("the mass matrix is one over motors: leave 'keep' to them", element="keep")
         rest = np.zeros((*np.shape(q)[:-1], self.robot.nv))
         at = self._state(q, rest, as_rates(self.robot, rest), parameters)
-        T, N, factors = len(at.q), len(u), self._factors(at)
-        many, repeated = at.repeated(N), [one for one in factors for _ in range(N)]
-        moved = np.zeros((T * N, self.robot.nv))
-        moved[np.arange(T * N), np.tile(u, T)] = 1.0
-        moved = self._closed.followed(repeated, many.q, many.slots, moved)
-        pulled = self._models.each(many._replace(x=moved), repeated, "idm")
-        still = self._models.each(at, factors, "idm")
-        M = (pulled.value.reshape(T, N, N) - still.value[:, None]).transpose(0, 2, 1)
-        over = (pulled.over.reshape(T, N, N, -1) - still.over[:, None]).transpose(0, 2, 1, 3)
+        factors = self._factors(at)
+        M, over = self._models.mass_matrix(at, factors)
         first = 0 if at.single else slice(None)
         return Gradient(M[first], self._over(over, at, factors)[first], condition_of(factors))
 
@@ -208,6 +209,7 @@ class DesignGradients:
         parameters: Array,
         along: Array,
         measures: Sequence[MeasureBars],
+        wrenches: Mapping[str, ArrayLike] | None = None,
     ) -> MeasureGradients:
         """Return the gradients of sums over a motion, one sweep for each of them.
 
@@ -216,37 +218,39 @@ class DesignGradients:
             parameters: Parameters of the design, shape (k,).
             along: Their derivative over other numbers, shape (k, n), which move them together.
             measures: Derivatives of each sum over the motion and the efforts.
+            wrenches: As in `idm`.
 
         Raises:
             HybridynError: As `idm`.
         """
         q, v, a = motion
-        at = self._state(q, v, as_rates(self.robot, a, "a"), parameters)
+        at = self._state(q, v, as_rates(self.robot, a, "a"), parameters, wrenches)
         factors = self._factors(at)
         closing, over = self._closed.closing(factors, at.numbers)
         rows, tau = [over], np.zeros((len(at.q), len(self.robot.motors)))
-        check_held(self.robot, self._kept, [one[2] for one in measures])
-        for q_bar, v_bar, a_bar, tau_bar in measures:
-            bars = Bars(q_bar, v_bar, a_bar)
-            tau, found = self._models.summed(at, factors, tau_bar, "idm", bars)
-            rows.append(found.sum(axis=0))
+        check_held(self.robot, self._kept)
+        for one in measures:
+            bars, direct = Bars(one.q, one.v, one.a), np.zeros(at.slots.shape)
+            for link, weights in one.links.items():
+                moved, own = self._models.of_link(at, link, weights)
+                bars, direct = Bars(*map(np.add, bars, moved)), direct + own
+            tau, found = self._models.summed(at, factors, one.tau, "idm", bars)
+            rows.append((found + direct).sum(axis=0))
         of_all = self._over(np.array(rows), at, factors, along)
         return MeasureGradients(tau, of_all[1:], closing, of_all[0])
 
     def _gradient(
         self,
         name: str,
-        q: ArrayLike,
-        v: ArrayLike,
-        x: ArrayLike,
-        p: ArrayLike | None,
+        given: tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike | None, Mapping[str, ArrayLike] | None],
         weights: ArrayLike | None,
     ) -> Gradient:
-        """Return the gradient of a model, see `idm`."""
+        """Return the gradient of a model, see `idm`; given are its state, parameters and wrenches."""
+        q, v, x, p, wrenches = given
         if name == "idm":
             check_held(self.robot, self._kept)
-        given = as_rates(self.robot, x, "a") if name == "idm" else as_efforts(self.robot, x)
-        at = self._state(q, v, given, p)
+        third = as_rates(self.robot, x, "a") if name == "idm" else as_efforts(self.robot, x)
+        at = self._state(q, v, third, p, wrenches)
         factors, first = self._factors(at), 0 if at.single else slice(None)
         if weights is None:
             found = self._models.each(at, factors, name)
@@ -266,21 +270,17 @@ class DesignGradients:
         return self._closed.operations + self._models.model("idm").n_instructions()
 
     def _state(
-        self, q: ArrayLike, v: ArrayLike, third: tuple[Array, bool], parameters: ArrayLike | None
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        third: tuple[Array, bool],
+        parameters: ArrayLike | None,
+        wrenches: Mapping[str, ArrayLike] | None = None,
     ) -> Samples:
         """Return checked arguments and the numbers in slots."""
-        given = [as_positions(self.robot, q), as_rates(self.robot, v), third]
-        same_samples(**dict(zip(("q", "v", "a or tau"), (x for x, _ in given), strict=True)))
-        p = self.parameters.nominal if parameters is None else np.asarray(parameters, dtype=float)
-        if p.shape != (self.parameters.size,) or not np.isfinite(p).all():
-            raise TrajectoryError(
-                f"parameters has shape {p.shape}; wanted {self.parameters.size} finite numbers "
-                f"({', '.join(self.parameters.labels[:6])}{', ...' if self.parameters.size > 6 else ''})"
-            )
-        slots = self.parameters.slot_values(p[None])[0]
-        check_signs(self.parameters.slots, slots)
-        (q_, single), (v_, _), (x, _) = given
-        return Samples(q_, v_, x, np.tile(slots, (len(q_), 1)), p, single)
+        given = as_positions(self.robot, q), as_rates(self.robot, v), third
+        pushed = wrench_columns(self._pushed, wrenches or {}, len(given[0][0]))
+        return samples_of(self.parameters, given, parameters, pushed)
 
     def _factors(self, at: Samples) -> list[Factored]:
         """Return the factored rows of loops at samples."""

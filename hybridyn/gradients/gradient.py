@@ -30,12 +30,15 @@ class MeasureBars(NamedTuple):
         q: Over the freedoms of positions, shape (T, nv).
         v, a: Over rates and accelerations, shape (T, nv) each.
         tau: Over efforts, shape (T, motors).
+        links: Over the motion of links in the world, by link, shape (T, 15): position, velocity, angular
+            velocity, acceleration of the origin and angular acceleration.
     """
 
     q: Array
     v: Array
     a: Array
     tau: Array
+    links: dict[str, Array]
 
 
 class MeasureGradients(NamedTuple):

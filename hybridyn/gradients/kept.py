@@ -12,7 +12,7 @@ from ..description.names import did_you_mean
 from ..dynamics.actuation import load_share
 from ..errors import ModelError
 from ..linkage.targets import COORDINATES
-from ..spatial import Array, Index, indices
+from ..spatial import Index, indices
 from ..structure.robot import HybridRobot
 
 #: A coordinate of a link, in columns of tables.
@@ -90,31 +90,22 @@ def has_undriven(robot: HybridRobot) -> bool:
     return robot.base == "floating" or any(len(m.motors) < m.mobility for m in robot.modules)
 
 
-def check_held(robot: HybridRobot, kept: Kept, accelerations: Sequence[Array] = ()) -> None:
+def check_held(robot: HybridRobot, kept: Kept) -> None:
     """Check that efforts have gradients at what stays.
 
     Args:
         robot: The robot.
         kept: What stays.
-        accelerations: Derivatives of measures over the accelerations.
 
     Raises:
         ActuationError: Motors share a load, and have different units and no effort limits.
-        ModelError: Beside motions without a motor, something else than the motors stays, or a measure depends
-            on accelerations.
+        ModelError: A motor does not stay beside motions without a motor.
     """
     for module in robot.modules:
         if len(module.motors) > module.mobility:
             load_share(robot, module, None)
-    if not has_undriven(robot):
-        return
-    if kept.links or {*kept.freedoms} != {*robot.motor_v}:
+    if has_undriven(robot) and not {*robot.motor_v} <= {*kept.freedoms}:
         raise ModelError(
-            "where motions have no motor, efforts have gradients at accelerations of the motors: leave "
-            "'keep' to them, or take 'ddm'", element="keep",
-        )  # fmt: skip
-    if any(one.any() for one in accelerations):
-        raise ModelError(
-            "measures of accelerations have no gradient where motions have no motor: these accelerations "
-            "follow the parameters; take 'ddm'", element="acceleration",
+            "where motions have no motor, efforts have gradients at accelerations of the motors: name all "
+            "motors in 'keep', too, or take 'ddm'", element="keep",
         )  # fmt: skip

@@ -13,39 +13,10 @@ from ..spatial import Array
 from .adjoint import Bars, ClosedAdjoint, called
 from .blocks import Factored
 from .kept import has_undriven
+from .samples import Samples
 
 if TYPE_CHECKING:
     import casadi as ca
-
-
-class Samples(NamedTuple):
-    """Samples of a motion and a design.
-
-    Attributes:
-        q, v: Positions and rates, shapes (T, nq), (T, nv).
-        x: Accelerations, shape (T, nv), or efforts, shape (T, motors).
-        slots: Numbers in slots, shape (T, slots).
-        p: The parameters, shape (k,).
-        single: Whether the input was one sample.
-    """
-
-    q: Array
-    v: Array
-    x: Array
-    slots: Array
-    p: Array
-    single: bool
-
-    @property
-    def numbers(self) -> tuple[Array, Array, Array, Array]:
-        """The arguments of the rows of loops; where efforts are given, accelerations do not matter."""
-        a = self.x if self.x.shape == self.v.shape else np.zeros(self.v.shape)
-        return self.q, self.v, a, self.slots
-
-    def repeated(self, count: int) -> Samples:
-        """Return each sample a number of times."""
-        q, v, x, slots = (np.repeat(one, count, axis=0) for one in self[:4])
-        return Samples(q, v, x, slots, self.p, self.single)
 
 
 class Pulled(NamedTuple):
@@ -61,6 +32,7 @@ class ModelSweeps:
     def __init__(self, programs: RobotPrograms, closed: ClosedAdjoint) -> None:
         self._programs, self._closed, self._robot = programs, closed, programs.robot
         self._models: dict[str, ca.Function] = {}
+        self._links: dict[str, ca.Function] = {}
 
     def model(self, name: str) -> ca.Function:
         """Return a model: from its arguments and weights to results, guard and derivatives of the sum."""
@@ -77,6 +49,25 @@ class ModelSweeps:
                 [*model.name_in(), "weights"], ["found"],
             )  # fmt: skip
         return self._models[name]
+
+    def of_link(self, at: Samples, link: str, weights: Array) -> tuple[Bars, Array]:
+        """Return the derivatives of a weighted sum of a link's motion, as `MeasureBars.links` has it.
+
+        Returns:
+            Those over the motion, and over slots at a motion that stays, shape (T, slots).
+        """
+        import casadi as ca
+
+        if link not in self._links:
+            motion = self._programs.link_motion(link)
+            given = [ca.SX.sym("given", motion.size1_in(i)) for i in range(motion.n_in())]
+            column = ca.SX.sym("weights", motion.size1_out(0))
+            over = ca.gradient(ca.dot(column, motion.call(given)[0]), ca.vertcat(*given))
+            self._links[link] = ca.Function("link", [*given, column], [over])
+        found = called(self._links[link], at.q, at.v, at.x, at.slots, weights)
+        nq, nv = self._robot.nq, self._robot.nv
+        q_bar, v_bar, a_bar, slots = np.split(found, [nq, nq + nv, nq + 2 * nv], axis=1)
+        return Bars(self._closed.freedoms(at.q, q_bar), v_bar, a_bar), slots
 
     def size(self, name: str) -> int:
         """Return the number of results of a model."""
@@ -122,10 +113,24 @@ class ModelSweeps:
             bars = Bars(*(x + y for x, y in zip(bars, motion, strict=True)))
         return Pulled(value, by["parameters"] + self._closed.back(factors, at.numbers, bars))
 
+    def mass_matrix(self, at: Samples, factors: list[Factored]) -> Pulled:
+        """Return the mass matrix over the motors, (T, N, N), and its derivatives over slots, from rest."""
+        T, N, u = len(at.q), len(self._robot.motors), self._robot.motor_v
+        many, repeated = at.repeated(N), [one for one in factors for _ in range(N)]
+        moved = np.zeros((T * N, self._robot.nv))
+        moved[np.arange(T * N), np.tile(u, T)] = 1.0
+        moved = self._closed.followed(repeated, many.q, many.slots, moved)
+        pulled, still = self.each(many._replace(x=moved), repeated, "idm"), self.each(at, factors, "idm")
+        M = (pulled.value.reshape(T, N, N) - still.value[:, None]).transpose(0, 2, 1)
+        return Pulled(M, (pulled.over.reshape(T, N, N, -1) - still.over[:, None]).transpose(0, 2, 1, 3))
+
     def _run(self, at: Samples, weights: Array, name: str) -> tuple[Array, dict[str, Array]]:
         """Return a model's results, and the derivatives of their sum over each argument."""
         model, T = self.model(name), len(at.q)
-        known = {"q": at.q, "v": at.v, "a": at.x, "tau": at.x, "parameters": at.slots, "weights": weights}
+        known = {
+            "q": at.q, "v": at.v, "a": at.x, "tau": at.x, "parameters": at.slots, "weights": weights,
+            "wrenches": at.wrenches,
+        }  # fmt: skip
         sizes = {model.name_in(i): model.size1_in(i) for i in range(model.n_in())}
         given = [known.get(word, np.zeros((T, size))) for word, size in sizes.items()]
         ends = np.cumsum([weights.shape[1], 1, *sizes.values()])[:-1]
@@ -147,6 +152,8 @@ class ModelSweeps:
         """Return `summed` of efforts at accelerations of the motors, from the direct model a(tau, p).
 
         d tau = -(d a_m / d tau)^-1 d a_m / dp       (m: motors)
+
+        Accelerations of the other motions follow, and so does what is added of them.
         """
         T, N, u = len(at.q), len(self._robot.motors), self._robot.motor_v
         tau, _ = self._run(at, weights, "idm")
@@ -160,5 +167,8 @@ class ModelSweeps:
                 what="the motors",
             )
         spread = np.zeros((T, self._robot.nv))
-        spread[:, u] = -np.linalg.solve(caused, weights[:, :, None])[:, :, 0]
+        if motion is not None:
+            spread, motion = motion.a.copy(), motion._replace(a=np.zeros(motion.a.shape))
+            weights = weights + self._run(at._replace(x=tau), spread, "ddm")[1]["tau"]
+        spread[:, u] -= np.linalg.solve(caused, weights[:, :, None])[:, :, 0]
         return Pulled(tau, self.summed(at._replace(x=tau), factors, spread, "ddm", motion).over)

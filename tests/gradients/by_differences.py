@@ -64,25 +64,25 @@ def design(
 
     Args:
         tau: Efforts of the direct model; by default those of the inverse one.
-        keep: Coordinates of links that stay instead of the motors.
+        keep: Joints, or coordinates of links, that stay instead of the motors.
     """
-    at = [robot.v_slices[robot.joint_index[name]].start for name in robot.motors]
+    joints = [name for name in keep or robot.motors if name in robot.joints]
+    at = [robot.v_slices[robot.joint_index[name]].start for name in joints]
     motors = {
-        name: (position(robot, name, q), float(v[k]), float(a[k]))
-        for name, k in zip(robot.motors, at, strict=True)
+        name: (position(robot, name, q), float(v[k]), float(a[k])) for name, k in zip(joints, at, strict=True)
     }
     solved = has_undriven(robot)
     root, platforms = robot.description.root, {}
-    links = {name.partition("/")[0] for name in keep}
+    links = {name.partition("/")[0] for name in keep if name not in joints}
     for link in links or ([root] if robot.base != "fixed" else []):
         motion = kinematics(robot, q, v, a, links=[link])[link]
         levels = motion.pose, motion.twist, motion.acceleration
         names = [name.rpartition("/")[2] for name in keep if name.startswith(link)]
         partial = tuple({n: float(x["xyz".index(n)]) for n in names} for x in levels)
-        platforms[link] = partial if keep else levels
+        platforms[link] = partial if names else levels
 
     def at_design(other: HybridRobot) -> Design:
-        found = hybridyn.assemble(other, motors={} if keep else motors, platforms=platforms, guess=q)
+        found = hybridyn.assemble(other, motors=motors, platforms=platforms, guess=q)
         efforts = hybridyn.idm(other, *found, passive="solved" if solved else "given")
         return Design(*found, efforts, hybridyn.ddm(other, *found[:2], efforts if tau is None else tau))
 

@@ -20,8 +20,9 @@ from hybridyn.errors import (
     SingularityError,
     TrajectoryError,
 )
+from hybridyn.gradients.gradient import MeasureBars
 from hybridyn.structure.building import build_robot
-from tests.gradients.by_differences import agrees, numbers_of
+from tests.gradients.by_differences import AGREE, agrees, design, differences, numbers_of
 from tests.robots.as_written import leg
 from tests.robots.mechanisms import KINDS, random_mechanism, random_states
 from tests.robots.posing import position
@@ -221,6 +222,8 @@ def test_wrong_samples_are_refused() -> None:
     gradients = hybridyn.DesignGradients(robot, ["mass:m1_tool"])
     with pytest.raises(AssemblyError, match=r"open by .* at sample 0"):
         gradients.idm(q + 0.1, v, a)
+    with pytest.raises(ModelError, match="wrench on 'm1_tool': name the link"):
+        gradients.idm(q, v, a, wrenches={"m1_tool": np.ones(6)})
     with pytest.raises(TrajectoryError, match="parameters has shape"):
         gradients.idm(q, v, a, parameters=[1.0, 2.0])
     with pytest.raises(ModelError, match="cannot be -1"):
@@ -236,6 +239,29 @@ def test_friction_that_does_not_settle_is_named() -> None:
     gradients = hybridyn.DesignGradients(robot, ["mass:m1_tool"], effects=rubbing)
     with pytest.raises(SingularityError, match="grows with load does not settle at sample 0"):
         gradients.idm(*state)
+
+
+def test_accelerations_of_free_motions_follow_those_of_motors() -> None:
+    """Motors keep their accelerations; the base moves as their efforts demand."""
+    robot = hybridyn.load("five_bar", base="floating")
+    q, v, a = near_home(robot)
+    gradients, nv = hybridyn.DesignGradients(robot, NAMES), robot.nv
+    p, still = gradients.parameters.nominal, np.zeros((1, nv))
+    each = [MeasureBars(still, still, one[None], np.zeros((1, 2)), {}) for one in np.eye(nv)]
+    found = gradients.of_measures((q[None], v[None], a[None]), p, np.eye(len(p)), each)
+    along = p * [0.5, -0.3, 0.2, 0.4]
+    wanted, errors = differences(robot, gradients.parameters, along, q, design(robot, q, v, a))
+    size = AGREE * np.abs(wanted.found).max()
+    assert (np.abs(found.over @ along - wanted.found) <= size + errors.found).all()
+
+
+def test_joints_without_motors_may_stay_beside_motors() -> None:
+    description = random_mechanism(1, kind="five_bar_one_motor", base="fixed")
+    robot = build_robot(description, base="fixed")
+    q, v, _ = (x[0] for x in random_states(description, "fixed", 1, count=1))
+    a = hybridyn.ddm(robot, q, v, np.ones(len(robot.motors)))
+    names = [*robot.motors, next(x for x in robot.joints if x not in robot.motors)]
+    agrees(robot, numbers_of(description, 1), (q, v, a), keep=names)
 
 
 def test_efforts_beside_free_motions_hold_the_motors_accelerations_behind_gears() -> None:
@@ -256,7 +282,7 @@ def test_efforts_beside_free_motions_hold_the_motors_accelerations_behind_gears(
     with pytest.raises(ModelError, match="mass matrix does not take the effect 'gear_efficiency'"):
         gradients.mass_matrix(q)
     elbows = hybridyn.DesignGradients(robot, ["mass:m1_tool"], keep=["m1_left_elbow", "m1_right_drive"])
-    with pytest.raises(ModelError, match="leave 'keep' to them"):
+    with pytest.raises(ModelError, match="name all motors in 'keep'"):
         elbows.idm(q, v, a)
     with pytest.raises(ModelError, match="where every motion has one motor"):
         hybridyn.DesignGradients(robot, ["mass:m1_tool"]).mass_matrix(q)

@@ -1,6 +1,7 @@
 """Sweeps with gradients: rows, shards, processes and questions."""
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,12 +80,14 @@ def test_a_run_continues_with_the_same_models(folder: Path, monkeypatch: pytest.
     ("measure", "says"),
     [
         ('{ closing = "peak_effort" }', "'closing' is a column of gradients"),
-        ('{ x = "max tip/pose/x" }', "no design can be evaluated .*'max tip/pose/x' has no gradient"),
+        ('{ x = "own.py:cost" }', "no design can be evaluated .*'own.py:cost' has no gradient"),
     ],
 )
 def test_what_has_no_gradient_is_refused_in_one_line(measure: str, says: str, folder: Path) -> None:
     study = written("method = 'grid'", ONE, measure)
-    refused(lambda: hybridyn.sweep(study, "out", jobs=1, gradient=True), hybridyn.HybridynError, says)
+    Path("own.py").write_text("def cost(robot, motion): return 1.0")
+    run = partial(hybridyn.sweep, study, "out", jobs=1, gradient=True, allow_python=True)
+    refused(run, hybridyn.HybridynError, says)
 
 
 def test_without_casadi_it_is_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,11 +15,12 @@ import numpy as np
 
 from ...joints import displacement
 from ...linkage.closures import Closures
+from ...linkage.motion import Motion
 from ...linkage.targets import COORDINATES
 from ...linkage.tree import Tree
 from ...structure.module_spec import ModuleSpec
 from ...symbols import Expression, dot
-from ..equations.expressions import filled, numbers, pack, symbols
+from ..equations.expressions import filled, numbers, pack, symbols, zeros
 from ..equations.request import Request
 from ..equations.rigid import links_of
 from .closing.rows import coordinate_rows
@@ -147,10 +148,34 @@ def _seen_from(request: Request, found: ca.SX, one: PrescribedLink) -> tuple[Exp
 
 def _placed(request: Request, found: ca.SX, link: str) -> tuple[Expression, Expression]:
     """Return axes and origin of a link in the world, from the motions of all bodies."""
+    motion = _moved(request, found, link)
+    return motion.R[0], motion.p[0]
+
+
+def _moved(request: Request, found: ca.SX, link: str) -> Motion:
+    """Return the motion of a link in the world, one sample, from the motions of all bodies."""
     body, R, p = request.places[link]
-    motion = motion_of(filled([found[WIDTH * body + i] for i in range(WIDTH)], WIDTH))
-    R, p = numbers(np.asarray(R)), numbers(np.asarray(p))
-    return dot(motion.R, R), motion.p + dot(motion.R, p)
+    motion = motion_of(filled([found[WIDTH * body + i] for i in range(WIDTH)], 1, WIDTH))
+    still = zeros(1, 3)
+    return motion.then(
+        Motion(numbers(np.asarray(R))[None], numbers(np.asarray(p))[None], still, still, still, still)
+    )
+
+
+def link_motion(request: Request, link: str) -> ca.Function:
+    """Write the motion of a link in the world.
+
+    Returns:
+        From q, v, a and the numbers in slots to position, velocity, angular velocity, acceleration of the
+        origin (classical) and angular acceleration, 15 numbers, [m, rad, s], world axes.
+    """
+    robot, arguments = request.robot, request.arguments
+    given = [ca.SX.sym(name, size) for name, size in (("q", robot.nq), ("v", robot.nv), ("a", robot.nv))]
+    p = ca.SX(0, 1) if arguments is None else arguments.column  # type: ignore[union-attr]
+    found = function_of(kinematics_program(request)).call([*given, *([] if arguments is None else [p])])[0]
+    m = _moved(request, found, link)
+    rows = [x[0] for x in (m.p, m.p_dot, m.w, m.p_ddot, m.w_dot)]
+    return ca.Function("link", [*given, p], [pack(*rows)])
 
 
 def _turned(R: Expression) -> ca.SX:

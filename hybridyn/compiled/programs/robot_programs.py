@@ -18,7 +18,7 @@ from ..equations.arguments import ChosenNumbers, decided_alike
 from ..equations.request import Request, request
 from ..program import Program
 from .close import freedoms_of, lift_program, turning_program
-from .closed_motion import ClosedMotion, PrescribedLink, closed_motion
+from .closed_motion import ClosedMotion, PrescribedLink, closed_motion, link_motion
 from .loop_kernels import loop_kernels
 from .map_programs import map_programs
 from .walking import joints_text, walk_text
@@ -37,16 +37,21 @@ class RobotPrograms:
         effects: Effects in the models.
         slots: Numbers of the description that are arguments ("parameters").
         dtype: Type of the arithmetic, "float64" or "float32".
+        wrenches: Links on which wrenches are an input of "idm" and "ddm" ("wrenches", six numbers of each).
     """
 
     robot: HybridRobot
     effects: Effects
     slots: Sequence[Slot] = ()
     dtype: str = "float64"
+    wrenches: Sequence[str] = ()
 
     @cached_property
     def _asked(self) -> Request:
-        return request(self.robot, self.effects, parameters=self.slots, dtype=self.dtype, contacts=True)
+        return request(
+            self.robot, self.effects, parameters=self.slots, dtype=self.dtype, wrenches=self.wrenches,
+            contacts=True,
+        )  # fmt: skip
 
     @property
     def parameter_inputs(self) -> list[tuple[str, int]]:
@@ -87,6 +92,10 @@ class RobotPrograms:
     def closed_motion(self, links: Sequence[tuple[str, str, tuple[str, ...]]]) -> ClosedMotion:
         """Write what stays zero while loops are closed, and coordinates of links, as `PrescribedLink`."""
         return closed_motion(self._asked, [PrescribedLink(*one) for one in links])
+
+    def link_motion(self, link: str) -> ca.Function:
+        """Write the motion of a link in the world, see `closed_motion.link_motion`."""
+        return link_motion(self._asked, link)
 
     @cached_property
     def lift(self) -> Program | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -26,11 +26,19 @@ from ...structure.robot import HybridRobot
 from ...tables.layout import Layout
 from ...tables.trajectory import TableMotion
 from .evaluation import Designer, DesignRow, Motions, effects_of, said, status_of
-from .measure_bars import bars_of
+from .measure_bars import limits_of, slopes_of
 from .study_file import CLOSING, StudyFile, TaskTable
 
 #: Largest difference of efforts of the gradients' model to those of the general path, of the largest effort.
 SAME_EFFORTS = 1e-8
+
+
+#: Why tasks have no gradients, by their kinds.
+NONE = {
+    "workspace": "measures of a workspace jump where poses of its lattice come and go",
+    "scene": "the motion of a scene is simulated, and jumps where its events move",
+    "trajectory": "solved accelerations follow the efforts",
+}
 
 
 class DesignGradient(NamedTuple):
@@ -59,15 +67,10 @@ class _Models(NamedTuple):
     of_tasks: dict[str, DesignGradients]
 
 
-def _limits(description: Description) -> tuple[tuple[float, ...], ...]:
-    """Return the limits of the joints."""
-    return tuple((one.lower, one.upper, one.speed_limit, one.effort_limit) for one in description.joints)
-
-
 class StudyGradients:
     """Evaluates single designs of a study with the gradients of their measures.
 
-    Measures are those of trajectories: of motors, and of columns of joints and motors. A peak has the
+    Measures are those of trajectories: of motors, and of columns of joints, motors and links. A peak has the
     gradient of its own sample. The models are those of the first design that loads; designs of another
     structure have their own.
 
@@ -93,9 +96,9 @@ class StudyGradients:
             if task.trajectory is None or task.passive != "given":
                 what = f"a {task.kind}" if task.trajectory is None else "passive = 'solved'"
                 raise ModelError(
-                    f"{source.file}: task '{name}' has {what}: there are gradients of trajectories only",
-                    element=name,
-                )
+                    f"{source.file}: task '{name}' has {what}: there are gradients of trajectories only: "
+                    f"{NONE[task.kind]}", element=name,
+                )  # fmt: skip
 
     def __call__(self, values: Array, design: int = 0) -> DesignGradient:
         """Evaluate a design.
@@ -162,14 +165,18 @@ class StudyGradients:
         return DesignGradient(row, gradient, closing, at_closing)
 
     def _models(self, robot: HybridRobot, values: Array) -> tuple[_Models, Array, Array]:
-        """Return the models of a structure, the numbers in its slots, and their derivative over values."""
+        """Return the models of a structure, the numbers in its slots, and derivatives over values.
+
+        These are of the numbers in slots, then of the motors' limits.
+        """
         variants, known, base = self._designer.variants, self._kept, robot.description
         differ = {*known.slots} if known is not None and _same(known, base) else set[Slot]()
         slots = None
 
         def numbers(rows: Array) -> Numbers:
-            """Return the numbers in the slots, and find further slots that differ between designs."""
-            out, errors = np.full((len(rows), len(slots or ())), math.nan), dict[int, ModelError]()
+            """Return the numbers in slots, then limits of motors; find further slots that differ."""
+            width = len(slots or ()) + 4 * len(robot.motors)
+            out, errors = np.full((len(rows), width), math.nan), dict[int, ModelError]()
             for i, row in enumerate(rows):
                 try:
                     described = variants.description(variants.named(row))
@@ -177,8 +184,9 @@ class StudyGradients:
                 except ModelError as error:
                     errors[i] = error
                 else:
-                    self._check_limits([base, described])
-                    out[i] = values_of(described, slots or ())
+                    joints = {one.name: one for one in described.joints}
+                    limits = limits_of(joints[name] for name in robot.motors)
+                    out[i] = [*values_of(described, slots or ()), *limits.ravel()]
             return out, errors
 
         while slots is None or {*slots} != differ:
@@ -195,25 +203,6 @@ class StudyGradients:
         stated = self.source.study.parameters.values()
         return np.array([one.range or (-math.inf, math.inf) for one in stated])
 
-    def _check_limits(self, described: Sequence[Description]) -> None:
-        """Check that designs have the limits of joints to which margins are measured.
-
-        Raises:
-            ModelError: The limits differ.
-        """
-        margins = [
-            (name, word)
-            for name, task in self.source.study.tasks.items()
-            for word in task.wanted.values()
-            if word.endswith("_margin")
-        ]
-        if margins and len({*map(_limits, described)}) > 1:
-            name, word = margins[0]
-            raise ModelError(
-                f"{self.source.file}: task '{name}': '{word}' has no gradient where limits of joints "
-                "follow the parameters", element=name,
-            )  # fmt: skip
-
     def _task(
         self,
         robot: HybridRobot,
@@ -224,22 +213,20 @@ class StudyGradients:
         """Return the gradients of a task's measures, and of the singular value of its loops."""
         (name, task), (kept, p, along) = named, models
         layout, motions = self._designer.tracks[name].motions(robot)
-        if motions[0].wrenches:
-            raise ModelError(
-                f"{self.source.file}: task '{name}' prescribes wrenches: there are gradients of tables "
-                "without them",
-                element=name,
-            )
         whole, tau = TreeSamples.joined([x for x, _ in blocks]), np.concatenate([x for _, x in blocks])
-        bars = [bars_of(robot, word, whole, tau) for word in task.wanted.values()]
+        slopes = [slopes_of(robot, word, whole, tau) for word in task.wanted.values()]
         if name not in kept.of_tasks:
             kept.of_tasks[name] = DesignGradients(
                 kept.robot, kept.slots, keep=_stays(kept.robot, layout, motions[0], task),
-                effects=effects_of(kept.robot, task),
+                effects=effects_of(kept.robot, task), wrenches=(*motions[0].wrenches,),
             )  # fmt: skip
-        found = kept.of_tasks[name].of_measures((whole.q, whole.v, whole.a), p, along, bars)
+        found = kept.of_tasks[name].of_measures(
+            (whole.q, whole.v, whole.a), p, along[: len(p)], [one.bars for one in slopes],
+            whole.motion.wrenches,
+        )  # fmt: skip
         self._check(name, found, tau)
-        return found
+        limits = np.array([one.limits.ravel() for one in slopes]) @ along[len(p) :]
+        return found._replace(over=found.over + limits)
 
     def _check(self, name: str, found: MeasureGradients, tau: Array) -> None:
         """Check the gradients of a task.

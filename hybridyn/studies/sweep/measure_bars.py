@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
 
+from ...description.records import Joint
 from ...errors import ModelError
 from ...gradients.gradient import MeasureBars
 from ...spatial import Array
 from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
 from ...tables.over_time import TIE
+from ...tables.signals import TWIST
 from ..sizing import motor_rows
 from .measures import OF_MOTORS, STATISTICS
-from .motion_columns import column_of
+from .motion_columns import OF_LINK, column_of
 
 
 class MotorColumns(NamedTuple):
@@ -28,7 +30,26 @@ class MotorColumns(NamedTuple):
     effort: Array
 
 
-def bars_of(robot: HybridRobot, word: str, whole: TreeSamples, tau: Array) -> MeasureBars:
+class Slopes(NamedTuple):
+    """Derivatives of a measure.
+
+    Attributes:
+        bars: Over the motion and the efforts.
+        limits: Over the limits of the motors, in the order of `limits_of`, shape (motors, 4).
+    """
+
+    bars: MeasureBars
+    limits: Array
+
+
+def limits_of(joints: Iterable[Joint]) -> Array:
+    """Return lower, upper, speed and effort limit of motors, shape (motors, 4); those without are zero."""
+    rows = [(one.lower, one.upper, one.speed_limit, one.effort_limit) for one in joints]
+    limits = np.array(rows, dtype=float).reshape(-1, 4)
+    return np.where(np.isfinite(limits), limits, 0.0)
+
+
+def slopes_of(robot: HybridRobot, word: str, whole: TreeSamples, tau: Array) -> Slopes:
     """Return the derivatives of a measure of a trajectory.
 
     Args:
@@ -38,25 +59,26 @@ def bars_of(robot: HybridRobot, word: str, whole: TreeSamples, tau: Array) -> Me
         tau: Efforts, shape (T, motors).
 
     Raises:
-        ModelError: It is a function in Python or of a package, or a column of a link.
+        ModelError: It is a function in Python or of a package.
         TrajectoryError: There is no such column.
     """
     none = np.zeros((len(tau), robot.nv))
-    out = MeasureBars(none, none.copy(), none.copy(), np.zeros(tau.shape))
+    out = MeasureBars(none, none.copy(), none.copy(), np.zeros(tau.shape), {})
+    slopes = Slopes(out, np.zeros((len(robot.motors), 4)))
     if word in OF_MOTORS:
         motion = MotorColumns(whole.motion.time, *motor_rows(robot, whole.q, whole.v), tau)
-        _of_motors(robot, word, motion, out)
-        return out
+        _of_motors(robot, word, motion, slopes)
+        return slopes
     statistic, _, column = word.partition(" ")
-    if statistic not in STATISTICS or column.count("/") != 1:
+    if statistic not in STATISTICS:
         raise ModelError(
-            f"measure '{word}' has no gradient: there are gradients of measures of motors and of columns of "
-            "joints; leave it out of the objective",
+            f"measure '{word}' has no gradient: there are gradients of measures of motors and of columns; "
+            "leave it out of the study, and compute it from theirs",
             element=word,
         )
     x = column_of(robot, whole, tau, column)
     _of_column(robot, column, _slope(statistic, x, whole.motion.time), whole, tau, out)
-    return out
+    return slopes
 
 
 def _means(time: Array | None, rows: int) -> Array:
@@ -97,7 +119,13 @@ def _slope(statistic: str, x: Array, time: Array | None) -> Array:
 def _of_column(
     robot: HybridRobot, column: str, slope: Array, whole: TreeSamples, tau: Array, out: MeasureBars
 ) -> None:
-    """Add the derivatives of a column of a joint or a motor."""
+    """Add the derivatives of a column of a link, a joint or a motor."""
+    if match := OF_LINK.fullmatch(column):
+        at = {"pose": 0, "velocity": 3, "acceleration": 9}[match["quantity"]]
+        weights = np.zeros((len(slope), 15))
+        weights[:, at + TWIST.index(match["component"])] = slope
+        out.links[match["link"]] = weights
+        return
     owner, _, quantity = column.rpartition("/")
     at = robot.v_slices[robot.joint_index[owner]].start
     levels = {"position": out.q, "velocity": out.v, "acceleration": out.a}
@@ -111,6 +139,8 @@ def _of_column(
         out.v[:, at] += slope * tau[:, motor]
 
 
+#: What limits bound, in the order of `limits_of`.
+LIMITS = ("lower", "upper", "speed", "effort")
 #: Statistic of a motor's effort, speed or power that a measure takes the largest, smallest or sum of.
 _STATED: dict[str, tuple[str, str]] = {
     "peak_effort": ("peak", "effort"), "rms_effort": ("rms", "effort"), "effort_margin": ("peak", "effort"),
@@ -119,13 +149,13 @@ _STATED: dict[str, tuple[str, str]] = {
 }  # fmt: skip
 
 
-def _of_motors(robot: HybridRobot, word: str, motion: MotorColumns, out: MeasureBars) -> None:
+def _of_motors(robot: HybridRobot, word: str, motion: MotorColumns, slopes: Slopes) -> None:
     """Add the derivatives of a measure of the motors, by the motor that has the number where one has."""
     records = [robot.records[name] for name in robot.motors]
     time, rows, motors = motion.time, len(motion.effort), range(len(records))
-    power = motion.effort * motion.speed
+    power, out = motion.effort * motion.speed, slopes.bars
     if word == "stroke_margin":
-        _of_stroke(robot, motion, out)
+        _of_stroke(robot, motion, slopes)
         return
     if word in ("energy", "mean_power"):
         duration = 0.0 if time is None else float(time[-1] - time[0])
@@ -145,6 +175,8 @@ def _of_motors(robot: HybridRobot, word: str, motion: MotorColumns, out: Measure
     sign = -1.0 if of_margin or statistic == "min" else 1.0
     if math.isfinite(limits[i]):
         _add(robot, i, quantity, sign / limits[i] * _slope(statistic, of[:, i], time), motion, out)
+        if of_margin:
+            slopes.limits[i, LIMITS.index(quantity)] += values[i] / limits[i]
 
 
 def _value(statistic: str, x: Array, time: Array | None) -> float:
@@ -164,8 +196,11 @@ def _add(
         out.v[:, at] += slope * (motion.effort[:, motor] if quantity == "power" else 1.0)
 
 
-def _of_stroke(robot: HybridRobot, motion: MotorColumns, out: MeasureBars) -> None:
-    """Add the derivative of the smallest distance to a position limit, as a part of the stroke."""
+def _of_stroke(robot: HybridRobot, motion: MotorColumns, slopes: Slopes) -> None:
+    """Add the derivative of the smallest distance to a position limit, as a part of the stroke.
+
+    (x - lower) / (upper - lower), or (upper - x) / (upper - lower)
+    """
     found: list[tuple[float, int, int, float]] = []
     ends: tuple[tuple[Callable[[Array], np.intp], float], ...] = ((np.argmin, 1.0), (np.argmax, -1.0))
     for i, name in enumerate(robot.motors):
@@ -178,5 +213,8 @@ def _of_stroke(robot: HybridRobot, motion: MotorColumns, out: MeasureBars) -> No
             gap = x[row] - joint.lower if sign > 0 else joint.upper - x[row]
             found.append((float(gap) / stroke, i, row, sign / stroke))
     if found:
-        _, i, row, slope = min(found)
-        out.q[row, int(robot.motor_v[i])] += slope
+        margin, i, row, slope = min(found)
+        slopes.bars.q[row, int(robot.motor_v[i])] += slope
+        near, far = (0, 1) if slope > 0 else (1, 0)
+        slopes.limits[i, near] += slope * (margin - 1.0)
+        slopes.limits[i, far] -= slope * margin

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 from ...description.names import did_you_mean
 from ...dynamics.link_motion import kinematics
@@ -13,12 +12,8 @@ from ...streams.postures import TreeSamples
 from ...structure.robot import HybridRobot
 from ...tables.signals import TWIST
 
-if TYPE_CHECKING:
-    pass
-
-
 #: Columns of a link; those of joints and motors have no component.
-_OF_LINK = re.compile(r"(?P<link>.+)/(?P<quantity>pose|velocity|acceleration)/(?P<component>\w+)")
+OF_LINK = re.compile(r"(?P<link>.+)/(?P<quantity>pose|velocity|acceleration)/(?P<component>\w+)")
 _FORMS = (
     "columns are '<joint>/position|velocity|acceleration', '<motor>/effort|power', '<link>/pose/x|y|z' and "
     "'<link>/velocity|acceleration/x|y|z|wx|wy|wz'"
@@ -37,7 +32,7 @@ def column_of(robot: HybridRobot, block: TreeSamples, tau: Array, column: str) -
     Raises:
         TrajectoryError: There is no such column.
     """
-    if match := _OF_LINK.fullmatch(column):
+    if match := OF_LINK.fullmatch(column):
         return _of_link(robot, block, match["link"], match["quantity"], match["component"])
     owner, _, quantity = column.rpartition("/")
     if quantity in ("effort", "power"):
