@@ -13,13 +13,16 @@ from hybridyn.assembly.requests import gather_requests
 from hybridyn.compiled.library.calls import Library
 from hybridyn.compiled.library.closed_rows import ClosedRows
 from hybridyn.compiled.programs.closing.libraries import ClosingLibraries
-from hybridyn.compiled.programs.designs import changed
+from hybridyn.compiled.programs.designs import BESIDE, changed, designs_to_verify
 from hybridyn.compiled.programs.sources import kept
 from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.spatial import Array, Mask
+from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
 from hybridyn.structure.parameters.slots import Slot
+from hybridyn.structure.robot import joint_position
 from tests.assembly.test_assembly import waves
+from tests.compiled import rods
 from tests.compiled.test_chains import load, some_of, swing
 from tests.robots.posing import of_link, swaying
 from tests.structure.test_parameters import COUNTED
@@ -200,6 +203,32 @@ def test_a_library_that_differs_from_the_general_path_is_not_used(
     assert (table.recomputed, compiled.recomputed) == (1, ROWS)
     assert "the compiled motion of the loops" in caplog.text
     assert "differs from the general path" in caplog.text
+
+
+def test_new_models_are_tried_where_one_coordinate_of_each_position_moves() -> None:
+    """Scaled positions stay on their lines; the least coordinate leaves them, or the next one does."""
+    robot = hybridyn.load("five_bar")
+    parameters = Parameters(robot.description, ["mass:m1_tool", "position:m1_left_elbow"])
+    moved = [parameters.beside(BESIDE, place) - parameters.nominal for place in (0, 1)]
+    assert [np.flatnonzero(x).tolist() for x in moved] == [[2], [3]]  # y leaves the plane
+    *_, (last, _, own) = designs_to_verify(robot, parameters)
+    assert not own
+    np.testing.assert_array_equal(last, parameters.nominal + moved[1])
+
+
+@pytest.mark.slow
+def test_rows_that_hold_on_the_lines_of_rods_alone_are_not_used(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    """A position moves a slide off the line of its rod; here the rows of that rod do not feel its turns."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    monkeypatch.setattr("hybridyn.compiled.equations.rods.loosened", lambda rods, *_: rods)
+    robot = build_robot(rods.ball_gough(1, second="universal"))
+    slides = [joint.name for joint in robot.description.joints if joint.kind.slides]
+    motors = {name: (float(joint_position(robot, robot.home, name)), 0.0, 0.0) for name in robot.motors}
+    libraries = ClosingLibraries(robot, Parameters(robot.description, [f"position:{slides[1]}"]))
+    assert libraries.asked(gather_requests(robot, motors, {})) is None
+    assert "the compiled motion of the loops" in caplog.text
 
 
 @pytest.mark.slow

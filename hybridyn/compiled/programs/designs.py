@@ -20,8 +20,10 @@ from ..equations.coefficients import at_robot
 from .general import general_rows
 from .sources import kept
 
-#: Factors on the parameters of the designs at which a new model is verified.
-TRIED = (1.0, 1.03, 0.98)
+#: Factors on the parameters of designs at which a new model is verified; positions stay on their lines.
+SCALED = (1.03, 0.98)
+#: How far one coordinate of each position moves in the last such design, as a part of the largest one.
+BESIDE = 0.02
 #: Number of robots that are kept for samples that the general path computes.
 KEPT_ROBOTS = 8
 
@@ -30,11 +32,17 @@ def designs_to_verify(
     robot: HybridRobot, parameters: Parameters
 ) -> Iterator[tuple[Array, HybridRobot, bool]]:
     """Yield designs at which a new model is verified: numbers in slots, the robot, if it must work."""
-    for factor in TRIED if parameters.size else TRIED[:1]:
-        numbers = parameters.slot_values(parameters.near(factor)[None])[0]
-        own = factor == 1.0
-        with contextlib.suppress(HybridynError):  # no such robot
-            yield numbers, robot if own else changed(robot, parameters, numbers), own
+    yield parameters.slot_values(parameters.nominal[None])[0], robot, True
+    designs: list[list[Array]] = []
+    if parameters.size:
+        designs = [[parameters.near(x)] for x in SCALED]
+        designs += [[parameters.beside(BESIDE, place) for place in (0, 1)]]  # the first may leave a plane
+    for same in designs:
+        for p in same:
+            with contextlib.suppress(HybridynError):  # no such robot
+                numbers = parameters.slot_values(p[None])[0]
+                yield numbers, changed(robot, parameters, numbers), False
+                break
 
 
 def changed(robot: HybridRobot, parameters: Parameters, numbers: Array) -> HybridRobot:

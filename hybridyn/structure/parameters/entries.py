@@ -43,6 +43,11 @@ class Entry(NamedTuple):
         return self.own is _same and any(slot.index[1] < 3 for slot in framed)
 
     @property
+    def origin(self) -> bool:
+        """Whether its first three numbers are the origin of a frame."""
+        return [slot.index for slot in self.slots[:3]] == list(_ORIGIN) and self.numbers in (_copied, _placed)
+
+    @property
     def analytic(self) -> bool:
         """Whether `numbers` takes complex parameters."""
         return self.numbers in (_copied, _rotation, _placed)
@@ -302,6 +307,20 @@ class Parameters:
         """Return the numbers of another design, shape (size,): all but those of rotation matrices, scaled."""
         fixed = [entry.of_matrix for entry in self.entries for _ in entry.labels]
         return np.where(np.array(fixed, dtype=bool), 1.0, factor) * self.nominal
+
+    def beside(self, part: float, place: int) -> Array:
+        """Return the numbers of a design, shape (size,), in which one coordinate of each position moves.
+
+        Args:
+            part: How far, as a part of the largest coordinate.
+            place: Which one: 0 for the least, 1 for the one after it.
+        """
+        out = self.nominal.copy()
+        for entry, at in zip(self.entries, self._at, strict=True):
+            if entry.origin:
+                own = out[at][:3]  # a view
+                own[np.argsort(np.abs(own), kind="stable")[place]] += part * np.abs(own).max()
+        return out
 
     def slot_values(self, p: Array) -> Array:
         """Compute the numbers in the slots, shape (T, slots), from parameters, shape (T, size).
