@@ -96,7 +96,9 @@ def test_angles_of_a_rotation_give_its_matrix(pitch: float) -> None:
         assert np.allclose(pin.rpy.rpyToMatrix(_angles(R.ravel())), R, rtol=0, atol=ROUNDED)
 
 
-def test_with_parameters_builds_the_robot_with_these_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_parameters_builds_the_robot_with_these_numbers(
+    built_anew: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Ranks are checked near the robot's postures: the search for generic postures does not run."""
     robot = build_robot(shipped("five_bar"))
     values = {"mass:m1_tool": 0.7, "position:m1_left_elbow": (0.27, 0.0, 0.0)}
@@ -211,6 +213,14 @@ def test_arguments_of_a_xacro_file_are_parameters() -> None:
         ),
     ):
         refused(call, ModelError, words)
+
+
+def test_the_file_is_read_once_for_each_design(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gradients ask for the same designs for each of their results."""
+    parameters = Parameters(load("five_bar").description, ["upper_length"])
+    found = parameters.slot_values(np.array([[0.27]]))
+    monkeypatch.setattr("hybridyn.structure.parameters.xacro.read", None)
+    np.testing.assert_array_equal(parameters.slot_values(np.array([[0.27], [0.27]])), found[[0, 0]])
 
 
 COUNTED = """<robot name="stack" xmlns:xacro="http://www.ros.org/wiki/xacro">

@@ -19,6 +19,8 @@ from .slots import Slot, differences, values_of
 PROBES = (1.013, 0.991)
 #: Added to arguments that are zero.
 PROBE_OF_ZERO = 1e-3
+#: So many designs are remembered at most: gradients ask for the same ones again, for each of their results.
+REMEMBERED = 1000
 
 
 class XacroArguments:
@@ -58,6 +60,7 @@ class XacroArguments:
                     element=name,
                 )
         self.nominal = np.array([_number(name, values[name], origin.file) for name in names])
+        self._known: dict[tuple[float, ...], list[float]] = {}
 
     @cached_property
     def slots(self) -> tuple[Slot, ...]:
@@ -100,11 +103,14 @@ class XacroArguments:
         return rows[place], {i: wrong[k] for i, k in enumerate(place) if k in wrong}
 
     def _numbers(self, values: Array) -> list[float]:
-        """Return the numbers in the slots of one design.
+        """Return the numbers in the slots of one design; the file is not read again for one that is known.
 
         Raises:
             ModelError: The file is wrong with it, it has another structure, or other numbers change.
         """
+        design = tuple(values.tolist())
+        if design in self._known:
+            return self._known[design]
         description = self.expanded(values.tolist())
         try:
             others = set(differences(self._description, description)) - set(self.slots)
@@ -115,7 +121,10 @@ class XacroArguments:
                 f"with {self._text(values)}, {min(others)} changes, which did not change near the robot's "
                 "own arguments: compile a model of its own"
             )
-        return values_of(description, self.slots)
+        if len(self._known) == REMEMBERED:
+            self._known.clear()
+        self._known[design] = found = values_of(description, self.slots)
+        return found
 
     def own(self, _: Array) -> Array:
         """Return the values of the arguments, whatever the numbers in the slots."""
