@@ -13,6 +13,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from casadi import SX
 from numpy.typing import NDArray
 
 Expression = NDArray[Any]  # of float or casadi.SX scalars
@@ -20,7 +21,7 @@ Expression = NDArray[Any]  # of float or casadi.SX scalars
 
 def is_zero(x: Any) -> bool:
     """Return whether a scalar is known to be zero."""
-    return bool(x.is_zero()) if isinstance(x, ca.SX) else x == 0
+    return bool(x.is_zero() if isinstance(x, SX) else x == 0)
 
 
 def times(x: Any, y: Any) -> Any:
@@ -33,8 +34,8 @@ def _operator(of_symbols: int, of_numbers: Callable[[Any, Any], Any]) -> Callabl
 
     def apply(x: Any, y: Any) -> Any:
         """Apply the operator."""
-        known = not (isinstance(x, ca.SX) or isinstance(y, ca.SX))
-        return of_numbers(x, y) if known else ca.SX.binary(of_symbols, x, y)
+        symbols = isinstance(x, SX) or isinstance(y, SX)
+        return SX.binary(of_symbols, x, y) if symbols else of_numbers(x, y)
 
     return apply
 

@@ -79,10 +79,10 @@ def residual_of(
 def _whole_tilt(tilt: Array, cosine: Array) -> Array:
     """Lengthen vectors from the sine of an angle to the angle, shapes (..., 2) and (..., 1)."""
     sine = np.linalg.norm(tilt, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, cosine)
-    turn: Array = tilt * np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 1.0)
+    known = sine > 1e-9
+    turn: Array = tilt * np.where(known, np.arctan2(sine, cosine) / np.where(known, sine, 1.0), 1.0)
     # Exactly opposite axes do not define a direction of tilt: take x.
-    turn[..., 0] += np.where((sine <= 1e-9) & (cosine < 0), np.pi, 0.0)[..., 0]
+    turn[..., 0] += np.pi * (~known & (cosine < 0))[..., 0]
     return turn
 
 

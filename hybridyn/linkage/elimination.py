@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..spatial import Array, Index
+from ..spatial import Array, Index, einsum
 
 #: Pivots of scaled rows below this are rounding.
 NO_PIVOT = 1e-13
@@ -34,7 +34,7 @@ def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
     batch = np.arange(B)
     for k in range(rank):
         block = A[:, k:, k:columns]
-        best = k + np.argmax(np.einsum("bij,bij->bj", block, block), axis=1)
+        best = k + np.argmax(einsum("bij,bij->bj", block, block), axis=1)
         for x in (A.swapaxes(1, 2), order) if (best > k).any() else ():
             left = x[:, k].copy()
             x[:, k] = x[batch, best]
@@ -42,13 +42,13 @@ def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
         if m - k == 1:
             break
         x = A[:, k:, k].copy()
-        norm = np.sqrt(np.einsum("bi,bi->b", x, x))
+        norm = np.sqrt(einsum("bi,bi->b", x, x))
         alpha = -np.copysign(norm, x[:, 0])
         x[:, 0] -= alpha
-        square = np.einsum("bi,bi->b", x, x)
+        square = einsum("bi,bi->b", x, x)
         beta = 2.0 / np.where(square > 0, square, np.inf)
         rest = A[:, k:, k + 1 :]
-        rest -= x[:, :, None] * (beta[:, None] * np.einsum("bi,bij->bj", x, rest))[:, None, :]
+        rest -= x[:, :, None] * (beta[:, None] * einsum("bi,bij->bj", x, rest))[:, None, :]
         A[:, k, k] = alpha
         A[:, k + 1 :, k] = 0.0
     return A, order
@@ -167,7 +167,7 @@ def least_norm(
     else:
         keep = (np.arange(s.shape[1]) < rank) & (s > 0)
     each = (..., *[None] * (b.ndim - 2))
-    keep, safe, y = keep[each], np.where(keep, s, 1.0)[each], np.einsum("bji,bj...->bi...", U, b)
+    keep, safe, y = keep[each], np.where(keep, s, 1.0)[each], einsum("bji,bj...->bi...", U, b)
     y = y / safe if damping is None else y * (safe / (safe * safe + damping[:, None] * s[:, :1] ** 2))
-    x: Array = np.einsum("bji,bj...->bi...", Vt, np.where(keep, y, 0.0))
+    x: Array = einsum("bji,bj...->bi...", Vt, np.where(keep, y, 0.0))
     return x

@@ -66,7 +66,7 @@ def unpack(column: ca.SX) -> Expression:
 def pack(*parts: Any) -> ca.SX:
     """Concatenate expressions to one dense column."""
     flat = [x for part in parts for x in np.asarray(part, dtype=object).ravel()]
-    return ca.densify(ca.vertcat(*[ca.SX(x) for x in flat])) if flat else ca.SX(0, 1)
+    return ca.densify(ca.vertcat(ca.SX(0, 1), *flat)) if flat else ca.SX(0, 1)
 
 
 def sampled(M: Expression, columns: list[ca.SX], points: Iterable[Sequence[Array]]) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -52,43 +52,53 @@ def cut(inputs: Sequence[dict[str, ca.SX]], outputs: list[dict[str, ca.SX]]) -> 
     whole = iter(ca.cse([ca.densify(column) for columns in outputs for column in columns.values()]))
     wanted = [{name: next(whole) for name in columns} for columns in outputs]
     known: list[ca.SX] = []
-    handed: list[list[tuple[ca.SX, ca.SX]]] = []  # by stage: the numbers that it passes on, as symbols
+    handed: list[list[_Passed]] = []  # by stage: the numbers that it passes on, as symbols
     for s, columns in enumerate(inputs):
         known += columns.values()
         later = [column for stage in wanted[s + 1 :] for column in stage.values()]
         later, own, values = ca.extract_parametric(later, known, {}) if later else ([], [], [])
         known += own
-        handed.append(list(zip(own, values, strict=True)))
+        handed.append([_Passed(x, value, x.element_hash()) for x, value in zip(own, values, strict=True)])
         left = iter(later)
         wanted[s + 1 :] = [{name: next(left) for name in stage} for stage in wanted[s + 1 :]]
     used = [
-        _symbols(*columns.values(), *(value for _, value in passed))
+        _symbols(*columns.values(), *(one.value for one in passed))
         for columns, passed in zip(wanted, handed, strict=True)
     ]
-    return [_stage(s, inputs, columns, handed, used) for s, columns in enumerate(wanted)]
+    given = [[(name, x, _symbols(x)) for name, x in stage.items()] for stage in inputs]
+    return [_stage(s, given, columns, handed, used) for s, columns in enumerate(wanted)]
+
+
+class _Passed(NamedTuple):
+    """A number that a stage passes on: its symbol and value, and what identifies the symbol."""
+
+    symbol: ca.SX
+    value: ca.SX
+    known_as: int
 
 
 def _stage(
-    s: int, inputs: Sequence[dict[str, ca.SX]], wanted: dict[str, ca.SX],
-    handed: list[list[tuple[ca.SX, ca.SX]]], used: list[set[int]],
+    s: int, inputs: Sequence[list[tuple[str, ca.SX, set[int]]]], wanted: dict[str, ca.SX],
+    handed: list[list[_Passed]], used: list[set[int]],
 ) -> Stage:  # fmt: skip
     """Return stage s.
 
     Args:
-        inputs: For each stage the columns of symbols that are first known at it, by name.
+        inputs: For each stage the columns of symbols that are first known at it: names, columns, and what
+            identifies their symbols.
         wanted: The columns that it must compute, over the symbols that are known at it.
-        handed: For each stage the numbers that it passes on: their symbols and values.
+        handed: For each stage the numbers that it passes on.
         used: For each stage the symbols that it uses.
     """
-    given = [one for stage in inputs[: s + 1] for one in stage.items()]
-    ins: dict[Any, ca.SX] = {name: x for name, x in given if not used[s].isdisjoint(_symbols(x))}
+    given = [one for stage in inputs[: s + 1] for one in stage]
+    ins: dict[Any, ca.SX] = {name: x for name, x, own in given if not used[s].isdisjoint(own)}
     outs: dict[Any, ca.SX] = dict(wanted)
     for t in range(len(inputs)):
-        passed = [pair for pair in handed[min(s, t)] if not used[max(s, t)].isdisjoint(_symbols(pair[0]))]
+        passed = [one for one in handed[min(s, t)] if one.known_as in used[max(s, t)]]
         if passed and t < s:
-            ins["from", t] = pack([symbol for symbol, _ in passed])
+            ins["from", t] = pack([one.symbol for one in passed])
         elif passed and t > s:
-            outs["to", t] = pack([value for _, value in passed])
+            outs["to", t] = pack([one.value for one in passed])
     return Stage(tuple(ins), tuple(outs), ca.Function(f"stage_{s}", [*ins.values()], [*outs.values()]))
 
 
