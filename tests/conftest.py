@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from _pytest.runner import runtestprotocol
 
 from tests import ROOT
 from tests.support import missed, once
@@ -76,6 +77,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     part, parts = map(int, config.getoption("part").split("/"))
     if parts > 1:
         items[:] = [item for item in items if zlib.crc32(item.nodeid.encode()) % parts == part]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Let a worker tell once of a test that passes, not of set-up, call and end: telling takes longest."""
+    if not hasattr(item.config, "workerinput"):
+        return None
+    reports = runtestprotocol(item, log=False, nextitem=nextitem)
+    passed = all(report.passed for report in reports)
+    for report in reports:
+        if report.when == "call" or not passed:
+            item.ihook.pytest_runtest_logreport(report=report)
+    return True
 
 
 def mark_slow_cases(items: list[pytest.Item], whole: bool) -> None:
@@ -152,6 +166,25 @@ def built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     from hybridyn.structure import mechanism, module_builder
 
     monkeypatch.setattr(module_builder, "Mechanism", mechanism.Mechanism)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def read_once() -> None:
+    """Read each shipped robot once a worker: many tests load the same ones, whose descriptions are frozen."""
+    from hybridyn import description
+
+    read = description.read
+    made: dict[object, Any] = {}
+
+    def known(path: Any, *, xacro_args: Any = None, **asked: Any) -> Any:
+        if xacro_args or not os.path.realpath(path).startswith(str(ROOT / "urdf")):
+            return read(path, xacro_args=xacro_args, **asked)
+        key = os.fspath(path), repr(asked)
+        if key not in made:
+            made[key] = read(path, **asked)
+        return made[key]
+
+    description.read = known
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -20,7 +20,7 @@ from tests.support.files import save
 
 SCENES = sorted(path for path in (ROOT / "models").glob("*/*.toml") if path.name != "model.toml")
 MECHANISMS = sorted(p for p in (ROOT / "models/benchmarks").glob("*/*.toml") if p.name != "model.toml")
-FIRST_STEPS = 2
+FIRST_STEPS = 1
 CLOSED = 1e-10  # what issue and docs promise of every method
 BALANCE = 1e-6  # quadrature over 400 samples of forces with kinks, relative to the energy that went through
 ROUNDING = 1e-11  # of the largest entry: loops closed from another guess
