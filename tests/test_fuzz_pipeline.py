@@ -279,7 +279,7 @@ def studies(folder: Path, first: int, count: int) -> int:
 
 
 @pytest.mark.parametrize(
-    ("first", "count"), [(0, 20), slow(1000, 200), *(fuzz(1000 + 200 * block, 200) for block in range(1, 16))]
+    ("first", "count"), [(0, 10), slow(1000, 200), *(fuzz(1000 + 200 * block, 200) for block in range(1, 16))]
 )
 def test_valid_scenes(tmp_path: Path, first: int, count: int) -> None:
     assert parts.played(tmp_path, range(first, first + count), scene) >= count / 2

