@@ -76,7 +76,7 @@ def test_effects_that_are_off_leave_no_code_and_base_parameters_make_it_shorter(
     sizes = [
         function_of(programs(robot, effects, models=("ddm",))["ddm"]).n_instructions() for effects in chosen
     ]
-    monkeypatch.setattr(parts, "regrouped", lambda links: (links, np.zeros(10)))
+    monkeypatch.setattr(parts, "regrouped", lambda links, kept: (links, np.zeros(10)))
     whole = function_of(programs(robot, models=("ddm",))["ddm"]).n_instructions()
     assert whole > sizes[0] > sizes[1] > sizes[2]
 

@@ -7,7 +7,7 @@ V_dot_base + y_0, and u_dot = A_t^-1 (Q_0 - E V_dot_base).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +28,8 @@ from .least_inertia import NEARLY_NO_INERTIA, least_inertia
 from .module_plan import ModulePlan
 from .options import Options
 from .rigid import classical, inertia_matrix, matrix_moved, momentum, moved, resting
-from .rubbing import efforts_of
+from .rubbing import pushed_by
+from .rubbing_legs import LegAnswers, read_legs
 from .rubbing_moving import MovedModule, Needed
 from .scales import squares
 from .stages import GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
@@ -125,12 +126,13 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
         X, doubts = _over_base(core, plan, options)
         forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
         M, b, needed = quadratic_form(core, plan, options, forced, inwards)
-        pushed = _pushed(core, plan, options, v)
+        legs = [own for _, own in read_legs(inwards, options.rubbing, parts, [12] * len(parts.groups))]
+        pushed = _pushed(core, plan, options, v, legs)
         solved, outputs[1] = _solve(core, plan, options, X, core.rows.guard + squares(doubts), (M, b), pushed)
         u_0, G, u_n = solved[:, 6], solved[:, :6], solved[:, 7:]
         y = dot(X[:, 7:], u_0 - dot(G, A)) + dot(X[:, :6], A) + X[:, 6]
         if options.loaded:
-            model = MovedModule(core, plan, options, (M, b), (X, solved), pushed, needed)
+            model = MovedModule(core, plan, options, (M, b), (X, solved), pushed, needed, legs)
             outputs[1] |= model.answers()
             outputs[2] = model.alone(back)
             y = y + dot(X[:, 7:], dot(u_n, model.frictions(settled)))
@@ -177,18 +179,20 @@ def _with_base(core: Core) -> Expression:
     return out
 
 
-def _pushed(core: Core, plan: ModulePlan, options: Options, v: Expression) -> Expression:
+def _pushed(
+    core: Core, plan: ModulePlan, options: Options, v: Expression, legs: Sequence[LegAnswers]
+) -> Expression:
     """Return changes of b: per unit of each bias of outputs that carry modules, then of each friction.
 
     Args:
         v: Rates of the spanning tree.
+        legs: What legs with joints that rub tell.
     """
     out = [zeros(6 + core.chain.nv, 0)]
     for o, body in enumerate(core.outputs):
         if options.loaded and options.carries[o]:
             out.append(dot(motion_map(core.chain, body).T, wrench_map(core.chain, body)))
-    efforts = np.concatenate([zeros(6, len(options.rubbing)), -efforts_of(options.rubbing, plan, v)])
-    return np.concatenate([*out, efforts], axis=1)
+    return np.concatenate([*out, pushed_by(options.rubbing, core, plan, v, legs)], axis=1)
 
 
 def _along(

@@ -8,12 +8,14 @@ import numpy as np
 
 from ...spatial import Array, cross, hat
 from ...symbols import Expression, dot, plus
-from .chains import forces, mass_matrix
+from .chains import carried, forces, inertial_map, mass_matrix
 from .expressions import congruence, numbers, pack, upper, zeros
 from .legs import PlatformMotion, WrittenLeg, write_leg
 from .module_plan import ModulePlan
 from .options import Options
 from .rigid import matrix_moved
+from .rubbing_joints import of_legs
+from .rubbing_legs import RubbingLeg
 from .stages import GivenColumns, Stage, cut
 
 #: Contributions of the legs of a platform (`leg_sums`), and the size of each.
@@ -43,6 +45,7 @@ def write_direct_legs(
     else:
         if written.idle:
             written.idle = written.idle.decided(plan, written.folding, group, options.rotor)
+        unforced = written
         sums, written = leg_sums(written, tau, options.velocity, rotor)
         a = leg_accelerations(written, delta)
         if written.idle:
@@ -51,9 +54,36 @@ def write_direct_legs(
     if motion:
         return cut([inputs | later], [{"a": pack(a)}]), written.folding.table(len(group))
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
+    rubbing = of_legs(options.rubbing, plan.parts)[n]
+    if rubbing[0]:
+        outputs["rubbing"] = pack(
+            *_answers(written, RubbingLeg.of(unforced, group, rubbing, v), sums, options)
+        )
     certain = written.idle.unforced(plan, sums["f"], leg.tree_v) if written.idle else 0.0
     outputs["guard"] = written.guarded(plan) + certain
     return cut([inputs, later], [outputs, {"a": pack(a)}]), written.folding.table(len(group))
+
+
+def _answers(
+    leg: WrittenLeg, rubs: RubbingLeg, sums: dict[str, Expression], options: Options
+) -> list[Expression]:
+    """Return `LegAnswers`, per [V_dot_base; delta].
+
+    Args:
+        leg: The leg, its idle motion free.
+        rubs: Its joints that rub.
+        sums: As of `leg_sums`.
+    """
+    chain, through = leg.chain, rubs.through
+    per_s = rubs.required({joint + 1: inertial_map(chain, joint) for joint in rubs.joints})
+    alone = dot(through, sums["needed"]) + dot(per_s[:, 6:], leg.y0)
+    if options.velocity:
+        alone = plus(alone, rubs.required(carried(chain)))
+    per_joint = plus(per_s[:, 6:], dot(through, sums["A"]))
+    per_base = per_s[:, :6] + dot(through, sums["D"].T) + dot(per_joint, sums["over_base"])
+    per_delta = dot(per_joint, leg.X)
+    per_delta[:, 3:] = per_delta[:, 3:] - dot(per_delta[:, :3], hat(leg.point))
+    return [alone, np.concatenate([per_base, per_delta], axis=1), rubs.of_frictions(), rubs.pushes]
 
 
 def leg_sums(
@@ -69,8 +99,8 @@ def leg_sums(
     Returns:
         "S1": ten numbers on the base; "B": M_base,delta row by row; "L": M_delta,delta, upper triangle;
         "b_base", "b_delta": forces at zero accelerations; "over_base": joint accelerations that the idle
-        motion has over that of the base, shape (nv, 6); "f": forces on the joints before it is free; "A":
-        their inertia.
+        motion has over that of the base, shape (nv, 6); "f" and "needed": forces on the joints before and
+        after it is free, at y0; "A", "D": the leg's inertia, Eq. (34).
         The leg, whose X and y0 have the acceleration of the idle motion.
     """
     M, S1 = mass_matrix(leg.chain)
@@ -86,7 +116,7 @@ def leg_sums(
         S1 = np.concatenate([S1[:4], plus(S1[4:], upper(freed.turned))])
     B = dot(D, leg.X)
     B[:, 3:] = B[:, 3:] - dot(B[:, :3], hat(leg.point))
-    sums = {"over_base": over_base, "f": f, "A": A, "S1": S1, "B": B.ravel()} | {
+    sums = {"over_base": over_base, "f": f, "needed": needed, "A": A, "D": D, "S1": S1, "B": B.ravel()} | {
         "L": upper(matrix_moved(congruence(leg.X, A), numbers(np.eye(3)), leg.point)),
         "b_base": bias[:6] + dot(D, leg.y0),
         "b_delta": leg.wrench(dot(leg.X.T, needed)),

@@ -11,23 +11,21 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...spatial import Array, crf, crm, motion_to_body, wrench_to_base
+from ...spatial import crf, crm, motion_to_body, wrench_to_base
 from ...symbols import Expression, dot
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, motions_of, own_inertia, pick, rank_guard
+from .driven import Driven, motor_columns
 from .expressions import pack, zeros
 from .guarded_elimination import Pivots
 from .held_loops import along_motions
 from .idle.cores import left_on_idle
-from .legs import PlatformMotion, write_leg
+from .inverse_legs import LEG_WRENCHES
 from .module_plan import ModulePlan
-from .motor_balance import motor_efforts
 from .options import Options
 from .rigid import classical, momentum, resting
-from .rubbing import answers, efforts_of
 from .scales import squares
-from .settling import settle
-from .stages import GivenColumns, Stage, WrittenModule, begun, cut, read_by_core, twist_width
+from .stages import GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
 
 
 def write_inverse(
@@ -55,12 +53,11 @@ def write_inverse(
         left = left_along(core, plan, options, dot(X.T, b[6:]), a)
         efforts = {"guard": ca.SX(guard), "Q of core": pack(left)}
     else:
-        Psi = X[:, plan.idle :]
-        B = _motor_map(core, plan, options, Psi, received)
+        driven = Driven(plan, options, motor_columns(core, plan, options, received), X, terms, pivots)
         if options.rubbing:
-            b, settled = _with_friction(core, plan, options, (B, Psi), (b, terms), pivots, v, chain, outputs)
+            b, settled = driven.with_friction(core, (chain, v), b, outputs, received)
             guard = guard + settled
-        efforts = _balanced(plan, options, (B, Psi), (b, terms), pivots, guard)
+        efforts = _balanced(plan, options, driven, b, guard)
     efforts |= wrench_on_base(core, options, b)
     stages = cut([given, received], [motion_outwards(core, options), efforts])
     return WrittenModule(stages, *read_by_core(plan), {"laws": plan.parts.tree_v[lawful(plan, options)]})
@@ -84,69 +81,16 @@ def wrench_on_base(core: Core, options: Options, b: Expression) -> dict[str, ca.
 
 
 def _balanced(
-    plan: ModulePlan,
-    options: Options,
-    maps: tuple[Expression, Expression],
-    required: tuple[Expression, list[Any]],
-    pivots: Pivots | None,
-    guard: Any,
+    plan: ModulePlan, options: Options, driven: Driven, b: Expression, guard: Any
 ) -> dict[str, ca.SX]:
-    """Return the motor efforts that balance forces, Eq. (33), with their guard.
+    """Return the motor efforts that balance forces b over s, Eq. (33), with their guard.
 
     Args:
-        maps: The motor map B and the motions Psi without idle ones.
-        required: The forces, and their terms.
-        pivots: Pivots of the motor map.
         guard: Guard of the loops.
     """
-    (B, Psi), (b, terms) = maps, required
-    size = sum(map(ca.fabs, terms), ca.SX(0.0))
-    tau, measure = _driven(plan, options, B, dot(Psi.T, b[6:]), size, pivots)
+    tau, measure = driven.efforts(b[6:])
     efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
-    return efforts | ({"size_base": pack([size])} if options.measured else {})
-
-
-def _driven(
-    plan: ModulePlan, options: Options, B: Expression, Q: Expression, size: Any, pivots: Pivots | None
-) -> tuple[Expression, Any]:
-    """Return the efforts of a module's motors that balance Q along its motions, and their guard."""
-    parts, moving, tau = plan.parts, list(options.moving), zeros(len(options.motors))
-    units = plan.mechanism.reduction.col_scale[parts.tree_v[plan.motions[plan.idle :]]]
-    terms = (size, units, plan.scale)
-    tau[moving], measure = motor_efforts(B[:, moving], Q, terms, np.array(options.share), pivots)
-    return tau, measure
-
-
-def _with_friction(
-    core: Core,
-    plan: ModulePlan,
-    options: Options,
-    maps: tuple[Expression, Expression],
-    required: tuple[Expression, list[Any]],
-    pivots: Pivots | None,
-    v: Expression,
-    moving: Chain,
-    outputs: list[Expression],
-) -> tuple[Expression, Any]:
-    """Return the required forces with friction that grows with load, and the guard of that.
-
-    Args:
-        maps, required, pivots: As in `_balanced`.
-        v: Rates of the spanning tree.
-        moving: As in `required_forces`, which returns `outputs`.
-    """
-    (B, Psi), (b, terms), parts = maps, required, plan.parts
-    place = {int(col): k for k, col in enumerate(parts.tree_v)}
-    needed = np.concatenate([b[6:, None], -efforts_of(options.rubbing, plan, v)], axis=1)
-    left, size = needed.copy(), sum(map(ca.fabs, terms), ca.SX(0.0))
-    motors = [place[col] for col in options.motors]
-    for j, column in enumerate(needed.T):
-        left[motors, j] = left[motors, j] - _driven(plan, options, B, dot(Psi.T, column), size, pivots)[0]
-    found = answers(core, plan, options.rubbing, moving, outputs, left)
-    n, guard = settle(options.rubbing, found, plan.scale.eps)
-    out = b.copy()
-    out[6:] = out[6:] + dot(needed[:, 1:], n)
-    return out, guard
+    return efforts | ({"size_base": pack([driven.size])} if options.measured else {})
 
 
 def left_along(core: Core, plan: ModulePlan, options: Options, left: Expression, a: Expression) -> Expression:
@@ -243,62 +187,3 @@ def without_rates(
         placed[i] = Placed(R, p, zeros(6), chain.c[i + 1] - product)
     still, tree_q, tree_a = zeros(len(parts.v)), pick(q, parts.q), pick(a, parts.v)
     return sweep(parts.links, tree_q, still, zeros(6), tree_a, base[1], placed)
-
-
-def _motor_map(
-    core: Core, plan: ModulePlan, options: Options, Psi: Expression, received: GivenColumns
-) -> Expression:
-    """Compute the motor map B, the work of each motor along each motion, shape (N, motors)."""
-    parts = plan.parts
-    columns: dict[int, Expression] = dict(zip(parts.tree_v.tolist(), Psi, strict=True))
-    for n, group in enumerate(parts.groups):
-        at = np.array(core.chain.columns_of(group[0].platform + 1)) - 6
-        driven = group[0].among(options.motors)
-        if not driven:
-            continue
-        entries = received.take(f"motors {n}", len(group) * len(driven) * 6)
-        wrenches = entries.reshape(len(group), len(driven), 6)
-        for i, leg in enumerate(group):
-            for j, k in enumerate(driven):
-                columns[int(leg.tree_v[k])] = dot(Psi[at].T, wrenches[i, j])
-    B = np.array([columns[c] for c in options.motors], dtype=object)
-    return B.reshape(len(options.motors), Psi.shape[1]).T
-
-
-#: Wrenches that the legs of a platform require, on the base and along delta, and the size of each.
-LEG_WRENCHES = (("b_base", 6), ("b_delta", 6))
-
-
-def write_inverse_legs(
-    plan: ModulePlan, n: int, options: Options, *, motions: bool = False
-) -> tuple[list[Stage], Array]:
-    """Write the inverse model of group n of a module, and return its stage and its legs' own numbers.
-
-    The outputs are `LEG_WRENCHES`; "motors", wrenches along delta of unit efforts of the motors; and "guard".
-    With `motions` those of an idle motion, too: "u_dot of leg" and "Q of leg" (as of `write_inverse`).
-    """
-    group, given = plan.parts.groups[n], GivenColumns()
-    leg, width = group[0], len(group[0].v)
-    lawful, driven = leg.among(options.laws), leg.among(options.motors)
-    q, v, a = given.take("q", len(leg.q)), given.take("v", width), given.take("a", width)
-    base = given.base_twist(options), given.base_acceleration(options)
-    law = given.scattered("laws", lawful, width)
-    known, platform = dict(given), PlatformMotion.read(given.take("platform", 26))
-    written = write_leg(group, q, v, base, platform, plan.scale, plan.leg_pivots[n], a)
-    rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
-    moving = (
-        written.chain
-        if options.velocity
-        else sweep(written.chain.links, q, zeros(width), zeros(6), a, base[1])
-    )
-    b = forces(moving)
-    H = b[6:] - law + a * rotor
-    outputs = {"b_base": pack(b[:6]), "b_delta": pack(written.wrench(dot(written.X.T, H)))}
-    outputs["guard"] = ca.SX(written.guarded(plan))
-    if motions and written.idle:
-        idle = written.idle.decided(plan, written.folding, group, options.rotor)
-        outputs["u_dot of leg"], outputs["Q of leg"] = (pack([x]) for x in idle.along(a, H))
-    if driven:
-        outputs["motors"] = pack(*(written.wrench(written.X[k]) for k in driven))
-    inputs = known | {"numbers": written.folding.symbol()} | given
-    return cut([inputs], [outputs]), written.folding.table(len(group))

@@ -15,7 +15,7 @@ from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from .idle.inertia import idle_without_inertia
 from .request import Request
-from .rubbing import Rubbing, rubbing_joints
+from .rubbing_joints import Rubbing, rubbing_joints
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,9 @@ to the core.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -40,7 +42,6 @@ class Parts(TreeBranch):
         idle: Idle motions of the core.
         rods: Rods at the ends of its closures, by the closure's number.
         turns: For each body of the whole tree (base first) its axes in those of the file, shape (3, 3).
-        whole: Whether all is core.
     """
 
     closures: tuple[TreeClosure, ...]
@@ -54,7 +55,6 @@ class Parts(TreeBranch):
     idle: tuple[IdleMotion, ...]
     rods: dict[int, Rod]
     turns: tuple[Array, ...]
-    whole: bool
 
     @property
     def all_idle(self) -> list[IdleMotion]:
@@ -69,7 +69,7 @@ def parts_of(
     *,
     leg_inertia: bool = True,
     arguments: ModuleArguments | None = None,
-    whole: bool = False,
+    rubbing: Mapping[int, str] = MappingProxyType({}),
 ) -> Parts:
     """Split a module into its core and its groups of legs.
 
@@ -77,13 +77,13 @@ def parts_of(
         marks: Motors and laws on each freedom of its tree; equal legs have equal marks.
         leg_inertia: Whether legs have mass.
         arguments: Numbers of the module that are arguments, or None.
-        whole: Whether all is core, and each body keeps its own inertia, as the wrenches of joints ask.
+        rubbing: A mark for each joint whose wrench is asked for, by its number in the whole tree.
     """
     spec = mechanism.spec if arguments is None else arguments.spec
-    free = not whole and (arguments is None or arguments.free)
+    free = arguments is None or arguments.free
     constants, axes = _links(mechanism, leg_inertia, None)  # these decide on legs and rods
     links, turns = (constants, axes) if arguments is None else _links(mechanism, leg_inertia, arguments)
-    links, base = regrouped(links) if free else (links, np.zeros(10))
+    links, base = regrouped(links, rubbing) if free else (links, np.zeros(10))
     closures = [_turned(c, turns) for c in spec.cut_closures]
     driven = {k for k, mark in enumerate(marks) if "motor" in mark}
     idle = idle_motions(mechanism, driven)
@@ -101,21 +101,28 @@ def parts_of(
         couplings=spec.cut_couplings,
         checked=len(used) if arguments else sum(i < len(spec.closures) for i in used),
         closure_rows=_rows(mechanism, used),
-        groups=grouped_legs(legs, marks),
+        groups=grouped_legs(legs, _marked(mechanism, marks, rubbing)),
         paths=tuple(path_of(mechanism, wrist, links) for wrist in spec.wrists),
         base=base,
         rank=mechanism.reduction.rank - sum(leg.closure.rows for leg in legs),
         idle=idle_among(idle, core.tree_v),
-        rods={}
-        if whole and not idle
-        else loosened(
+        rods=loosened(
             rods_of({i: constants[i] for i in kept}, known, spec.platforms),
             links,
             [closures[i] for i in used],
         ),
         turns=tuple(turns),
-        whole=whole,
     )
+
+
+def _marked(mechanism: Mechanism, marks: Sequence[str], rubbing: Mapping[int, str]) -> tuple[str, ...]:
+    """Return the marks of freedoms with those of the joints that rub."""
+    out = list(marks)
+    for joint, mark in rubbing.items():
+        if joint < len(mechanism.spec.tree):
+            for col in range(*mechanism.tree.v_slices[joint].indices(mechanism.tree.nv)):
+                out[col] += mark
+    return tuple(out)
 
 
 def _links(

@@ -18,9 +18,6 @@ from .scales import GUARD_CLOSED, OF_ROUNDED, TINY_RATE, Scale
 from .states import seen_postures
 from .wrist_paths import wrist_pivots
 
-#: Factor on pivots of platforms' freedoms, from which those of their legs follow.
-FOLLOWED = 1e-4
-
 
 def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = True) -> ModulePlan:
     """Choose all pivots of a module.
@@ -54,7 +51,5 @@ def _loop_pivots(plan: ModulePlan, positions: Array) -> Pivots:
     column, q = symbols("q", m.spanning.nq)
     K = write_core(plan, q, zeros(m.spanning.nv), zeros(6)).rows.K[:, 6:]
     units = m.reduction.col_scale[parts.tree_v]
-    if parts.whole:  # joints of legs follow from the platforms'
-        units = units * np.where(np.isin(parts.v, -1), FOLLOWED, 1.0)
     scales = m.reduction.row_scale[list(parts.closure_rows)], units
     return choose_pivots(sampled(K, [column], [[x] for x in positions]), parts.rank, *scales)

@@ -25,6 +25,7 @@ from .module_plan import ModulePlan
 from .parts import Parts, parts_of
 from .planning import plan_module
 from .rigid import ten_expressions, ten_numbers
+from .rubbing_joints import rubbing_marks
 from .states import check_shared_loads, generic_positions
 
 #: Why a force that follows links is refused where modules are differentiated one by one.
@@ -137,13 +138,12 @@ class Request:
             self.marks(module),
             leg_inertia=self.on.leg_inertia is not None,
             arguments=arguments,
-            whole=self.rubs(module),
+            rubbing=self.rubs(module),
         )
 
-    def rubs(self, module: Module) -> bool:
-        """Return whether friction that grows with load acts on a joint of a module."""
-        loaded = self.on.loaded
-        return loaded is not None and not set(loaded.joints).isdisjoint(module.joints)
+    def rubs(self, module: Module) -> dict[int, str]:
+        """Return a mark for each joint of a module that load makes rub, by its number in the whole tree."""
+        return {} if self.on.loaded is None else rubbing_marks(self.on.loaded, module)
 
     @cached_property
     def undriven(self) -> list[bool]:
@@ -158,12 +158,12 @@ class Request:
     @cached_property
     def constant_plans(self) -> list[ModulePlan]:
         """A plan for each module, which chooses its pivots; equal modules with equal marks share it."""
-        known: dict[tuple[int, tuple[str, ...], bool], ModulePlan] = {}
+        known: dict[tuple[object, ...], ModulePlan] = {}
         out = []
         given = self.arguments
         inertias = None if given is None or isinstance(given, ChosenNumbers) else given.of_modules
         for k, module in enumerate(self.robot.modules):
-            key = (id(module.mechanism), self.marks(module), self.rubs(module))
+            key = (id(module.mechanism), self.marks(module), *self.rubs(module).items())
             if key not in known:
                 own = None if inertias is None else inertias[k]
                 parts = self._parts(module, own)

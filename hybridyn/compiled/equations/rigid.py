@@ -144,8 +144,10 @@ def aligned(links: Links, fixed: Container[int]) -> tuple[Links, list[Array]]:
     return out, axes
 
 
-def regrouped(links: Links) -> tuple[Links, Array]:
+def regrouped(links: Links, kept: Container[int] = ()) -> tuple[Links, Array]:
     """Move inertial parameters that do not affect a joint's force to the parent body, outermost first.
+
+    Nothing moves over joints in `kept`, whose wrenches stay as they are.
 
     The force of a revolute joint does not depend on the mass, the first moment along the axis, and an inertia
     (y, y, 0) about it. That of a prismatic joint does not depend on the inertia about the child's origin, and
@@ -160,6 +162,8 @@ def regrouped(links: Links) -> tuple[Links, Array]:
     out = links.copy()
     base = np.zeros(10)
     for i in reversed(out):
+        if i in kept:
+            continue
         link = out[i]
         gone = unfelt(link)
         out[i] = replace(link, inertia=_clean(link.inertia - gone, link.inertia))

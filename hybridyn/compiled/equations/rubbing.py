@@ -11,109 +11,39 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...effects.load_friction import OnLoads, against
-from ...errors import ModelError
 from ...linkage.closures import TreeClosure
-from ...spatial import Array, cross, numpy_on_symbols, wrench_to_base
-from ...structure.module import Module
+from ...spatial import cross, wrench_to_base
 from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, carried, carriers
 from .core import Core
-from .expressions import filled, numbers, plain, zeros
+from .expressions import numbers, plain, zeros
 from .guarded_elimination import Triangular
 from .module_plan import ModulePlan
-from .parts import Parts
-
-#: Entries of constant directions below this are rounding.
-ROUNDED_PART = 1e-14
+from .rubbing_joints import Rubbing, rows_of_terms
+from .rubbing_legs import LegAnswers
 
 
-class LoadTerm(NamedTuple):
-    """What one term of the law takes from the wrench of its joint, in the joint's child frame.
-
-    Attributes:
-        factor: Its coefficient.
-        part: Orthogonal directions of wrenches, shape (k, 6), k up to 3; their length counts.
-    """
-
-    factor: float
-    part: tuple[tuple[float, ...], ...]
-
-
-class Rubbing(NamedTuple):
-    """A joint of a module with friction that grows with its load.
-
-    Attributes:
-        joint: Its number in the whole tree.
-        cols: Its freedoms in the tree after the cuts.
-        terms: Those of the law.
-        rise, speed, width: By how much friction is larger at rest, its Stribeck velocity, and `width`.
-    """
-
-    joint: int
-    cols: tuple[int, ...]
-    terms: tuple[LoadTerm, ...]
-    rise: float
-    speed: float
-    width: float
-
-    def effort(self, v: Expression) -> Expression:
-        """Compute the efforts over its freedoms per unit of friction at their rates v."""
-        with numpy_on_symbols():
-            return filled(against(v, self.width, self.rise, self.speed), len(v))
-
-
-def rubbing_joints(law: OnLoads | None, module: Module, parts: Parts) -> tuple[Rubbing, ...]:
-    """Return the joints of a module on which friction that grows with load acts.
-
-    Raises:
-        ModelError: Friction acts along an idle motion, or inside a wrist that carries a platform.
-    """
-    out: list[Rubbing] = []
-    spec, tree = module.mechanism.spec, module.mechanism.tree
-    idle = {col for motion in parts.all_idle for col in motion.cols}
-    for n, name in enumerate(() if law is None else law.joints):
-        if law is None or name not in module.joints:
-            continue
-        joint = spec.in_whole[module.joints.index(name)]
-        cols = tuple(range(*tree.v_slices[joint].indices(tree.nv))) if joint < len(spec.tree) else ()
-        if not cols or idle.intersection(cols):
-            where = "an idle motion turns it" if cols else "it is in a wrist that carries a platform"
-            raise ModelError(
-                f"the effect '{law.effect.name}' cannot be compiled on joint '{name}': {where}. Use the "
-                "general path for it", element=name,
-            )  # fmt: skip
-        T = parts.turns[joint + 1]
-        terms = tuple(
-            LoadTerm(float(law.factor[k]), _in_aligned(law.part[k], T))
-            for k in np.flatnonzero(law.of_joint == n)
-        )
-        out.append(Rubbing(
-            joint, cols, terms, float(law.rise[n]), float(law.speed[n]), float(law.effect.width),
-        ))  # fmt: skip
-    return tuple(out)
-
-
-def efforts_of(rubbing: Sequence[Rubbing], plan: ModulePlan, v: Expression) -> Expression:
-    """Compute the efforts along y per unit of the friction of each joint, shape (n, joints).
+def pushed_by(
+    rubbing: Sequence[Rubbing], core: Core, plan: ModulePlan, v: Expression, legs: Sequence[LegAnswers]
+) -> Expression:
+    """Compute the forces over s that a unit of the friction of each joint needs, shape (6 + n, joints).
 
     Args:
         rubbing: The joints.
         v: Rates of the spanning tree.
+        legs: What legs tell.
     """
-    own, out = plan.parts.tree_v, zeros(len(plan.parts.tree_v), len(rubbing))
+    own, out = plan.parts.tree_v, zeros(6 + core.chain.nv, len(rubbing))
     place = {int(col): k for k, col in enumerate(own)}
     for j, one in enumerate(rubbing):
-        at = [place[col] for col in one.cols]
-        out[at, j] = one.effort(np.array([v[plan.parts.v[k]] for k in at], dtype=object))
+        if one.joint in plan.parts.links:
+            at = [place[col] for col in one.cols]
+            effort = one.effort(np.array([v[plan.parts.v[k]] for k in at], dtype=object))
+            out[[6 + k for k in at], j] = -effort
+    for leg in legs:
+        rows = core.chain.columns_of(leg.platform + 1)
+        out[:6, leg.at], out[np.ix_(rows, leg.at)] = leg.pushes, -leg.pushes
     return out
-
-
-def _in_aligned(part: Array, T: Array) -> tuple[tuple[float, ...], ...]:
-    """Return what a term takes from a wrench in the axes T of the body, without rows of zeros."""
-    out = T.T @ part @ np.kron(np.eye(2), T)
-    out = np.where(np.abs(out) < ROUNDED_PART, 0.0, out)
-    return tuple(tuple(row.tolist()) for row in out if row.any())
 
 
 class WrenchAnswers(NamedTuple):
@@ -128,29 +58,35 @@ class WrenchAnswers(NamedTuple):
     per_unit: list[Expression]
 
 
-def answers(
+def answers_of_core(
     core: Core, plan: ModulePlan, rubbing: Sequence[Rubbing], moving: Chain, outputs: Sequence[Expression],
     left: Expression,
-) -> WrenchAnswers:  # fmt: skip
-    """Compute what the law takes from the wrenches of joints.
+) -> Expression:  # fmt: skip
+    """Compute what the law takes from the wrenches of joints of the core, shape (rows, 1 + joints).
 
     Args:
-        rubbing: The joints.
+        rubbing: The joints of the core.
         moving: The core's motion for inertial forces.
         outputs: Wrench that each output needs, own frame.
         left: Forces along y that closures have to produce: without friction, then per unit of each joint's,
             shape (n, 1 + joints).
     """
-    inertial, own = carried(moving), list[Expression]()
+    inertial, own = carried(moving), [zeros(0)]
     for one in rubbing:
         wrench = inertial[one.joint + 1]
         for body, W in zip(core.outputs, outputs, strict=True):
             if one.joint in carriers(core.chain, body):
                 wrench = wrench + seen_from(core.chain, one.joint + 1, _in_base(core.chain, body, W))
         own += [dot(plain(term.part), wrench) for term in one.terms]
-    through = rows_of_terms(rubbing, dot(through_closures(core, plan, rubbing), left))
-    alone = [plus(x, taken[:, 0]) for x, taken in zip(own, through, strict=True)]
-    return WrenchAnswers(alone, [taken[:, 1:] for taken in through])
+    out = dot(through_closures(core, plan, rubbing), left)
+    out[:, 0] = plus(out[:, 0], np.concatenate(own))
+    return out
+
+
+def answers_of(rubbing: Sequence[Rubbing], rows: Expression) -> WrenchAnswers:
+    """Return what the law takes from wrenches, from all rows alone and per unit of each friction."""
+    each = rows_of_terms(rubbing, rows)
+    return WrenchAnswers([x[:, 0] for x in each], [x[:, 1:] for x in each])
 
 
 def _in_base(chain: Chain, body: int, W: Expression) -> Expression:
@@ -196,14 +132,3 @@ def _of_multipliers(core: Core, closures: Sequence[TreeClosure], joint: int) -> 
                 out[:, at + r] = seen_from(core.chain, joint + 1, numbers(line)) * sign
         at += len(lines)
     return out
-
-
-def terms_of(rubbing: Sequence[Rubbing]) -> list[tuple[int, float, int]]:
-    """Return the number of its joint, the factor and the number of rows of each term."""
-    return [(i, term.factor, len(term.part)) for i, one in enumerate(rubbing) for term in one.terms]
-
-
-def rows_of_terms(rubbing: Sequence[Rubbing], rows: Expression) -> list[Expression]:
-    """Split what all terms take, shape (rows, ...), by term."""
-    ends = np.cumsum([size for _, _, size in terms_of(rubbing)])
-    return np.split(rows, ends[:-1])

@@ -10,6 +10,7 @@ linear in z = [change of the bias of every output; n] and in the change of V_dot
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -25,6 +26,8 @@ from .expressions import eye, pack, plain, zeros
 from .module_plan import ModulePlan
 from .rigid import classical
 from .rubbing import seen_from, through_closures
+from .rubbing_joints import Rubbing
+from .rubbing_legs import LegAnswers
 from .stages import GivenColumns
 
 if TYPE_CHECKING:
@@ -49,15 +52,21 @@ class Needed(NamedTuple):
 class TakenByLaw(NamedTuple):
     """What the terms of the law take from wrenches, p = of_s s + of_forces b + sum of of_biases x bias.
 
+    Joints of legs add what is alone, and what friction changes besides.
+
     Attributes:
         of_s: Per acceleration, shape (rows, 6 + nv).
         of_forces: Per force along y, shape (rows, nv).
         of_biases: Per bias of each output, in the base, shape (rows, 6).
+        alone: Of joints of legs, shape (rows,).
+        of_frictions: Of joints of legs, shape (rows, joints).
     """
 
     of_s: Expression
     of_forces: Expression
     of_biases: list[Expression]
+    alone: Expression
+    of_frictions: Expression
 
 
 @dataclass(eq=False)
@@ -70,6 +79,7 @@ class MovedModule:
         solutions: y over [V_dot_base, 1, u_dot]; G, u_0 and the change of u_dot by each column of `pushed`.
         pushed: Changes of b by z, shape (6 + nv, z).
         outputs: What each output needs.
+        legs: What legs with joints that rub tell.
     """
 
     core: Core
@@ -79,6 +89,7 @@ class MovedModule:
     solutions: tuple[Expression, Expression]
     pushed: Expression
     outputs: list[Needed]
+    legs: Sequence[LegAnswers]
 
     def answers(self) -> dict[str, ca.SX]:
         """Return how the module answers to changes, of V_dot of its base only where that moves."""
@@ -89,6 +100,8 @@ class MovedModule:
         of_z = plus(dot(by_u, u_z), dot(taken.of_forces, self.pushed[6:]))
         for of_bias, bias in zip(taken.of_biases, biases, strict=True):
             of_z = plus(of_z, dot(of_bias, bias))
+        first = of_z.shape[1] - len(self.options.rubbing)
+        of_z[:, first:] = plus(of_z[:, first:], taken.of_frictions)
         out = {"driven": dot(outputs, u_z), "of_z": of_z}
         if self.options.base is None:
             of_base = plus(taken.of_s[:, :6], dot(taken.of_s[:, 6:], X[:, :6]))
@@ -121,10 +134,11 @@ class MovedModule:
                 p = plus(p, dot(of_bias, output.bias))
             own = [zeros(0)] + [
                 dot(plain(term.part), turning.get(one.joint + 1, zeros(6)))
-                for one in options.rubbing
+                for one in self._of_core
                 for term in one.terms
             ]
-            out["p_0"] = pack(p + np.concatenate(own))
+            own.append(zeros(len(p) - sum(map(len, own))))
+            out["p_0"] = pack(p + np.concatenate(own) + taken.alone)
         return out
 
     def frictions(self, settled: GivenColumns) -> Expression:
@@ -153,10 +167,15 @@ class MovedModule:
                 at += 6
         return out
 
+    @property
+    def _of_core(self) -> list[Rubbing]:
+        """The joints of the core that rub."""
+        return [one for one in self.options.rubbing if one.joint in self.plan.parts.links]
+
     @cached_property
     def _taken(self) -> TakenByLaw:
         """What the law takes from wrenches."""
-        chain, rubbing, M = self.core.chain, self.options.rubbing, self.form[0]
+        chain, rubbing, M = self.core.chain, self._of_core, self.form[0]
         through = through_closures(self.core, self.plan, rubbing)
         of_s, of_biases = dot(through, M[6:]), [zeros(len(through), 6) for _ in self.outputs]
         at = 0
@@ -172,4 +191,20 @@ class MovedModule:
                     of_biases[o][rows] = dot(plain(term.part), seen)
                     of_s[rows] = of_s[rows] + dot(of_biases[o][rows], dot(output.inertia, output.J))
                 at = rows.stop
-        return TakenByLaw(of_s, through, of_biases)
+        return self._with_legs(of_s, through, of_biases)
+
+    def _with_legs(self, of_s: Expression, through: Expression, of_biases: list[Expression]) -> TakenByLaw:
+        """Return what the law takes, from what it takes from joints of the core."""
+        rubbing, parts = self.options.rubbing, [of_s]
+        alone, of_frictions = [zeros(len(of_s))], [zeros(len(of_s), len(rubbing))]
+        for leg in self.legs:
+            own, per_unit = zeros(len(leg.alone), of_s.shape[1]), zeros(len(leg.alone), len(rubbing))
+            own[:, :6] = leg.per_force[:, :6] - leg.per_force[:, 6:]
+            own[:, self.core.chain.columns_of(leg.platform + 1)] = leg.per_force[:, 6:]
+            per_unit[:, leg.at] = leg.per_unit
+            parts, alone, of_frictions = [*parts, own], [*alone, leg.alone], [*of_frictions, per_unit]
+        rows = sum(map(len, parts)) - len(of_s)
+        padded = [np.concatenate([x, zeros(rows, x.shape[1])]) for x in (through, *of_biases)]
+        return TakenByLaw(
+            np.concatenate(parts), padded[0], padded[1:], np.concatenate(alone), np.concatenate(of_frictions)
+        )

@@ -17,10 +17,11 @@ import numpy as np
 
 from ...effects.load_friction import direction, length
 from ...spatial import numpy_on_symbols
-from ...symbols import Expression, dot, plus, times
+from ...symbols import Expression, dot, is_zero, plus, times
 from .expressions import eye, filled, zeros
 from .guarded_elimination import Triangular
-from .rubbing import Rubbing, WrenchAnswers, terms_of
+from .rubbing import WrenchAnswers
+from .rubbing_joints import Rubbing, terms_of
 
 #: Steps of Newton's method. A step leaves about the square of the error; the first has that of the ratio.
 NEWTON = 3
@@ -41,6 +42,8 @@ def settle(rubbing: Sequence[Rubbing], found: WrenchAnswers, eps: float) -> tupl
         eps: Rounding of one number.
     """
     n = friction_of(rubbing, found.alone)
+    if all(is_zero(x) for B in found.per_unit for x in B.ravel()):
+        return n, 0.0
     for _ in range(NEWTON):
         n = newton_step(rubbing, _under(found, n), found.per_unit, n)
     N = friction_of(rubbing, _under(found, n))

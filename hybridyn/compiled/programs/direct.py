@@ -13,6 +13,7 @@ from ..equations.leg_groups import Leg
 from ..equations.options import direct_options
 from ..equations.request import Request
 from ..equations.rigid import inertia_matrix
+from ..equations.rubbing_joints import of_legs
 from ..program import Program, Source
 from .kinematics import unit_base
 from .module_calls import ModuleCalls, Ports, Stages, same_structure
@@ -113,11 +114,21 @@ class _DirectSweeps(Sweeps):
     def _legs_outwards(self, calls: ModuleCalls, n: int) -> tuple[tuple[Leg, ...], Stages, Source]:
         """Add the inertias and biases of a group of legs, summed by platform; return it and its numbers."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
-        key = ("ddm of legs", id(plan), n, options.base is None, options.velocity, options.rotor)
+        key = (
+            "ddm of legs",
+            id(plan),
+            n,
+            options.base is None,
+            options.velocity,
+            options.rotor,
+            tuple(of_legs(options.rubbing, plan.parts)[n]),
+        )
         stages, table = self.w.once(key, write_direct_legs, plan, n, options)
         numbers = self.w.numbers(table, plan.column)
         legs = Stages(self.w, key, stages, LEG_PARTS, len(group))
         more: Ports = {"numbers": numbers}
+        if "rubbing" in stages[0].outputs:
+            more["rubbing"] = calls.of_each_leg(n, "rubbing", stages[0])
         if forced := group[0].among(options.motors):
             more["tau"] = self.efforts(calls.k, np.array([leg.tree_v[forced] for leg in group]))
         calls.call_legs(group, legs, 0, more)

@@ -6,10 +6,12 @@ import numpy as np
 
 from ..equations.balance import write_balance_stages
 from ..equations.guarded_elimination import Pivots
-from ..equations.inverse import LEG_WRENCHES, write_inverse, write_inverse_legs
+from ..equations.inverse import write_inverse
+from ..equations.inverse_legs import LEG_WRENCHES, write_inverse_legs
 from ..equations.motor_balance import motor_pivots
 from ..equations.options import Options, balance_options, inverse_options
 from ..equations.request import Request
+from ..equations.rubbing_joints import of_legs
 from ..program import Program, Shared
 from .gears import lossy, write_needed
 from .kinematics import unit_base
@@ -144,7 +146,8 @@ class _InverseSweeps(Sweeps):
         """Add the forces of a group of legs, summed by platform."""
         plan, options, group = self.request.plans[calls.k], calls.options, calls.groups[n]
         lawful, driven = group[0].among(options.laws), group[0].among(options.motors)
-        more_of = options.velocity, options.rotor, tuple(lawful), tuple(driven)
+        rubbing = tuple(of_legs(options.rubbing, plan.parts)[n])
+        more_of = options.velocity, options.rotor, tuple(lawful), tuple(driven), rubbing
         key = ("idm of legs", id(plan), n, options.base, *more_of)
         stages, table = self.w.once(key, write_inverse_legs, plan, n, options, motions=self.motors)
         more: Ports = {"numbers": self.w.numbers(table, plan.column)}
@@ -154,4 +157,6 @@ class _InverseSweeps(Sweeps):
         if driven:
             each = more["motors"] = self.w.each(len(group), 6 * len(driven))
             calls.ports[f"motors {n}"] = Shared(each.start, each.size * len(group))
+        if "rubbing" in stages[0].outputs:
+            more["rubbing"] = calls.of_each_leg(n, "rubbing", stages[0])
         calls.call_legs(group, Stages(self.w, key, stages, ["legs"], len(group)), 0, more)

@@ -164,6 +164,13 @@ class ModuleCalls:
         own = {name.removesuffix(i): x for name, x in self.ports.items() if name.endswith(i)}
         legs.call(s, self.ports | self.coordinates(group) | own | more)
 
+    def of_each_leg(self, n: int, name: str, stage: Stage) -> Each:
+        """Allocate an output of each leg of group n, all of which are the port "NAME n" of the module."""
+        size, legs = stage.function.numel_out(stage.outputs.index(name)), len(self.groups[n])
+        each = self.writer.each(legs, size)
+        self.ports[f"{name} {n}"] = Shared(each.start, size * legs)
+        return each
+
     def coordinates(self, readers: Sequence[WrittenModule | Leg]) -> Ports:
         """Return places of positions, rates and, if they are inputs, accelerations for equal readers."""
         w = self.writer

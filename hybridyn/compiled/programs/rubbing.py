@@ -16,7 +16,7 @@ import numpy as np
 
 from ...symbols import Expression, dot, plus
 from ..equations.expressions import pack, symbols
-from ..equations.rubbing import Rubbing, rows_of_terms
+from ..equations.rubbing_joints import Rubbing, rows_of_terms
 from ..equations.settling import NEWTON, far_from_solution, friction_of, largest_over, newton_step, weights
 from ..program import Add, Shared, Target, Worst
 from .module_calls import ModuleCalls
