@@ -161,7 +161,7 @@ def test_bricard(claim: Claim, duration: float, rtol: float) -> None:
 @pytest.mark.parametrize(
     ("duration", "method", "rtol"),
     [
-        (0.02, "implicit", 1e-5),
+        (0.015, "implicit", 1e-5),
         (0.1, "implicit", 1e-5),
         slow(0.03, "dopri5", None),
         pytest.param(10.0, "implicit", 1e-7, marks=long_run),

@@ -257,7 +257,7 @@ def test_a_link_that_one_of_two_motors_moves_leaves_the_other_to_the_rule() -> N
 def test_the_command_says_what_moves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine(tmp_path, STROKE)
     path = tmp_path / "excavator.urdf"
-    said = call(capsys, "workspace", path, "--link", "teeth", "--step", "x=0.6,z=0.6,pitch=0.4")
+    said = call(capsys, "workspace", path, "--link", "teeth", "--step", "x=0.6,z=0.6,pitch=0.8")
     assert said.out.splitlines()[1 if said.out.startswith("#") else 0].startswith("teeth@cab/pose/x,")
     assert "modules 1, 2, 3: " in said.err
     assert "boom_rod (" in said.err
