@@ -3,7 +3,7 @@
 from . import effects as effects
 from .assembly.assemble import assemble
 from .assembly.task import closure_residual
-from .compiled import CompiledRobot, compile, ddm, ddm_jacobian, idm, idm_jacobian
+from .compiled import CompiledRobot, SecondDerivatives, compile, ddm, ddm_jacobian, idm, idm_jacobian
 from .conversion.convert import convert
 from .conversion.target_files import Conversion
 from .dynamics.energy import Energy, Power, centre_of_mass, energy, momentum, power
@@ -65,6 +65,7 @@ __all__ = [
     "Power",
     "Reactions",
     "Regressor",
+    "SecondDerivatives",
     "SingularityError",
     "TrajectoryError",
     "__version__",

@@ -12,7 +12,7 @@ from .derivatives import Derivatives, ddm_jacobian, idm_jacobian
 from .equations.states import any_accelerations, moving_states
 from .exporting import export
 from .failures import as_compile_error, needs_casadi
-from .inertial_columns import InertialColumns, InertialNumbers
+from .inertial_columns import InertialColumns
 from .library.laws import Law, Pieces
 from .library.steps import Control, JointChart, Steps, Tableau, Taken
 from .model import CompiledRobot
@@ -23,6 +23,7 @@ from .programs.evaluating import DesignEvaluator, DesignTable
 from .programs.robot_programs import RobotPrograms
 from .programs.sources import asked_for
 from .repeated import ddm, idm
+from .second.derivatives import SecondDerivatives
 from .studying import design_evaluator, exact_model, operations
 from .verifying import verify
 
@@ -35,12 +36,12 @@ __all__ = [
     "DesignTable",
     "DesignsInSlots",
     "InertialColumns",
-    "InertialNumbers",
     "JointChart",
     "Law",
     "Pieces",
     "Program",
     "RobotPrograms",
+    "SecondDerivatives",
     "Steps",
     "TableAssembler",
     "Tableau",

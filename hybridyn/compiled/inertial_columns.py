@@ -124,7 +124,8 @@ class InertialColumns:
 
     def __init__(
         self,
-        numbers: InertialNumbers,
+        robot: HybridRobot,
+        places: Sequence[tuple[int, Index]],
         effects: Effects,
         columns: Index,
         general: Callable[[Array, Array, Array], Array],
@@ -133,7 +134,8 @@ class InertialColumns:
         """Load the library from the cache, or build it and compare it with the general path.
 
         Args:
-            numbers: The inertial numbers of the robot's bodies.
+            robot: The robot.
+            places: Bodies, and where their numbers are, as for `InertialNumbers`.
             effects: Effects of which the efforts are linear in the numbers.
             columns: Numbers over which the efforts are differentiated, shape (k,).
             general: Computes the columns by the general path from q, v, a.
@@ -143,11 +145,11 @@ class InertialColumns:
             CompileError: There is no compiler, or the columns differ from the general path's.
             ModelError: An effect is not available in compiled models.
         """
-        self._numbers, self._effects, self._columns = numbers, effects, columns
+        self._numbers = InertialNumbers(robot, places, len(values))
+        self._effects, self._columns = effects, columns
         self._general, self._values = general, values
-        robot = numbers.robot
-        places = [(body, at.tolist()) for body, at in numbers.places]
-        key = (NAME, robot_key(robot, effects), best_lanes(), columns.tolist(), places)
+        known = [(body, at.tolist()) for body, at in places]
+        key = (NAME, robot_key(robot, effects), best_lanes(), columns.tolist(), known)
         with as_compile_error(robot):
             self._library = Artifact(robot, repr(key), self._source, self._accept).loaded(Library)
 

@@ -115,6 +115,12 @@ class ResultPlace(_Listed):
     memory = "result"
 
 
+class SharedPlace(_Listed):
+    """Read shared numbers; programs that do so are not compacted."""
+
+    memory = "shared"
+
+
 @dataclass(frozen=True, eq=False)
 class Constants(MemoryPlace):
     """Read constants: `values[i, k]` is entry k for copy i."""
@@ -181,7 +187,7 @@ class Worst(MemoryPlace):
         return np.zeros((copies, 1), dtype=int)
 
 
-Source = GivenPlace | Constants | ResultPlace | Shared | Each | Own
+Source = GivenPlace | SharedPlace | Constants | ResultPlace | Shared | Each | Own
 Target = ResultPlace | Shared | Each | Own | Add | Worst
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..compiled import InertialColumns, InertialNumbers
+from ..compiled import InertialColumns
 from ..effects.words import DEFAULT
 from ..errors import CompileError
 from ..spatial import Array, Index
@@ -34,14 +34,13 @@ class CompiledRows:
         if parameters.terms and (odd or not all(driven)):
             raise CompileError("laws on joints without a motor have no columns in compiled regressors")
         places = [*parameters.bodies.items(), *parameters.payloads]
-        numbers = InertialNumbers(robot, places, len(parameters.names))
         inertial = self.columns[self._inertial]
 
         def general(q: Array, v: Array, a: Array) -> Array:
             return effort_rows(robot, parameters, q, v, a)[..., inertial]
 
         self._in_c = InertialColumns(
-            numbers, parameters.effects.only(DEFAULT), inertial, general, parameters.values
+            robot, places, parameters.effects.only(DEFAULT), inertial, general, parameters.values
         )
 
     def __call__(self, q: Array, v: Array, a: Array) -> Array:

@@ -146,7 +146,7 @@ class Derivatives:
         scalar = Scalar("float64", best_lanes())
         key = f"{self._name} {robot_key(self.robot, self._effects)} {scalar!r}"
         artifact = Artifact(self.robot, key, partial(self._written, scalar), self._check)
-        if artifact.known() is not None or (seconds := _seconds_of(artifact.source)) <= self.patience:
+        if artifact.known() is not None or (seconds := seconds_of(artifact.source)) <= self.patience:
             self._use(artifact.loaded(Library))
             return
         log.warning(
@@ -306,7 +306,7 @@ class _Room(Jacobians):
         self.owner, self.flat = owner, flat
 
 
-def _seconds_of(source: Source) -> float:
+def seconds_of(source: Source) -> float:
     """Return about how long the C compiler takes on all cores [s]: the longest file, or its share of all."""
     statements = [unit.count("\n") for unit in source.units.values()]
     return max(max(statements), sum(statements) / (os.cpu_count() or 1)) / STATEMENTS_A_SECOND

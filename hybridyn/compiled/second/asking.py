@@ -1,0 +1,115 @@
+"""What second derivatives are given and return, and the checks of both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...effects.choice import Effects
+from ...errors import AT_SAMPLE, SingularityError, TrajectoryError
+from ...spatial import Array
+from ...structure.robot import HybridRobot
+from ..code.scalars import GUARD_LIMIT
+from ..programs.general import general
+
+#: Largest difference of rates and accelerations from those that the motors cause, of the largest or of one:
+#: above rounding, and that of tables with seven digits.
+CAUSED = 1e-6
+
+
+class Product(NamedTuple):
+    """A product of a second derivative with weights and a direction.
+
+    Attributes:
+        value: The model's result, shape (n,) or (T, n).
+        slope: Derivative of the weighted sum of results, over "q", "v" and "a" or "tau", shapes ([T,] n).
+        product: Derivative of this slope along the direction, likewise.
+    """
+
+    value: Array
+    slope: dict[str, Array]
+    product: dict[str, Array]
+
+
+class AlongPath(NamedTuple):
+    """Results along a path, shapes (n,) or (T, n).
+
+    Attributes:
+        value: The model's results.
+        first: Their first derivative along the path.
+        second: Their second derivative along the path.
+    """
+
+    value: Array
+    first: Array
+    second: Array
+
+
+def three(direction: Sequence[ArrayLike]) -> Sequence[ArrayLike]:
+    """Return the parts of a direction.
+
+    Raises:
+        TrajectoryError: There are not three.
+    """
+    if len(direction) != 3:
+        raise TrajectoryError(
+            f"direction has {len(direction)} parts; wanted three: changes of q, of v, and accelerations or "
+            "efforts"
+        )
+    return direction
+
+
+def everywhere(rows: Array, samples: int) -> Array:
+    """Return one row for every sample.
+
+    Raises:
+        TrajectoryError: There are other numbers of rows.
+    """
+    if len(rows) not in (1, samples):
+        raise TrajectoryError(f"weights or direction have {len(rows)} samples; wanted 1 or {samples}")
+    return np.broadcast_to(rows, (samples, rows.shape[1]))
+
+
+def check_trusted(
+    robot: HybridRobot, effects: Effects, model: str, given: Mapping[str, Array], guard: Array
+) -> None:
+    """Check the guards of samples.
+
+    Args:
+        given: The model's arguments, shape (T, n) each.
+
+    Raises:
+        SingularityError: A pivot of the compiled model vanishes.
+        HybridynError: As the general path raises for a sample.
+    """
+    bad = np.flatnonzero(~(guard <= GUARD_LIMIT))
+    if not len(bad):
+        return
+    t = int(bad[0])
+    general(robot, effects, model, given)
+    raise SingularityError(
+        f"second derivatives of '{model}' are not to be trusted{AT_SAMPLE}: a pivot of the compiled model "
+        f"nearly vanishes (guard {guard[t]:.1e}, limit {GUARD_LIMIT:g}). Move away from that posture",
+        what="the compiled model",
+        sample=t,
+    )
+
+
+def check_following(name: str, given: Array, found: Array) -> None:
+    """Check that rates or accelerations are those that the motors cause.
+
+    Raises:
+        TrajectoryError: They are not.
+    """
+    off = np.abs(found - given).max(axis=1, initial=0.0)
+    size = CAUSED * np.maximum(np.abs(given).max(axis=1, initial=0.0), 1.0)
+    if (off > size).any():
+        t = int(np.argmax(off / size))
+        raise TrajectoryError(
+            f"{name} differs by {off[t]:.1e} from what the motors cause{AT_SAMPLE} (limit {size[t]:.1e}): "
+            "over motors all joints follow them; take q, v, a = hybridyn.assemble(robot, motors=...)",
+            sample=t,
+        )

@@ -1,0 +1,281 @@
+"""Second derivatives of both models: the oracle in long double along closed paths, and what they cost."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hybridyn
+from benchmarks.operations import total
+from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs.whole_robot import Interpreted, programs
+from hybridyn.spatial import Array
+from hybridyn.structure.building import build_robot
+from tests.compiled.test_derivatives import near_a_lost_pivot
+from tests.oracle import Oracle
+from tests.oracle.arithmetic import Long
+from tests.robots.effect_cases import CASES
+from tests.robots.mechanisms import KINDS, random_mechanism
+from tests.robots.shipped import shipped
+from tests.support.comparing import close_to, refused, same_bits
+from tests.support.samples import slow
+
+#: Of the largest term: differences of sixth order in long double leave 1e-12.
+ORACLE = 1e-9
+#: Rounding, and the condition of loops and of the mass matrix.
+ROUNDING = 1e-11
+#: Of second differences of fourth order in double precision: STEP^4, and rounding over STEP^2.
+DIFFERENCES, STEP = 1e-6, 3e-3
+#: Step of a path in long double, and weights of the differences of sixth order on seven samples.
+FINE = np.longdouble(1e-3)
+FIRST = np.array([-1, 9, -45, 0, 45, -9, 1], dtype=np.longdouble) / 60 / FINE
+SECOND = np.array([2, -27, 270, -490, 270, -27, 2], dtype=np.longdouble) / 180 / FINE**2
+#: Most operations of a product, as a multiple of the model.
+COST = 8.0
+
+
+def closed_path(oracle: Oracle, q: Array, v: Array, seed: int) -> list[tuple[np.ndarray, ...]]:
+    """Return q, v, a at seven points of a path of closed states, in long double."""
+    random, T = np.random.default_rng(seed), oracle.arithmetic.array
+    d, dv, a, da = (T(random.normal(size=oracle.nv)) for _ in range(4))
+    path = []
+    for k in range(-3, 4):
+        s = k * FINE
+        at = oracle.close(oracle.integrate(T(q), s * d))
+        rates = oracle.project_velocity(at, T(v) + s * dv)
+        path.append((at, rates, oracle.consistent_acceleration(at, rates, a + s * da)))
+    return path
+
+
+def of_motors(oracle: Oracle, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> list[np.ndarray]:
+    """Return positions, rates and accelerations of the motors; some joints have cosine and sine."""
+    own = [q[oracle.coordinates[name][1]] for name in oracle.description.motors]
+    turns = [np.arctan2(x[1], x[0]) if len(x) == 2 else x[0] for x in own]
+    return [np.array(turns, dtype=np.longdouble), v[oracle.motors], a[oracle.motors]]
+
+
+def off_the_oracle(robot: hybridyn.HybridRobot, model: str, coordinates: str, seed: int = 0) -> float:
+    """Return by how much products differ from the oracle along a closed path, of the largest term.
+
+    lambda f'' = lambda f_xx x' x' + lambda f_x x'', of which terms may cancel.
+    """
+    oracle = Oracle(robot.description, robot.base, arithmetic=Long())
+    q, v, *_ = (x[0] for x in random_states(robot, 1))
+    path = closed_path(oracle, q, v, seed)
+    efforts = np.array([oracle.idm(*state) for state in path])
+    motors = coordinates == "motors"
+    inputs = [of_motors(oracle, *state) if motors else list(state) for state in path]
+    if model == "ddm":
+        inputs = [[*x[:2], tau] for x, tau in zip(inputs, efforts, strict=True)]
+    accelerations = np.array([state[2] for state in path])
+    results = efforts if model == "idm" else accelerations[:, oracle.motors] if motors else accelerations
+    columns = [np.array([x[i] for x in inputs]) for i in range(3)]
+    moved, bent = ([(w @ x).astype(float) for x in columns] for w in (FIRST, SECOND))
+    weights = np.random.default_rng(seed + 1).normal(size=results.shape[1])
+    second = hybridyn.SecondDerivatives(robot, model, coordinates=coordinates)
+    state = (x.astype(float) for x in (*path[3][:2], efforts[3] if model == "ddm" else path[3][2]))
+    found = second.product(*state, weights, moved)
+    close_to(found.value, results[3].astype(float), ROUNDING)
+    pairs = zip(found.product.values(), moved, found.slope.values(), bent, strict=True)
+    terms = np.concatenate(
+        [(product * first, slope * other) for product, first, slope, other in pairs], axis=1
+    )
+    return float(abs(terms.sum() - weights @ (SECOND @ results)) / np.abs(terms).max())
+
+
+@pytest.mark.parametrize(
+    ("model", "coordinates"),
+    [("idm", "joints"), ("ddm", "motors"), slow("idm", "motors"), slow("ddm", "joints")],
+)
+def test_products_against_the_oracle(model: str, coordinates: str, interpreted: None) -> None:
+    assert off_the_oracle(build_robot(shipped("five_bar")), model, coordinates) <= ORACLE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["idm", "ddm"])
+@pytest.mark.parametrize("name", ["gough_stewart", "delta", "rps3", "tanev", "scara_delta", "lx4"])
+def test_products_of_shipped_robots_against_the_oracle(name: str, model: str, interpreted: None) -> None:
+    assert off_the_oracle(build_robot(shipped(name)), model, "motors", 3) <= ORACLE
+
+
+def driven(kind: str, seed: int) -> hybridyn.HybridRobot:
+    """Return a random mechanism, or skip it if its motors are not its coordinates."""
+    robot = build_robot(random_mechanism(seed, kind=kind))
+    try:
+        hybridyn.SecondDerivatives(robot, coordinates="motors")
+    except hybridyn.ModelError as error:
+        pytest.skip(str(error))
+    return robot
+
+
+@pytest.mark.parametrize("kind", ["four_bar", *map(slow, [kind for kind in KINDS if kind != "four_bar"])])
+def test_products_of_random_mechanisms_against_the_oracle(kind: str, interpreted: None) -> None:
+    robot = driven(kind, 2)
+    for model in ("idm", "ddm"):
+        assert off_the_oracle(robot, model, "motors", 5) <= ORACLE
+
+
+@pytest.mark.parametrize("name", [slow("rps3"), slow("gough_stewart"), "five_bar"])
+def test_turning_joints_move_as_in_pinocchio(name: str, interpreted: None) -> None:
+    """On a floating base: differences of the written model along `integrate` and straight rates."""
+    robot = build_robot(shipped(name), base="floating")
+    q, v, a, _ = (x[0] for x in random_states(robot, 1))
+    random, model = np.random.default_rng(2), Interpreted([*programs(robot, models=("idm",)).values()])
+    d = random.normal(size=(3, robot.nv))
+    steps = STEP * np.arange(-2, 3)
+    rows = [(pin.integrate(robot.model, q, s * d[0]), v + s * d[1], a + s * d[2]) for s in steps]
+    (tau,), _ = model.batch("idm", *map(np.array, zip(*rows, strict=True)))
+    found = hybridyn.SecondDerivatives(robot).along(q, v, a, d)
+    close_to(found.second, np.array([-1, 16, -30, 16, -1]) @ tau / (12 * STEP**2), DIFFERENCES)
+    close_to(found.first, np.array([1, -8, 0, 8, -1]) @ tau / (12 * STEP), DIFFERENCES)
+
+
+@pytest.mark.parametrize("coordinates", [slow("joints"), "motors"])
+def test_the_first_order_is_that_of_the_jacobians(coordinates: str, interpreted: None) -> None:
+    robot = build_robot(shipped("five_bar"))
+    q, v, a, tau = random_states(robot, 2)
+    for model, x, jacobian in (
+        ("idm", a, hybridyn.idm_jacobian),
+        ("ddm", tau, hybridyn.ddm_jacobian),
+    ):
+        J = jacobian(robot, q, v, x, coordinates=coordinates)
+        second = hybridyn.SecondDerivatives(robot, model, coordinates=coordinates)
+        weights = np.random.default_rng(0).normal(size=J["q"].shape[1])
+        d = [np.ones(block.shape[2]) for block in J.values()]
+        found, path = second.product(q, v, x, weights, d), second.along(q, v, x, d)
+        for name, block in J.items():
+            close_to(found.slope[name], np.einsum("i,tij->tj", weights, block), ROUNDING)
+        close_to(path.first, sum(block.sum(axis=2) for block in J.values()), ROUNDING)
+        H, whole = second.hessian(q, v, x, weights), np.concatenate(d)
+        close_to(H, H.transpose(0, 2, 1), ROUNDING)
+        close_to(H @ whole, np.concatenate([*found.product.values()], axis=1), ROUNDING)
+        close_to(path.second @ weights, whole @ H @ whole, ROUNDING)
+
+
+def test_rates_in_time_of_elastic_drives(interpreted: None) -> None:
+    """Efforts along a motion that is a polynomial of the motors' time, against its differences."""
+    robot = build_robot(shipped("five_bar"))
+    t = STEP * np.arange(-2, 3)
+    c = np.random.default_rng(1).normal(size=(6, 2)) * 0.2
+    levels = [np.array([np.polynomial.Polynomial(c[:, i]).deriv(k)(t) for i in range(2)]).T for k in range(5)]
+    motors = {name: tuple(x[:, i] for x in levels[:3]) for i, name in enumerate(robot.motors)}
+    q, v, a = hybridyn.assemble(robot, motors=motors)
+    tau = hybridyn.idm(robot, q, v, a)
+    second = hybridyn.SecondDerivatives(robot, coordinates="motors")
+    found = second.rates(q[2], v[2], a[2], levels[3][2], levels[4][2])
+    close_to(found.value, tau[2], ROUNDING)
+    close_to(found.first, np.array([1, -8, 0, 8, -1]) @ tau / (12 * STEP), DIFFERENCES)
+    close_to(found.second, np.array([-1, 16, -30, 16, -1]) @ tau / (12 * STEP**2), DIFFERENCES)
+    joints = hybridyn.SecondDerivatives(robot)
+    jerk = np.array([1, -8, 0, 8, -1]) @ a / (12 * STEP)
+    snap = np.array([-1, 16, -30, 16, -1]) @ a / (12 * STEP**2)
+    close_to(joints.rates(q[2], v[2], a[2], jerk, snap).second, found.second, DIFFERENCES)
+
+
+def cost(robot: hybridyn.HybridRobot, model: str, coordinates: str) -> float:
+    """Return the operations of a product over those of the model, with closing over motors."""
+    second = hybridyn.SecondDerivatives(robot, model, coordinates=coordinates)
+    of = programs(robot, models=(model, "close") if coordinates == "motors" else (model,))
+    return total(second._products.program) / sum(map(total, of.values()))
+
+
+@pytest.mark.parametrize(
+    "name", ["five_bar", *map(slow, ("gough_stewart", "delta", "rps3", "tanev", "lx4", "snake"))]
+)
+@pytest.mark.parametrize(
+    ("model", "coordinates"),
+    [("ddm", "joints"), ("idm", "motors"), slow("idm", "joints"), slow("ddm", "motors")],
+)
+def test_a_product_costs_at_most_eight_models(
+    name: str, model: str, coordinates: str, interpreted: None
+) -> None:
+    assert cost(build_robot(shipped(name)), model, coordinates) <= COST
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["five_bar", "gough_stewart"])
+@pytest.mark.parametrize("model", ["idm", "ddm"])
+def test_c_threads_and_single_samples(name: str, model: str) -> None:
+    robot = hybridyn.load(name)
+    q, v, a, tau = random_states(robot, 3)
+    x = a if model == "idm" else tau
+    for coordinates in ("joints", "motors"):
+        second = hybridyn.SecondDerivatives(robot, model, coordinates=coordinates, threads=2)
+        n = len(robot.motors) if coordinates == "motors" else robot.nv
+        d = [np.ones(n), np.ones(n), np.ones(len(robot.motors) if model == "ddm" else n)]
+        weights = np.arange(1.0, second._size + 1)
+        assert second._products.library is not None
+        many = second.product(*(np.tile(y, (500, 1)) for y in (q, v, x)), weights, d)
+        one = second.product(q[1], v[1], x[1], weights, d)
+        same_bits(one.product, {key: block[1] for key, block in many.product.items()})
+        same_bits(one.product, {key: block[-2] for key, block in many.product.items()})
+
+
+SMOOTH = [
+    "rotor_inertia", "viscous_friction", "stribeck_friction", "spring", "polynomial_spring", "bushings",
+    "gravity_compensation",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("law", ["coulomb_friction", *map(slow, SMOOTH)])
+def test_smooth_effects_are_among_the_forces(law: str, interpreted: None) -> None:
+    robot = build_robot(shipped("five_bar"))
+    on = ["default", *CASES[law](robot)]
+    q, v, a, _ = (x[0] for x in random_states(robot, 1))
+    second = hybridyn.SecondDerivatives(robot, effects=on, coordinates="motors")
+    d = np.random.default_rng(3).normal(size=(3, 2))
+    found = second.along(q, v, a, d)
+    u, at = robot.motor_v, [robot.q_slices[robot.joint_index[name]].start for name in robot.motors]
+    steps = STEP / 3 * np.arange(-2, 3)
+    levels = [x[np.newaxis] + steps[:, None] * one for x, one in zip((q[at], v[u], a[u]), d, strict=True)]
+    motors = {name: tuple(x[:, i] for x in levels) for i, name in enumerate(robot.motors)}
+    tau = hybridyn.idm(robot, *hybridyn.assemble(robot, motors=motors, guess=q), effects=on)
+    wanted = np.array([-1, 16, -30, 16, -1]) @ tau / (12 * (STEP / 3) ** 2)
+    close_to(found.second, wanted, 10 * DIFFERENCES)
+    plain = hybridyn.SecondDerivatives(robot, coordinates="motors").along(q, v, a, d)
+    assert law in ("rotor_inertia", "spring", "viscous_friction") or (
+        np.abs(plain.second - found.second).max() > 1e-6 * np.abs(found.second).max()
+    )
+
+
+def test_what_has_no_second_derivative_is_refused(interpreted: None) -> None:
+    robot = build_robot(shipped("five_bar"))
+    make = partial(hybridyn.SecondDerivatives, robot)
+    for law, words in (
+        ("stop", "'stop' has no second derivative: its end is a kink"),
+        ("polynomial_damper", "the size of the rate is a kink"),
+        ("ground_contact", "the touch is a kink"),
+    ):
+        refused(partial(make, effects=CASES[law](robot)), hybridyn.ModelError, words)
+    for call, words in (
+        (partial(make, effects=["default", "limits"]), "each limit is a kink"),
+        (partial(make, "kinematics"), "not of 'kinematics'"),
+        (partial(make, threads=0), "threads must be at least 1"),
+        (partial(make, coordinates="u"), "'joints' or 'motors', not 'u'"),
+    ):
+        refused(call, hybridyn.ModelError, words)
+    q, v, a, _ = (x[0] for x in random_states(robot, 1))
+    second, still = make(coordinates="motors"), np.zeros(2)
+    refusals: list[tuple[Callable[[], object], type[Exception], str]] = [
+        (lambda: second.product(q, v, a, [1.0], [still] * 3), hybridyn.TrajectoryError, "weights has shape"),
+        (lambda: second.product(q, v, a, still, [still]), hybridyn.TrajectoryError, "direction has 1 parts"),
+        (lambda: second.product(q, v + 0.1, a, still, [still] * 3), hybridyn.TrajectoryError, "v differs by"),
+        (
+            lambda: second.product(q + 0.1, v, a, still, [still] * 3),
+            hybridyn.HybridynError,
+            "close the loops",
+        ),
+        (lambda: second.rates(q, v, a, still, [np.nan, 0.0]), hybridyn.TrajectoryError, "snap is not finite"),
+        (
+            lambda: make("ddm").rates(q, v, a, v, v),
+            hybridyn.ModelError,
+            r"take SecondDerivatives\(robot, 'idm'\)",
+        ),
+    ]
+    for call, error, words in refusals:
+        refused(call, error, words)
+    near = near_a_lost_pivot(robot, 1e-6, robot.home)
+    lost = partial(make("ddm").product, near, 0 * v, np.zeros(2), np.ones(4), [0 * v, 0 * v, still])
+    refused(lost, hybridyn.SingularityError, "not to be trusted at sample 0: a pivot")
