@@ -7,9 +7,10 @@ wrenches and effects that act on the robot. `actuation`
 distributes efforts among motors. `joint_wrenches` and `reactions` compute what joints and closures transmit.
 Friction that grows with it is solved by `load_friction`, with `friction_of_motion` and, in the direct model,
 `friction_response` (how wrenches answer to friction) and `friction_bound` (how much frictions feed on one
-another); `stiction` and `holding` are for joints that stick. `guards` is the table of what is refused or
-warned of. `state_checks` refuses states with open loops. `inertia_solve` factors A_t, and `rounding` bounds
-what rounding feigns in it. The folder `quantities` has the model in independent coordinates.
+another); `stiction`, `holding` and `cones` are for joints that stick. `guards` is the table of what is
+refused or warned of. `state_checks` refuses states with open loops. `inertia_solve` factors A_t, and
+`rounding` bounds what rounding feigns in it. The folder `quantities` has the model in independent
+coordinates.
 
 May import: `effects`, `manifold`, `structure` and below.
 """

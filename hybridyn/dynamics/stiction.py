@@ -2,7 +2,8 @@
 
 Friction phi of the joints is linear in the accelerations a = a_0 + G phi, and in the wrenches w = w_0 + B phi
 on which it depends. A joint that slides in a direction s has phi = -s (level + gain N(w)), one that sticks
-has a = 0 at most of the same size. `load_friction` says when N(w) is unique.
+has a = 0 at most of the same size; s is a unit vector where phi is that of a ball. `load_friction` says when
+N(w) is unique.
 """
 
 from __future__ import annotations
@@ -52,13 +53,21 @@ class Free(NamedTuple):
     B: Array
 
     def limits(self, sizes: Array) -> tuple[Array, Array]:
-        """Compute friction at positive and at negative rates, shape (k,) each, from N(w), shape (joints,)."""
+        """Compute friction at positive and at negative rates, shape (k,) each, from N(w), shape (joints,).
+
+        That of a ball is the length of a vector, of all its freedoms.
+        """
         forward, backward = (self.law.levels(self.v, np.full(len(self.v), s)) for s in (1.0, -1.0))
         if self.law.loaded is not None:
-            more = self.law.gains(self.v) * sizes
-            forward[self.law.of_load] += more
-            backward[self.law.of_load] += more
+            more = self.law.of_loads(self.law.gains(self.v) * sizes)
+            forward += more
+            backward += more
         return forward, backward
+
+    def hold(self, stuck: Index) -> Hold:
+        """Return the joints at rest of some freedoms, by their places."""
+        balls = [np.searchsorted(stuck, at) for at in self.law.vectors if at[0] in stuck]
+        return Hold(self.G[self.law.columns[stuck]][:, stuck], balls)
 
     def sizes(self, efforts: Array) -> Array:
         """Compute N(w) under efforts of friction, shape (joints,)."""
@@ -87,7 +96,7 @@ def free_of_friction(
         SingularityError: As `articulate`.
         ModelError: The motion does not determine a wrench on which friction depends.
     """
-    a, k = np.zeros_like(v), len(law.joints)
+    a, k = np.zeros_like(v), len(law.columns)
     if robot.base == "moving":
         a[:, :6] = base
     states = states_before(robot, loads.on, q, v, a)
@@ -120,17 +129,20 @@ class Friction(NamedTuple):
 
 
 def friction_of(free: Free, signs: Array, *, held: bool = False) -> Friction:
-    """Compute friction from directions: 1 or -1 of joints that slide, 0 of those that stick, shape (k,).
+    """Compute friction from directions.
 
     Args:
+        signs: 1 or -1 of joints that slide, 0 of those that stick, shape (k,); of balls unit vectors.
         held: Whether it is asked what sticking joints hold; else it is computed where friction needs it.
 
     Raises:
         ActuationError: Joints may jam, or what they hold does not settle.
     """
-    stuck = np.flatnonzero(signs == 0)
-    columns, slides = free.law.columns[stuck], np.diag(np.abs(signs))
-    hold = Hold(free.G[columns][:, stuck]) if len(stuck) else None
+    signs = free.law.directions(free.v, signs)
+    rests = free.law.at_rest(signs)
+    stuck = np.flatnonzero(rests)
+    columns, slides = free.law.columns[stuck], np.diag(np.where(rests, 0.0, 1.0))
+    hold = free.hold(stuck) if len(stuck) else None
     onto, given = slides.copy(), np.zeros(len(signs))  # efforts of all are onto @ those of who slides + given
     if hold is not None:
         onto[stuck] -= hold.inverse @ free.G[columns] @ slides
@@ -156,7 +168,8 @@ def _sliding(free: Free, signs: Array, onto: Array, given: Array) -> Array:
     if law is None:
         return efforts
     per_size = np.zeros((len(signs), len(law.joints)))
-    per_size[free.law.of_load, np.arange(len(law.joints))] = -signs[free.law.of_load] * free.law.gains(free.v)
+    for joint, (at, gain) in enumerate(zip(free.law.of_load, free.law.gains(free.v), strict=True)):
+        per_size[at, joint] = -signs[at] * gain
     per_size = onto @ per_size
     B = np.matmul(free.B, per_size)[None]
     check_jamming(law, B)
@@ -171,20 +184,21 @@ def directions_from_rest(free: Free, signs: Array) -> Array:
         signs: Directions of the joints, 0 of those at rest, shape (k,).
 
     Returns:
-        Directions in which 0 means that the joint sticks, shape (k,).
+        Directions in which 0 means that the joint sticks, shape (k,); of balls unit vectors.
 
     Raises:
         ActuationError: As `friction_of`.
     """
     now = friction_of(free, signs, held=True)
-    rest = np.flatnonzero(signs == 0)
+    signs = free.law.directions(free.v, signs)
+    rest = np.flatnonzero(free.law.at_rest(signs))
     if now.held is None or now.held.ratio <= 1.0:
         return signs
     columns, out = free.law.columns[rest], signs.copy()
-    hold, efforts = Hold(free.G[columns][:, rest]), now.efforts
+    hold, efforts = free.hold(rest), now.efforts
     for _ in range(STEPS):
         forward, backward = free.limits(free.sizes(efforts))
-        last, efforts = efforts, np.select([signs > 0, signs < 0], [-forward, backward])
+        last, efforts = efforts, -signs * np.where(signs > 0, forward, backward)
         without = free.a[columns] + free.G[columns] @ efforts
         efforts[rest] = hold.begin(without, forward[rest], backward[rest])
         if not free.law.loaded or np.abs(efforts - last).max() <= LEFT * np.abs(efforts).max():
@@ -192,9 +206,12 @@ def directions_from_rest(free: Free, signs: Array) -> Array:
     else:
         raise _unsettled(free)
     a = without + free.G[columns][:, rest] @ efforts[rest]
-    begins = np.abs(a) > STARTS * np.abs(without).max(initial=0.0)
+    size, way = np.abs(a), np.sign(a)
+    for at in hold.balls:  # friction opposes each motion, with digits that small accelerations lack
+        size[at], way[at] = np.linalg.norm(a[at]), -efforts[rest[at]] / np.linalg.norm(efforts[rest[at]])
+    begins = size > STARTS * np.abs(without).max(initial=0.0)
     # Where friction is just exceeded, accelerations are rounding: the motion that needs most is released.
-    out[rest] = np.where(begins, np.sign(a), 0.0) if begins.any() else now.held.motion
+    out[rest] = np.where(begins, way, 0.0) if begins.any() else now.held.motion
     return out
 
 

@@ -70,7 +70,7 @@ class MotionLaw:
             raise ModelError("nothing moves without the effect 'inertia'", element="inertia")
         self._wrenches, self._compiled = wrenches, compiled
         self.sticking = on_sticking(self.on, robot) if stiction else None
-        self.signs = np.zeros(0 if self.sticking is None else len(self.sticking.joints))
+        self.signs = np.zeros(0 if self.sticking is None else len(self.sticking.columns))
         if compiled is not None:
             self._check_compiled(compiled)
         if (self.on.base is not None) != (robot.base == "moving"):
@@ -194,8 +194,8 @@ class MotionLaw:
                 return quick, tau
         on, dry = self.on, self.sticking
         if dry is not None:
-            each = np.broadcast_to(self.signs if signs is None else signs, (len(t), len(dry.joints)))
-            if dry.loaded is not None or not each.all():
+            each = np.broadcast_to(self.signs if signs is None else signs, (len(t), len(dry.columns)))
+            if dry.loaded is not None or dry.at_rest(each).any():
                 from ..dynamics.stiction import friction_of  # which most runs need not
 
                 rows = zip(self._free(t, q, v, base, tau), each, strict=True)

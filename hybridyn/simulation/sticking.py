@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..dynamics.stiction import carried, directions_from_rest, friction_of, stop_motion
-from ..spatial import Array
+from ..spatial import Array, Mask
 from .events import PARTS, StepInterpolation
 from .motion_law import StepError
 from .stepping import Leap, Stepper
@@ -57,20 +57,21 @@ class Sticking:
 
     def __init__(self, system: System) -> None:
         assert system.law.sticking is not None
-        self._system, self._law, self._columns = system, system.law, system.law.sticking.columns
-        self._last, self._same = np.nan, 0
+        self._system, self._law, self._dry = system, system.law, system.law.sticking
+        self._columns = self._dry.columns
+        self._unit = system.manifold.unit[self._columns]
+        self._last, self._same, self._fastest = np.nan, 0, 0.0
 
     def begin(self, state: State) -> State:
         """Return the start of a run with the directions of its joints."""
-        size = float(np.abs(state.v / self._system.manifold.unit).max(initial=0.0))
-        return self._settled(state, self._moving(state.v, size))
+        return self._settled(state, self._moving(state.v, self._size(state.v)))
 
     def resume(self, state: State) -> State:
         """Return the start of a run that goes on, at which joints slide their way and hold their load.
 
         They need not where an event ended the earlier run, or where another load acts now.
         """
-        against = state.v[self._columns] * state.signs < 0
+        against = self._dry.along(state.v[self._columns], state.signs) < 0
         if against.any() or self._ratio(state.t, state.q, state.v, state.signs) > OVER:
             return self._settled(state, np.where(against, 0.0, state.signs))
         return state
@@ -89,7 +90,8 @@ class Sticking:
             times = before.t + (leap.t[0] - before.t) * np.arange(PARTS + 1) / PARTS
             rates = np.zeros((len(times), len(before.signs)))
             if before.signs.any():
-                rates = np.array([between.at(t)[1][self._columns] for t in times]) * before.signs
+                rates = np.array([between.at(t)[1][self._columns] for t in times])
+                rates = self._dry.along(rates, before.signs)
             back = (rates[0] == 0) & (rates[1] < 0) & (rates[-1] <= 0)
             if not back.any():
                 return self._up_to_change(stepper, before, leap, between, times, rates)
@@ -102,9 +104,10 @@ class Sticking:
         Raises:
             StepError: Joints change without end.
         """
-        signs = taken.before.signs
+        signs, v = taken.before.signs, reached.v[self._columns]
+        self._fastest = max(self._fastest, self._size(reached.v))
         if not taken.changed:
-            return replace(reached, signs=signs)
+            return replace(reached, signs=self._dry.directions(v, signs))
         self._same = self._same + 1 if reached.t == self._last else 0
         self._last = reached.t
         if self._same > MOST_CHANGES:
@@ -112,8 +115,12 @@ class Sticking:
                 f"at t = {reached.t:g} s joints change between sticking and sliding {MOST_CHANGES} times; "
                 "leave stiction out"
             )
-        slides = reached.v[self._columns] * signs > 0
-        return self._settled(reached, np.where(slides, signs, 0.0))
+        slides, now = self._dry.along(v, signs) > 0, self._dry.directions(v, signs)
+        for at in self._dry.vectors:
+            across = np.linalg.norm(v[at] - v[at] @ signs[at] * signs[at])
+            if not slides[at].any() and across > STANDING * self._fastest * self._unit[at[0]]:
+                slides[at], now[at] = True, v[at] / np.linalg.norm(v[at])  # it has turned by a right angle
+        return self._settled(reached, np.where(slides, now, 0.0))
 
     def between(self, before: State, t: float, q: Array, v: Array) -> tuple[Array, Array]:
         """Return what an interpolation of a step says, with sticking joints where they stuck."""
@@ -133,7 +140,7 @@ class Sticking:
         end = float(leap.t[0])
         stop = self._first_stop(before, between, times, rates)
         changed = stop is not None
-        if (before.signs == 0).any():
+        if self._dry.at_rest(before.signs).any():
             until = times if stop is None else before.t + (stop - before.t) * np.arange(PARTS + 1) / PARTS
             parts = np.array([self._ratio(t, *between.at(t), before.signs) for t in until.tolist()])
             release = self._first_release(before, between, until, parts)
@@ -156,8 +163,12 @@ class Sticking:
         for k, (x0, x1) in enumerate(pairwise(rates)):
             stops = (x0 > 0) & (x1 <= 0)
             if stops.any():
-                columns, signs = self._columns[stops], before.signs[stops]
-                return _passed(lambda t: -(between.at(t)[1][columns] * signs).min(), *times[k : k + 2])  # noqa: B023
+
+                def left(t: float, stops: Mask = stops) -> float:
+                    rates = self._dry.along(between.at(t)[1][self._columns], before.signs)
+                    return -float(rates[stops].min())
+
+                return _passed(left, *times[k : k + 2])
         return None
 
     def _first_release(
@@ -177,23 +188,30 @@ class Sticking:
 
     def _ratio(self, t: float, q: Array, v: Array, signs: Array) -> float:
         """Return the largest part that sticking joints need at a state of what they can hold."""
-        if signs.all():
+        if not self._dry.at_rest(signs).any():
             return 0.0
         held = friction_of(self._law.free(t, q, v), signs, held=True).held
         return 0.0 if held is None else held.ratio
 
     def _moving(self, v: Array, size: float) -> Array:
         """Return directions of joints, 0 of those at rest, from rates and the largest of them per unit."""
-        rates, least = v[self._columns], STANDING * size * self._system.manifold.unit[self._columns]
-        return np.where(np.abs(rates) > least, np.sign(rates), 0.0)
+        rates = v[self._columns]
+        sizes = np.abs(rates)
+        for at in self._dry.vectors:
+            sizes[at] = np.linalg.norm(rates[at])
+        return np.where(sizes > STANDING * size * self._unit, rates / np.where(sizes > 0, sizes, 1.0), 0.0)
+
+    def _size(self, v: Array) -> float:
+        """Return the largest rate per unit."""
+        return float(np.abs(v / self._system.manifold.unit).max(initial=0.0))
 
     def _settled(self, state: State, signs: Array) -> State:
         """Return a state at which joints without a direction stick, or begin to move."""
         t, q, v = state.t, state.q, state.v.copy()
-        size = float(np.abs(v / self._system.manifold.unit).max(initial=0.0))
-        if (signs == 0).any():
-            v = stop_motion(self._law.free(t, q, v), v, np.flatnonzero(signs == 0))
-        rest = (signs == 0) | (self._moving(v, size) == 0)
+        size, rest = self._size(v), self._dry.at_rest(signs)
+        if rest.any():
+            v = stop_motion(self._law.free(t, q, v), v, np.flatnonzero(rest))
+        rest = rest | self._dry.at_rest(self._moving(v, size))
         v[self._columns[rest]] = 0.0
         free = self._law.free(t, q, v)
         signs = directions_from_rest(free, np.where(rest, 0.0, signs))
@@ -209,12 +227,12 @@ class Sticking:
 
         A method holds them to its error where a loop moves on and some of its joints stick, else to rounding.
         """
-        stuck = np.flatnonzero(state.signs == 0)
-        columns, manifold = self._columns[stuck], self._system.manifold
-        unit, q, v = manifold.unit[columns], state.q, state.v.copy()
+        stuck = np.flatnonzero(self._dry.at_rest(state.signs))
+        columns, manifold, stays = self._columns[stuck], self._system.manifold, self._dry.stays(state.signs)
+        unit, q, v = self._unit[stuck], state.q, state.v.copy()
         for _ in range(BACK):
-            away = manifold.retraction.difference(before.q, q)[columns]
-            quick = STANDING * float(np.abs(v / manifold.unit).max(initial=0.0)) * unit
+            away = np.where(stays[stuck], manifold.retraction.difference(before.q, q)[columns], 0.0)
+            quick = STANDING * self._size(v) * unit
             if not ((np.abs(away) > DRIFT * unit) | (np.abs(v[columns]) > quick)).any():
                 break
             free = self._law.free(state.t, q, v)

@@ -31,7 +31,8 @@ class State:
         q: Positions, shape (nq,), assembled.
         v: Rates, shape (nv,).
         a: Accelerations, shape (nv,).
-        signs: Directions of joints with stiction, 0 of those that stick, shape (k,); empty without it.
+        signs: Directions of joints with stiction, 0 of those that stick, shape (k,), unit vectors of balls;
+            empty without it.
     """
 
     t: float
