@@ -40,6 +40,8 @@ LARGEST = 1e50
 _SAMPLES_LAST = [((*range(1, n), 0), (n - 1, *range(n - 1))) if n else ((), ()) for n in range(8)]
 #: Entries up to which a product of vectors takes its time for calls of NumPy, not for numbers.
 _FEW = 10_000
+#: The same of vectors in different orders in memory, of which copies are made.
+_COPIED = 300
 #: The components after each of x, y, z, and those before.
 _NEXT, _BEFORE = np.array([1, 2, 0]), np.array([2, 0, 1])
 
@@ -136,6 +138,9 @@ def cross(a: Array, b: Array) -> Array:
             out = x.take(_NEXT, axis) * y.take(_BEFORE, axis) - x.take(_BEFORE, axis) * y.take(_NEXT, axis)
             return out.transpose(back)
     out = np.multiply(a, b)  # allocates the result's shape and memory order
+    if out.size <= _COPIED:
+        ahead, behind = a.take(_NEXT, -1) * b.take(_BEFORE, -1), a.take(_BEFORE, -1) * b.take(_NEXT, -1)
+        return np.subtract(ahead, behind, out=out)
     a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
     b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
     np.subtract(a1 * b2, a2 * b1, out=out[..., 0])

@@ -74,6 +74,10 @@ def test_vector_product_does_not_depend_on_memory_order(rng: np.random.Generator
     inside[:] = a
     assert np.array_equal(cross(inside, b), cross(a, b))
     assert np.array_equal(cross(a[0], b), cross(np.tile(a[0], (7, 1)), b))
+    axes = np.random.default_rng(5).normal(size=(200, 3, 3))  # of other orders in memory, few and many
+    many = cross(axes[:, :1], axes.swapaxes(1, 2))
+    assert np.array_equal(many, np.cross(axes[:, :1], axes.swapaxes(1, 2)))
+    assert np.array_equal(many[:7], cross(axes[:7, :1], axes[:7].swapaxes(1, 2)))
     x = samples_inside((7, 4, 3))
     x[:] = rng.normal(size=(7, 4, 3))
     assert np.array_equal(select(x, np.array([2, 0])), x[:, [2, 0]])
