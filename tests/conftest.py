@@ -2,7 +2,9 @@
 
 import gc
 import hashlib
+import itertools
 import os
+import re
 import shutil
 import signal
 import sys
@@ -29,6 +31,8 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 NEW_OBJECTS = 50_000
 #: So many modules are kept at most.
 MODULES = 500
+#: Numbers of the folders of tests, and how many lie side by side.
+FOLDERS, NEIGHBOURS = itertools.count(), 50
 
 # Some hundred programs are started: each would compile the package anew, 0.2 s of 0.4.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -211,6 +215,17 @@ def kept(expand: Callable[..., Any]) -> Callable[..., Any]:
         return text, list(notes)
 
     return expanded
+
+
+@pytest.fixture
+def tmp_path(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with few beside it: with each robot, files of loops are looked for among them."""
+    number, name = next(FOLDERS), re.sub(r"\W", "_", request.node.name)[:30]
+    beside = tmp_path_factory.getbasetemp() / f"from{number - number % NEIGHBOURS}"
+    beside.mkdir(mode=0o700, exist_ok=True)
+    folder = beside / f"{name}{number}"
+    folder.mkdir(mode=0o700)
+    return folder
 
 
 @pytest.fixture
