@@ -87,7 +87,7 @@ processes. With one process, loky computes in the program itself.
 
 SEARCHES = """\
 A five-bar leg with five parameters; the objective is the RMS effort along an ellipse and the mass of the
-gears, which grows with the largest effort. A design with its gradients has three times the operations of one
+gears, which grows with the largest effort. A design with its gradients has five times the operations of one
 without, and never more than six. The numbers do not depend on the machine.
 """
 

@@ -53,7 +53,8 @@ class ClosedAdjoint:
     """The sweeps back through the closed loops of a robot.
 
     Attributes:
-        operations: Number of operations of one sample: the rows, their factors and the sweeps.
+        operations: Number of operations of one sample: the rows, their factors, the sweeps, and whether
+            parameters open dependent rows.
     """
 
     def __init__(self, programs: RobotPrograms, kept: Kept) -> None:
@@ -86,6 +87,7 @@ class ClosedAdjoint:
         worst = max((m.mechanism.rounding for m in robot.modules), default=0.0)
         self._zero = max(DEPENDENT, TIMES_ROUNDING * worst)
         functions = [self._rows, self._tangent, *self._back]
+        functions += [self._tangent, self._back[0], *self._back[:2]]  # of rows that parameters may open
         self._blocks = blocks_of(K, self._free)
         factors = sum(reflections(len(cols), len(rows)) for rows, cols in self._blocks)
         self.operations = sum(function.n_instructions() for function in functions) + factors
@@ -220,33 +222,37 @@ class ClosedAdjoint:
                     )
         return out * self._row_scale
 
-    def opening(self, factor: Factored, state: tuple[Array, Array, Array, Array], slots: Array) -> Array:
-        """Return by how much parameters open rows that depend on the others, and their rates, (rows, k).
+    def opening(
+        self, factors: Sequence[Factored], state: tuple[Array, Array, Array, Array], slots: Array
+    ) -> Array:
+        """Return by how much parameters open rows that depend on the others, and their rates, (2 T, k).
+
+        A combination of these rows stands for all of them at a sample: what opens one opens it, too, since
+        each row has a weight of its own.
 
         Args:
-            factor: The rows at a sample.
-            state: q, v, a and numbers in slots of this sample, shape (1, n) each.
+            factors: The rows at samples.
+            state: q, v, a and numbers in slots.
             slots: Derivative of the numbers over the parameters, shape (slots, k).
         """
-        parts = [np.zeros((0, len(self._row_scale)))]
-        for block in factor:
-            own = np.zeros((len(block.rows) - block.rank, len(self._row_scale)))
-            own[:, block.rows] = block.dependent.T
-            parts.append(own)
-        combinations = np.concatenate(parts) * self._row_scale
-        count = len(combinations)
-        if not count:
+        combination = np.zeros((len(factors), len(self._row_scale)))
+        for t, one in enumerate(factors):
+            for block in one:
+                rest = block.rows[block.order[block.rank :]]
+                combination[t, block.rows] = block.dependent @ (1.5 + np.cos(rest))
+        if not combination.any():
             return np.zeros((0, slots.shape[1]))
-        q, v, a, p = (np.repeat(x, count, axis=0) for x in state)
+        combination *= self._row_scale
+        q, v, a, p = state
         given, nq = self._state(q, p, v, a), self._robot.nq
-        opened = called(self._back[0], *given, combinations)
-        rates = called(self._back[1], *given, combinations)
+        opened = called(self._back[0], *given, combination)
+        rates = called(self._back[1], *given, combination)
         moved = self.freedoms(q, rates[:, :nq])[:, self._free] * self._unit
-        followed = np.zeros((count, len(self._row_scale)))
-        for block in factor:
-            followed[:, block.rows] = [block.solved(own)[0] for own in moved[:, block.freedoms]]
-        followed *= self._row_scale
-        rates = rates[:, nq:] - called(self._back[0], *given, followed)
+        followed = np.zeros(combination.shape)
+        for t, one in enumerate(factors):
+            for block in one:
+                followed[t, block.rows] = block.solved(moved[t, block.freedoms])[0]
+        rates = rates[:, nq:] - called(self._back[0], *given, followed * self._row_scale)
         out: Array = np.concatenate([opened, rates]) @ slots
         return out
 

@@ -299,7 +299,6 @@ class DesignGradients:
         slots = slots if along is None else slots @ along
         out: Array = over @ slots
         if factors:
-            q, v, a, numbers = (x[:1] for x in at.numbers)
-            opened = self._closed.opening(factors[0], (q, v, a, numbers), slots)
+            opened = self._closed.opening(factors, at.numbers, slots)
             out[..., np.abs(opened).max(axis=0, initial=0.0) > OPENED_ALONE] = np.nan
         return out

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hybridyn
 from hybridyn.description.shipped import shipped_file
 from hybridyn.errors import HybridynError, ModelError
 from hybridyn.spatial import Array
@@ -106,6 +107,37 @@ def test_what_has_no_gradient_is_refused(text: str, measures: str, says: str, tm
         study(tmp_path, measures, text)(NUMBERS)
     assert isinstance(caught.value, ModelError)
     assert "\n" not in str(caught.value)
+
+
+def test_a_table_of_every_joint_has_gradients_where_no_loop_opens(tmp_path: Path) -> None:
+    """Efforts are linear in the inertia of links; lengths would open the loop."""
+    measure = 'measure = { x = "mean m1_left_drive/effort" }'
+    of = study(tmp_path, measure, STUDY.partition("[numbers]")[0].partition("upper_length =")[0] + """
+upper = { scale_inertia = ["m1_left_upper", "m1_right_upper"], range = [0.8, 1.2] }
+[tasks.loop]
+trajectory = "loop.csv"
+""")  # fmt: skip
+    robot, t = hybridyn.load("five_bar"), np.linspace(0.0, 1.0, 9)
+    moved = dict.fromkeys(robot.motors, (0.2 * t, 0.2 + 0 * t, 0 * t))
+    levels = zip(
+        ("position", "velocity", "acceleration"), hybridyn.assemble(robot, motors=moved), strict=True
+    )
+    columns = {f"{x}/{what}": rows[:, k] for what, rows in levels for k, x in enumerate(robot.joints)}
+    np.savetxt(
+        tmp_path / "loop.csv", np.column_stack([t, *columns.values()]), delimiter=",",
+        header=",".join(["time", *columns]), comments="",
+    )  # fmt: skip
+    one, other = of(np.array([1.0])), of(np.array([1.1]))
+    wanted = (other.row.measures[0] - one.row.measures[0]) / 0.1
+    assert abs(one.gradient[0, 0] - wanted) <= AGREE * abs(wanted)
+    text = (
+        (tmp_path / "study.toml")
+        .read_text()
+        .replace("[parameters]", "[parameters]\nlower_length = { range = [0.3, 0.5] }")
+    )
+    (tmp_path / "study.toml").write_text(text)
+    with pytest.raises(ModelError, match="parameter 'lower_length' opens loops"):
+        StudyGradients(read_study(tmp_path / "study.toml"))(np.array([0.4, 1.0]))
 
 
 def test_power_that_no_motor_takes_back_has_no_slope(tmp_path: Path) -> None:
