@@ -27,6 +27,8 @@ from hybridyn.compiled.derivatives import Derivatives
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.derivatives.sweeps import DENSE
 from hybridyn.compiled.programs.whole_robot import programs
+from hybridyn.compiled.second.programs import second_program
+from hybridyn.effects.choice import choose
 from hybridyn.spatial import Array
 from hybridyn.studies.compare.engines import pinocchio_solvers
 from hybridyn.studies.compare.methods import MODELS, Model, Setting, grid, written
@@ -161,7 +163,19 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
             candidates.append(Candidate(row, 1, call))
     except NotComparableError as why:
         out.append(Row(case, what, "pinocchio", note=str(why)))
-    return out + measured(candidates, rounds, clock=time.process_time)
+    return out + products(robot, case, model) + measured(candidates, rounds, clock=time.process_time)
+
+
+def products(robot: HybridRobot, case: str, model: Model) -> list[Row]:
+    """Count the operations of products of second derivatives, over those of the model; not timed."""
+    out = []
+    for closing, over in ((), ""), (("close",), MOTORS):
+        program = second_program(robot, choose(robot, None), model, "product", motors=bool(closing))
+        own = sum(map(total, programs(robot, models=(model, *closing)).values()))
+        what = "the model and closing" if closing else "the model"
+        count = f"{total(program) / own:.3g} times the operations of {what}"
+        out.append(Row(case, f"{model} product{over}", OURS, count))
+    return out
 
 
 Peer = tuple[str, Setting, Blocks, Callable[[], object]]

@@ -11,6 +11,10 @@ import hybridyn
 from benchmarks.operations import total
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.whole_robot import Interpreted, programs
+from hybridyn.compiled.second.paths import moved
+from hybridyn.compiled.second.programs import second_program
+from hybridyn.effects.choice import choose
+from hybridyn.joints.kinds import JointKind
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.compiled.test_derivatives import near_a_lost_pivot
@@ -132,6 +136,24 @@ def test_turning_joints_move_as_in_pinocchio(name: str, interpreted: None) -> No
     close_to(found.first, np.array([1, -8, 0, 8, -1]) @ tau / (12 * STEP), DIFFERENCES)
 
 
+@pytest.mark.parametrize(
+    ("kind", "joint"),
+    [
+        ("floating", pin.JointModelFreeFlyer()),
+        ("planar", pin.JointModelPlanar()),
+        ("spherical", pin.JointModelSpherical()),
+    ],
+)
+def test_a_displacement_is_that_of_pinocchio_to_second_order(kind: str, joint: pin.JointModel) -> None:
+    """What is left is of third order: 1e-12 of a step of 1e-4, where the second order is 1e-8."""
+    model = pin.Model()
+    model.addJoint(0, joint, pin.SE3.Identity(), kind)
+    start, d = np.random.default_rng(0).normal(size=(2, model.nv))
+    q = pin.integrate(model, pin.neutral(model), start)
+    off = moved(JointKind(kind), q, 1e-4 * d) - pin.integrate(model, q, 1e-4 * d)
+    assert np.abs(off).max() <= 1e-11
+
+
 @pytest.mark.parametrize("coordinates", [slow("joints"), "motors"])
 def test_the_first_order_is_that_of_the_jacobians(coordinates: str, interpreted: None) -> None:
     robot = build_robot(shipped("five_bar"))
@@ -176,9 +198,10 @@ def test_rates_in_time_of_elastic_drives(interpreted: None) -> None:
 
 def cost(robot: hybridyn.HybridRobot, model: str, coordinates: str) -> float:
     """Return the operations of a product over those of the model, with closing over motors."""
-    second = hybridyn.SecondDerivatives(robot, model, coordinates=coordinates)
-    of = programs(robot, models=(model, "close") if coordinates == "motors" else (model,))
-    return total(second._products.program) / sum(map(total, of.values()))
+    motors = coordinates == "motors"
+    product = second_program(robot, choose(robot, None), model, "product", motors=motors)
+    of = programs(robot, models=(model, "close") if motors else (model,))
+    return total(product) / sum(map(total, of.values()))
 
 
 @pytest.mark.parametrize(
@@ -188,9 +211,7 @@ def cost(robot: hybridyn.HybridRobot, model: str, coordinates: str) -> float:
     ("model", "coordinates"),
     [("ddm", "joints"), ("idm", "motors"), slow("idm", "joints"), slow("ddm", "motors")],
 )
-def test_a_product_costs_at_most_eight_models(
-    name: str, model: str, coordinates: str, interpreted: None
-) -> None:
+def test_a_product_costs_at_most_eight_models(name: str, model: str, coordinates: str) -> None:
     assert cost(build_robot(shipped(name)), model, coordinates) <= COST
 
 
@@ -238,6 +259,23 @@ def test_smooth_effects_are_among_the_forces(law: str, interpreted: None) -> Non
     assert law in ("rotor_inertia", "spring", "viscous_friction") or (
         np.abs(plain.second - found.second).max() > 1e-6 * np.abs(found.second).max()
     )
+
+
+@pytest.mark.parametrize("names", [["mass:m1_tool"], slow(["upper_length", "mass:m1_tool"])])
+def test_parameters_are_those_of_a_changed_robot(names: list[str], interpreted: None) -> None:
+    robot = hybridyn.load("five_bar")
+    second = hybridyn.SecondDerivatives(robot, coordinates="motors", parameters=names)
+    p = 1.05 * second.parameters.nominal
+    other = robot.with_parameters(dict(zip(names, p, strict=True)))
+    q, v, a, _ = random_states(other, 2)
+    weights, d = [1.0, -0.5], np.random.default_rng(0).normal(size=(3, 2))
+    known = hybridyn.SecondDerivatives(other, coordinates="motors")
+    many = second.product(q, v, a, weights, d, parameters=np.tile(p, (2, 1)))
+    close_to(many.product, known.product(q, v, a, weights, d).product, ROUNDING)
+    H = second.hessian(q[0], v[0], a[0], weights, parameters=p)
+    close_to(H, known.hessian(q[0], v[0], a[0], weights), ROUNDING)
+    wrong = partial(second.product, q, v, a, weights, d, parameters=-p)
+    refused(wrong, hybridyn.ModelError, "negative")
 
 
 def test_what_has_no_second_derivative_is_refused(interpreted: None) -> None:

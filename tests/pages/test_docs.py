@@ -40,7 +40,7 @@ TOLD_IN_ORDER = {"tutorial.md", "extending.md"}
 #: Pages whose Python takes long; `.ci/run` runs them too.
 LONG = {
     "cost.md", "scenes.md", "compiled.md", "view-and-plot.md", "units-and-conventions.md", "tables.md",
-    "quantities.md", "optimisation.md", "batches.md", "losses.md",
+    "quantities.md", "optimisation.md", "batches.md", "losses.md", "second-order.md",
 }  # fmt: skip
 #: Extras that the Python of a page needs.
 EXTRAS = {"optimisation.md": "search", "batches.md": "gpu", "losses.md": "plot"}

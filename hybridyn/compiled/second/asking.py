@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...effects.choice import Effects
 from ...errors import AT_SAMPLE, SingularityError, TrajectoryError
 from ...spatial import Array
-from ...structure.robot import HybridRobot
 from ..code.scalars import GUARD_LIMIT
-from ..programs.general import general
+from ..programs.designs import DesignsInSlots
 
 #: Largest difference of rates and accelerations from those that the motors cause, of the largest or of one:
 #: above rounding, and that of tables with seven digits.
@@ -73,12 +71,11 @@ def everywhere(rows: Array, samples: int) -> Array:
     return np.broadcast_to(rows, (samples, rows.shape[1]))
 
 
-def check_trusted(
-    robot: HybridRobot, effects: Effects, model: str, given: Mapping[str, Array], guard: Array
-) -> None:
+def check_trusted(designs: DesignsInSlots, model: str, given: dict[str, Array], guard: Array) -> None:
     """Check the guards of samples.
 
     Args:
+        designs: Computes samples by the general path.
         given: The model's arguments, shape (T, n) each.
 
     Raises:
@@ -89,7 +86,7 @@ def check_trusted(
     if not len(bad):
         return
     t = int(bad[0])
-    general(robot, effects, model, given)
+    designs.general(model, given, bad)
     raise SingularityError(
         f"second derivatives of '{model}' are not to be trusted{AT_SAMPLE}: a pivot of the compiled model "
         f"nearly vanishes (guard {guard[t]:.1e}, limit {GUARD_LIMIT:g}). Move away from that posture",

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...effects.choice import Choice, Effects
+from ...effects.choice import Choice
 from ...errors import ModelError
 from ...spatial import Array
+from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_batch, as_efforts, as_positions, as_rates, same_samples
-from ..equations.request import Request, request
-from ..failures import as_compile_error
-from ..program import Program
 from ..programs.derivatives.coordinates import check_coordinates
+from ..programs.designs import DesignsInSlots
 from ..programs.general import GENERAL
+from ..programs.sources import asked_for
 from .asking import AlongPath, Product, check_following, check_trusted, everywhere, three
-from .paths import A_NEAR, DELTA, V_NEAR, along_joints, along_motors
 from .prepared import Prepared
-from .products import product_program
-from .rates import rate_program
-from .smooth import smooth_effects
+from .programs import RESULT, inputs_of, name_of, second_program
+from .smooth import check_smooth
 
 
 class SecondDerivatives:
@@ -36,6 +34,7 @@ class SecondDerivatives:
 
     Attributes:
         robot: The robot.
+        parameters: Numbers that calls may change.
         threads: Number of threads that share a batch.
 
     Example:
@@ -54,6 +53,7 @@ class SecondDerivatives:
         effects: Choice = None,
         *,
         coordinates: str = "joints",
+        parameters: Sequence[str | Slot] = (),
         threads: int = 1,
     ) -> None:
         """Check what is asked for; programs are written and built at their first use.
@@ -63,28 +63,34 @@ class SecondDerivatives:
             model: "idm" or "ddm".
             effects: Effects to include, as for `hybridyn.idm`.
             coordinates: "joints" or "motors", as for `hybridyn.idm_jacobian`.
+            parameters: Numbers of the robot that calls may change, as for `hybridyn.compile`.
             threads: Number of threads that share a batch.
 
         Raises:
             ModelError: `model` or `coordinates` is unknown or not possible for this robot, `threads` is less
-                than one, or an effect has no second derivative.
+                than one, a parameter is unknown, or an effect has no second derivative.
         """
         if model not in GENERAL:
             raise ModelError(f"there are second derivatives of 'idm' and 'ddm', not of '{model}'")
         if threads < 1:
             raise ModelError(f"threads must be at least 1, not {threads}")
-        self._effects = smooth_effects(robot, effects)
+        check_smooth(robot, effects)
         check_coordinates(robot, model, coordinates)
-        self.robot, self.threads = robot, threads
+        self.robot, self._effects, self.parameters = asked_for(robot, effects, parameters, "float64")
+        self._designs, self.threads = DesignsInSlots(self.robot, self._effects, self.parameters), threads
         self._model, self._motors = model, coordinates == "motors"
-        third = "a" if model == "idm" else "tau"
-        self._of = "tau" if model == "idm" else "a"
-        names = (DELTA, V_NEAR, A_NEAR if third == "a" else third) if self._motors else (DELTA, "v", third)
-        self._inputs = dict(zip(("q", "v", third), names, strict=True))
+        self._of, self._inputs = RESULT[model], inputs_of(model, motors=self._motors)
         self._joints = robot.motor_v if self._motors else np.arange(robot.nv)
 
     def product(
-        self, q: ArrayLike, v: ArrayLike, x: ArrayLike, weights: ArrayLike, direction: Sequence[ArrayLike]
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        x: ArrayLike,
+        weights: ArrayLike,
+        direction: Sequence[ArrayLike],
+        *,
+        parameters: ArrayLike | None = None,
     ) -> Product:
         """Compute weights^T d^2 f / d(q, v, x)^2 times a direction.
 
@@ -98,6 +104,8 @@ class SecondDerivatives:
             direction: Changes of q, along its freedoms, of v and of x, shapes ([T,] nv) and, of efforts,
                 ([T,] motors); over motors, changes of their positions, rates and accelerations or efforts,
                 shapes ([T,] motors).
+            parameters: Numbers in the order of `parameters.labels`, shape (k,) or (T, k); None for those of
+                the robot.
 
         Raises:
             TrajectoryError: An array has a wrong shape or is not finite; over motors, or v or a are not those
@@ -105,21 +113,31 @@ class SecondDerivatives:
             SingularityError: A pivot of the compiled model vanishes.
             HybridynError: As the general path raises for a sample.
         """
-        given, single = self._given(q, v, x)
-        T = len(given[0])
-        spread = [
-            self._spread(name, one, T) for name, one in zip(self._inputs, three(direction), strict=True)
-        ]
+        given, single = self._given(q, v, x, parameters)
+        return self._product(given, weights, self._spread_all(direction, len(given[0])), single=single)
+
+    def _product(
+        self, given: Sequence[Array], weights: ArrayLike, spread: Sequence[Array], *, single: bool
+    ) -> Product:
+        """Return a product from checked arguments and a direction as the program reads it."""
         rows, _ = as_batch(weights, self._size, "weights")
-        found = self._run(self._products, given, *spread, self._on_results(everywhere(rows, T)))
-        first = 0 if single else slice(None)
+        weighted = self._on_results(everywhere(rows, len(given[0])))
+        found, first = self._run(self._products, given, *spread, weighted), 0 if single else slice(None)
         slope, product = (
             {name: self._of_input(name, found[f"{of}_{what}"])[first] for name, of in self._inputs.items()}
             for what in ("slope", "product")
         )
         return Product(self._results(found[self._of])[first], slope, product)
 
-    def hessian(self, q: ArrayLike, v: ArrayLike, x: ArrayLike, weights: ArrayLike) -> Array:
+    def hessian(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        x: ArrayLike,
+        weights: ArrayLike,
+        *,
+        parameters: ArrayLike | None = None,
+    ) -> Array:
         """Compute the matrix weights^T d^2 f / d(q, v, x)^2, symmetric, shape (n, n) or (T, n, n).
 
         Rows and columns are those of q, v and x, one after the other. Each column is one product.
@@ -129,22 +147,31 @@ class SecondDerivatives:
             v: As in `product`.
             x: As in `product`.
             weights: As in `product`.
+            parameters: As in `product`.
 
         Raises:
             HybridynError: As `product`.
         """
-        given, single = self._given(q, v, x)
+        given, single = self._given(q, v, x, parameters)
         T, sizes = len(given[0]), [self._width(name) for name in self._inputs]
         n = sum(sizes)
         many = [np.repeat(one, n, axis=0) for one in given]
         rows, _ = as_batch(weights, self._size, "weights")
         units = np.split(np.tile(np.eye(n), (T, 1)), np.cumsum(sizes)[:-1], axis=1)
         weighted = np.repeat(everywhere(rows, T), n, axis=0)
-        found = self.product(many[0], many[1], many[2], weighted, units).product
+        found = self._product(many, weighted, self._spread_all(units, n * T), single=False).product
         out = np.concatenate([*found.values()], axis=1).reshape(T, n, n)
         return out[0] if single else out
 
-    def along(self, q: ArrayLike, v: ArrayLike, x: ArrayLike, direction: Sequence[ArrayLike]) -> AlongPath:
+    def along(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        x: ArrayLike,
+        direction: Sequence[ArrayLike],
+        *,
+        parameters: ArrayLike | None = None,
+    ) -> AlongPath:
         """Compute the first two derivatives of all results along a direction.
 
         Args:
@@ -152,18 +179,25 @@ class SecondDerivatives:
             v: As in `product`.
             x: As in `product`.
             direction: As in `product`.
+            parameters: As in `product`.
 
         Raises:
             HybridynError: As `product`.
         """
-        given, single = self._given(q, v, x)
-        T = len(given[0])
-        spread = [
-            self._spread(name, one, T) for name, one in zip(self._inputs, three(direction), strict=True)
-        ]
+        given, single = self._given(q, v, x, parameters)
+        spread = self._spread_all(direction, len(given[0]))
         return self._path(given, single, spread, [np.zeros(one.shape) for one in spread])
 
-    def rates(self, q: ArrayLike, v: ArrayLike, a: ArrayLike, jerk: ArrayLike, snap: ArrayLike) -> AlongPath:
+    def rates(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        jerk: ArrayLike,
+        snap: ArrayLike,
+        *,
+        parameters: ArrayLike | None = None,
+    ) -> AlongPath:
         """Compute efforts with their rates and second rates in time, of "idm".
 
         Args:
@@ -173,6 +207,7 @@ class SecondDerivatives:
             jerk: Rates of accelerations, shape (nv,) or (T, nv), [m/s^3, rad/s^3]; over motors those of the
                 motors, shape (motors,) or (T, motors).
             snap: Rates of the jerk, likewise, [m/s^4, rad/s^4].
+            parameters: As in `product`.
 
         Raises:
             ModelError: The model is "ddm".
@@ -180,11 +215,11 @@ class SecondDerivatives:
         """
         if self._model != "idm":
             raise ModelError("rates in time are those of efforts: take SecondDerivatives(robot, 'idm')")
-        given, single = self._given(q, v, a)
+        given, single = self._given(q, v, a, parameters)
         T = len(given[0])
         j, s = (self._spread(name, one, T, "a") for name, one in (("jerk", jerk), ("snap", snap)))
         own = np.zeros((2, T, self.robot.nv))
-        for out, full in zip(own, given[1:], strict=True):
+        for out, full in zip(own, given[1:3], strict=True):
             out[:, self._joints] = full[:, self._joints]
         return self._path(given, single, [own[0], own[1], j], [own[1], j, s])
 
@@ -205,12 +240,22 @@ class SecondDerivatives:
         """Return the number of coordinates of an input."""
         return len(self.robot.motors) if name == "tau" else len(self._joints)
 
-    def _given(self, q: ArrayLike, v: ArrayLike, x: ArrayLike) -> tuple[list[Array], bool]:
+    def _given(
+        self, q: ArrayLike, v: ArrayLike, x: ArrayLike, parameters: ArrayLike | None
+    ) -> tuple[list[Array], bool]:
         """Return checked arguments, and whether they are a single sample."""
         third = as_rates(self.robot, x, "a") if self._of == "tau" else as_efforts(self.robot, x)
         pairs = [as_positions(self.robot, q), as_rates(self.robot, v), third]
         same_samples(**dict(zip(self._inputs, (array for array, _ in pairs), strict=True)))
-        return [array for array, _ in pairs], pairs[0][1]
+        given, single = [array for array, _ in pairs], pairs[0][1]
+        if self.parameters.size or parameters is not None:
+            given.append(np.atleast_2d(self._designs.numbers(parameters, () if single else (len(given[0]),))))
+        return given, single
+
+    def _spread_all(self, direction: Sequence[ArrayLike], samples: int) -> list[Array]:
+        """Return a direction as programs read it."""
+        pairs = zip(self._inputs, three(direction), strict=True)
+        return [self._spread(name, one, samples) for name, one in pairs]
 
     def _spread(self, name: str, given: ArrayLike, samples: int, of: str = "") -> Array:
         """Return changes of an input as its program reads them, shape (T, n)."""
@@ -241,9 +286,8 @@ class SecondDerivatives:
     def _run(self, prepared: Prepared, given: Sequence[Array], *more: Array) -> dict[str, Array]:
         """Run a program, and check its guards and that the motion follows the motors."""
         found, guard = prepared.run(*given, *more, threads=self.threads)
-        names = ("q", "v", "a" if self._of == "tau" else "tau")
-        arrays = dict(zip(names, given, strict=True))
-        check_trusted(self.robot, self._effects, self._model, arrays, guard)
+        arrays = dict(zip((*self._inputs, "parameters"), given, strict=False))
+        check_trusted(self._designs, self._model, arrays, guard)
         for name in ("v", "a") if self._motors else ():
             if name in arrays:
                 check_following(name, arrays[name], found[name])
@@ -252,28 +296,18 @@ class SecondDerivatives:
     @cached_property
     def _products(self) -> Prepared:
         """The program of products."""
-        return self._prepared("product", partial(product_program, of=self._of))
+        return self._prepared("product")
 
     @cached_property
     def _rates(self) -> Prepared:
         """The program along paths."""
-        return self._prepared("path", rate_program)
+        return self._prepared("path")
 
-    def _prepared(self, what: str, write: Callable[..., Program]) -> Prepared:
+    def _prepared(self, what: str) -> Prepared:
         """Return a program over these coordinates."""
-        name = f"{self._model}_{'motor_' * self._motors}{what}"
-        along = partial(along_motors if self._motors else along_joints, model=self._model)
-        make = partial(write, name=name, over=[*self._inputs.values()], zero=[DELTA])
-        written = partial(_written, self.robot, self._effects, along, make)
-        return Prepared(self.robot, self._effects, name, written)
-
-
-def _written(
-    robot: HybridRobot,
-    effects: Effects,
-    along: Callable[[Request], Program],
-    make: Callable[[Program], Program],
-) -> Program:
-    """Write a program of second derivatives."""
-    with as_compile_error(robot):
-        return make(along(request(robot, effects, contacts=True)))
+        name = name_of(self._model, what, motors=self._motors)
+        write = partial(
+            second_program, self.robot, self._effects, self._model, what,
+            motors=self._motors, slots=self.parameters.slots,
+        )  # fmt: skip
+        return Prepared(self.robot, self._effects, name, write, self.parameters)

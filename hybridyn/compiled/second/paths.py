@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 import numpy as np
 
-from ...joints.displacement import rate
+from ...joints.displacement import bending, rate
 from ...joints.kinds import JointKind
 from ...symbols import Expression
 from ..equations.arguments import ChosenNumbers
@@ -99,7 +99,12 @@ def _moved(kinds: Sequence[JointKind]) -> ca.Function:
 def moved(kind: JointKind, q: Expression, delta: Expression) -> Expression:
     """Compute a position after a displacement, to second order in it: constant rates for a unit of time."""
     first = rate(kind, q, delta)
-    return q + first if kind.additive else q + first + 0.5 * rate(kind, first, delta)  # rates are linear in q
+    if kind.additive:
+        return q + first
+    turning = delta.copy()
+    turning[: kind.shift] = 0.0
+    bent = bending(kind, delta[None])[0]  # shifts turn with the child's axes
+    return q + first + 0.5 * (rate(kind, first, turning) + rate(kind, q, bent))  # turning is linear in q
 
 
 def _followed(kernel: LoopKernel, closed: float, direct: bool) -> Kernel:

@@ -13,6 +13,7 @@ import numpy as np
 from ...effects.choice import Effects
 from ...errors import CompileError
 from ...spatial import Array
+from ...structure.parameters.entries import Parameters
 from ...structure.robot import HybridRobot
 from ..code.library_source import Source, library_source
 from ..code.scalars import Scalar
@@ -44,7 +45,14 @@ class Prepared:
 
     patience: ClassVar[float] = 30.0
 
-    def __init__(self, robot: HybridRobot, effects: Effects, name: str, write: Callable[[], Program]) -> None:
+    def __init__(
+        self,
+        robot: HybridRobot,
+        effects: Effects,
+        name: str,
+        write: Callable[[], Program],
+        parameters: Parameters,
+    ) -> None:
         """Load the program's library from the cache, or write the program and build it.
 
         Args:
@@ -52,11 +60,12 @@ class Prepared:
             effects: Its effects.
             name: Name of the program.
             write: Writes the program.
+            parameters: Numbers that are its arguments.
 
         Raises:
             CompileError: The program cannot be written or built.
         """
-        self._robot, self._name, self._write = robot, name, write
+        self._robot, self._name, self._write, self._parameters = robot, name, write, parameters
         self._building: Thread | None = None
         self.library: Library | None = None
         with as_compile_error(robot):
@@ -65,7 +74,7 @@ class Prepared:
             except CompileError:
                 return
             scalar = Scalar("float64", best_lanes())
-            key = f"{name} {robot_key(robot, effects)} {scalar!r}"
+            key = " ".join([name, robot_key(robot, effects), repr(scalar), *map(repr, parameters.slots)])
             artifact = Artifact(robot, key, partial(self._source, scalar), self._check)
             if artifact.known() is not None or (seconds := seconds_of(artifact.source)) <= self.patience:
                 self._use(artifact.loaded(Library))
@@ -119,7 +128,8 @@ class Prepared:
         def states(seed: int) -> list[Array]:
             """Draw the inputs."""
             q, v, tau, a = random_states(self._robot, seed, idle=False)
-            known = {"near": q, "v": v, "v_near": v, "a": a, "a_near": a, "tau": tau}
+            slots = self._parameters.slot_values(np.tile(self._parameters.nominal, (len(q), 1)))
+            known = {"near": q, "v": v, "v_near": v, "a": a, "a_near": a, "tau": tau, "parameters": slots}
             random = np.random.default_rng(seed)
             return [known.get(name, random.normal(size=(len(q), n))) for name, n in sizes.items()]
 

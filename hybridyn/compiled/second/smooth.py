@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...effects.bodies import LineSprings
-from ...effects.choice import Choice, Effects, choose, without_losses
+from ...effects.choice import Choice, choose, without_losses
 from ...effects.tendons import Tendons
 from ...errors import ModelError
 from ...structure.robot import HybridRobot
@@ -16,8 +16,8 @@ KINKED = {
 }
 
 
-def smooth_effects(robot: HybridRobot, effects: Choice) -> Effects:
-    """Return effects all of which have second derivatives.
+def check_smooth(robot: HybridRobot, effects: Choice) -> None:
+    """Check that all effects have second derivatives.
 
     Raises:
         ModelError: One has none, or is not available.
@@ -33,4 +33,3 @@ def smooth_effects(robot: HybridRobot, effects: Choice) -> Effects:
             f"the effect '{name}' has no second derivative: {what} is a kink of its law; leave it out",
             element=name,
         )
-    return on
