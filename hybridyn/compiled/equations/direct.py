@@ -32,13 +32,13 @@ from .rubbing import pushed_by
 from .rubbing_legs import LegAnswers, read_legs
 from .rubbing_moving import MovedModule, Needed
 from .scales import squares
-from .stages import GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
+from .stages import Draft, GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
 
 
 def quadratic_form(
     core: Core, plan: ModulePlan, options: Options, forced: list[int], received: GivenColumns
-) -> tuple[Expression, Expression, list[Needed]]:
-    """Compute M, shape (6 + nv, 6 + nv), and b, shape (6 + nv,), and what each output needs.
+) -> tuple[tuple[Expression, Expression], list[Needed]]:
+    """Compute (M, b): M, shape (6 + nv, 6 + nv), and b, shape (6 + nv,), and what each output needs.
 
     Args:
         options: Options of the direct model.
@@ -57,7 +57,7 @@ def quadratic_form(
     outputs = [_add_output(core, plan, options, o, M, b, received) for o in range(len(core.outputs))]
     at = 6 + np.array(forced, dtype=int)
     b[at] = b[at] - tau
-    return M, b, outputs
+    return (M, b), outputs
 
 
 def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: GivenColumns) -> Expression:
@@ -113,38 +113,36 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
         motion: What is held of the loops (`held_loops`), where the accelerations along the core's motions are
             given, "u_dot of core". Nothing is solved for, and the stage inwards computes how the loops open.
     """
-    parts, (outwards, inwards, back, settled, last) = plan.parts, (GivenColumns() for _ in range(5))
+    parts, forced = plan.parts, list[int]()
+    outwards, inwards, alone, back, last = (Draft() for _ in range(5))
     if motion is not None:
         options = replace(options, carries=(False,) * len(options.carries))
-    core, (q, v, _), (V, _) = begun(plan, options, outwards)
-    given = settled if options.loaded else back
-    A, forced = given.base_acceleration(options), []
-    outputs: list[dict[str, ca.SX]] = [_motion_outwards(core, plan, options), {}, {}, {}, {}]
+    core, (q, v, _), (V, _) = begun(plan, options, outwards.given)
+    A = back.given.base_acceleration(options)
+    outwards.wanted |= _motion_outwards(core, plan, options)
     if motion is not None:
-        y, outputs[1] = _along(core, plan, motion, options, (inwards, back))
+        y = _along(core, plan, motion, options, inwards, back.given)
     else:
         X, doubts = _over_base(core, plan, options)
-        forced = [k for k, col in enumerate(parts.tree_v) if col in options.motors]
-        M, b, needed = quadratic_form(core, plan, options, forced, inwards)
-        legs = [own for _, own in read_legs(inwards, options.rubbing, parts, [12] * len(parts.groups))]
-        pushed = _pushed(core, plan, options, v, legs)
-        solved, outputs[1] = _solve(core, plan, options, X, core.rows.guard + squares(doubts), (M, b), pushed)
+        forced += [k for k, col in enumerate(parts.tree_v) if col in options.motors]
+        form, needed = quadratic_form(core, plan, options, forced, inwards.given)
+        legs = [own for _, own in read_legs(inwards.given, options.rubbing, parts, [12] * len(parts.groups))]
+        pushed, guard = _pushed(core, plan, options, v, legs), core.rows.guard + squares(doubts)
+        solved, inwards.wanted = _solve(core, plan, options, X, guard, form, pushed)
         u_0, G, u_n = solved[:, 6], solved[:, :6], solved[:, 7:]
         y = dot(X[:, 7:], u_0 - dot(G, A)) + dot(X[:, :6], A) + X[:, 6]
         if options.loaded:
-            model = MovedModule(core, plan, options, (M, b), (X, solved), pushed, needed, legs)
-            outputs[1] |= model.answers()
-            outputs[2] = model.alone(back)
-            y = y + dot(X[:, 7:], dot(u_n, model.frictions(settled)))
+            model = MovedModule(core, plan, options, form, (X, solved), pushed, needed, legs)
+            inwards.wanted |= model.answers()
+            alone.wanted |= model.alone(alone.given)
+            y = y + dot(X[:, 7:], dot(u_n, model.frictions(back.given)))
     s, joints = np.concatenate([A, y]), [k for k, col in enumerate(parts.v) if col >= 0]  # Eq. (51)
-    outputs[3 if options.loaded else 2] |= accelerations_outwards(core, options, s, joints)
-    wrists, guard = add_wrists(core, plan, (q, v), (V, A), s, last)
-    outputs[4] = _of_wrists(wrists, guard if motion is None else None)
+    back.wanted |= accelerations_outwards(core, options, s, joints)
+    wrists, guard = add_wrists(core, plan, (q, v), (V, A), s, last.given)
+    last.wanted |= _of_wrists(wrists, guard if motion is None else None)
     at = {"a_core": parts.v[joints], "tau": parts.tree_v[forced]} | _at_ends(plan, wrists)
-    inputs = [outwards, inwards, back, settled, last]
-    if not options.loaded:
-        del inputs[3], outputs[3]
-    return WrittenModule(cut(inputs, outputs), *read_by_core(plan), at)
+    stages = cut([outwards, inwards, *([alone] if options.loaded else []), back, last])
+    return WrittenModule(stages, *read_by_core(plan), at)
 
 
 def _of_wrists(wrists: Mapping[int, Any], guard: Any) -> dict[str, ca.SX]:
@@ -196,19 +194,20 @@ def _pushed(
 
 
 def _along(
-    core: Core, plan: ModulePlan, motion: Handed, options: Options, stages: tuple[GivenColumns, GivenColumns]
-) -> tuple[Expression, dict[str, ca.SX]]:
-    """Return the core's accelerations at given motions, shape (n,), and the output of the second stage.
+    core: Core, plan: ModulePlan, motion: Handed, options: Options, inwards: Draft, back: GivenColumns
+) -> Expression:
+    """Return the core's accelerations at given motions, shape (n,).
 
     Args:
-        stages: Filled with the columns of the second and of the third stage.
+        inwards: The stage that computes how the loops open.
+        back: Filled with what the stage after it is given.
     """
-    inwards, back = stages
-    inwards["held"], held = motion.again("held")
-    opened = opened_loops(core, inwards.base_acceleration(options), held)
+    inwards.given["held"], held = motion.again("held")
+    opened = opened_loops(core, inwards.given.base_acceleration(options), held)
+    inwards.wanted |= {"opened": pack(opened)} if len(opened) else {}
     back["held"], held = motion.again("held")
     u_dot, rows = back.take("u_dot of core", len(plan.motions)), back.take("opened", len(opened))
-    return followed(plan, u_dot, rows, held), {"opened": pack(opened)} if len(opened) else {}
+    return followed(plan, u_dot, rows, held)
 
 
 def _motion_outwards(core: Core, plan: ModulePlan, options: Options) -> dict[str, ca.SX]:

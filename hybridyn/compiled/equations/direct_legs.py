@@ -16,7 +16,7 @@ from .options import Options
 from .rigid import matrix_moved
 from .rubbing_joints import of_legs
 from .rubbing_legs import RubbingLeg
-from .stages import GivenColumns, Stage, cut
+from .stages import Draft, GivenColumns, Stage, cut
 
 #: Contributions of the legs of a platform (`leg_sums`), and the size of each.
 LEG_SUMS = (("S1", 10), ("B", 36), ("L", 21), ("b_base", 6), ("b_delta", 6))
@@ -50,9 +50,11 @@ def write_direct_legs(
         a = leg_accelerations(written, delta)
         if written.idle:
             a = plus(a, dot(sums["over_base"], later.base_acceleration(options)))
-    inputs = {"numbers": written.folding.symbol()} | given
+    inputs = GivenColumns({"numbers": written.folding.symbol()} | given)
+    outwards = Draft(later, {"a": pack(a)})
     if motion:
-        return cut([inputs | later], [{"a": pack(a)}]), written.folding.table(len(group))
+        outwards.given = GivenColumns(inputs | later)
+        return cut([outwards]), written.folding.table(len(group))
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
     rubbing = of_legs(options.rubbing, plan.parts)[n]
     if rubbing[0]:
@@ -61,7 +63,7 @@ def write_direct_legs(
         )
     certain = written.idle.unforced(plan, sums["f"], leg.tree_v) if written.idle else 0.0
     outputs["guard"] = written.guarded(plan) + certain
-    return cut([inputs, later], [outputs, {"a": pack(a)}]), written.folding.table(len(group))
+    return cut([Draft(inputs, outputs), outwards]), written.folding.table(len(group))
 
 
 def _answers(

@@ -17,8 +17,9 @@ from ...symbols import Expression, dot
 from .core import Core, pick
 from .expressions import eye, zeros
 from .factors import Handed
-from .idle.cores import forces_apart, idle_apart, set_idle
+from .idle.cores import forces_apart, idle_apart, left_on_idle, set_idle
 from .module_plan import ModulePlan
+from .options import Options
 
 #: Arrays of `held_loops` by name.
 Held = dict[str, Expression]
@@ -54,6 +55,17 @@ def left_over(core: Core, plan: ModulePlan, b: Expression, held: Held) -> tuple[
     """Compute b - K^T f over y, and b along the idle motions, which it is without, shapes (n,), (idle,)."""
     rest, along_idle = forces_apart(plan, b)
     return rest - dot(core.rows.K[:, 6:].T, held["f"]), along_idle
+
+
+def left_along(core: Core, plan: ModulePlan, options: Options, left: Expression, a: Expression) -> Expression:
+    """Put accelerations of idle motions in the place of forces left on them (`left_on_idle`).
+
+    Args:
+        left: Forces along the motions, idle ones first.
+        a: Accelerations of the spanning tree.
+    """
+    left_on_idle(plan, options.rotor, left, along_motions(core, plan, a)[1])
+    return left
 
 
 def opened_loops(core: Core, A: Expression, held: Held) -> Expression:

@@ -18,49 +18,37 @@ from .core import Core, motions_of, own_inertia, pick, rank_guard
 from .driven import Driven, motor_columns
 from .expressions import pack, zeros
 from .guarded_elimination import Pivots
-from .held_loops import along_motions
-from .idle.cores import left_on_idle
 from .inverse_legs import LEG_WRENCHES
 from .module_plan import ModulePlan
 from .options import Options
 from .rigid import classical, momentum, resting
 from .scales import squares
-from .stages import GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
+from .stages import Draft, GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
 
 
-def write_inverse(
-    plan: ModulePlan,
-    options: Options,
-    pivots: Pivots | None,
-    *,
-    balance: bool = False,
-) -> WrittenModule:
+def write_inverse(plan: ModulePlan, options: Options, pivots: Pivots | None) -> WrittenModule:
     """Write a module's inverse model and cut it into its stages.
 
     Args:
         options: Options of the inverse model.
         pivots: Pivots of the motor map.
-        balance: Whether the output is "Q of core" = Psi^T b, what is left of the forces along the core's
-            motions, instead of the motor efforts "tau". Motor efforts are then among the laws. Along an idle
-            motion without inertia, what is left is its acceleration, which the direct model makes zero.
     """
-    given, received = GivenColumns(), GivenColumns()
-    core, (q, v, a), base = begun(plan, options, given, accelerations=True)
+    outwards, inwards = Draft(), Draft()
+    core, (q, v, a), base = begun(plan, options, outwards.given, accelerations=True)
     chain = core.chain if options.velocity else without_rates(core, plan, q, a, base)
-    b, terms, outputs = required_forces(core, plan, options, chain, a, received)
+    b, terms, outputs = required_forces(core, plan, options, chain, a, inwards.given)
     X, guard = guarded_motions(core, plan)
-    if balance:
-        left = left_along(core, plan, options, dot(X.T, b[6:]), a)
-        efforts = {"guard": ca.SX(guard), "Q of core": pack(left)}
-    else:
-        driven = Driven(plan, options, motor_columns(core, plan, options, received), X, terms, pivots)
-        if options.rubbing:
-            b, settled = driven.with_friction(core, (chain, v), b, outputs, received)
-            guard = guard + settled
-        efforts = _balanced(plan, options, driven, b, guard)
-    efforts |= wrench_on_base(core, options, b)
-    stages = cut([given, received], [motion_outwards(core, options), efforts])
-    return WrittenModule(stages, *read_by_core(plan), {"laws": plan.parts.tree_v[lawful(plan, options)]})
+    driven = Driven(plan, options, motor_columns(core, plan, options, inwards.given), X, terms, pivots)
+    if options.rubbing:
+        b, settled = driven.with_friction(core, (chain, v), b, outputs, inwards.given)
+        guard = guard + settled
+    tau, measure = driven.efforts(b[6:])  # Eq. (33)
+    outwards.wanted |= motion_outwards(core, options)
+    inwards.wanted |= {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
+    inwards.wanted |= {"size_base": pack([driven.size])} if options.measured else {}
+    inwards.wanted |= wrench_on_base(core, options, b)
+    at = {"laws": plan.parts.tree_v[lawful(plan, options)]}
+    return WrittenModule(cut([outwards, inwards]), *read_by_core(plan), at)
 
 
 def lawful(plan: ModulePlan, options: Options) -> list[int]:
@@ -78,25 +66,6 @@ def wrench_on_base(core: Core, options: Options, b: Expression) -> dict[str, ca.
     """Return the wrench on a base that moves, of forces over s, as an output."""
     platforms = (b[core.chain.columns_of(i + 1)] for i in sorted(core.chain.platforms))
     return {"F_base": pack(sum(platforms, b[:6]))} if options.base is None else {}
-
-
-def _balanced(
-    plan: ModulePlan, options: Options, driven: Driven, b: Expression, guard: Any
-) -> dict[str, ca.SX]:
-    """Return the motor efforts that balance forces b over s, Eq. (33), with their guard.
-
-    Args:
-        guard: Guard of the loops.
-    """
-    tau, measure = driven.efforts(b[6:])
-    efforts = {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})
-    return efforts | ({"size_base": pack([driven.size])} if options.measured else {})
-
-
-def left_along(core: Core, plan: ModulePlan, options: Options, left: Expression, a: Expression) -> Expression:
-    """Put accelerations of idle motions in the place of forces left on them (`left_on_idle`)."""
-    left_on_idle(plan, options.rotor, left, along_motions(core, plan, a)[1])
-    return left
 
 
 def motion_outwards(core: Core, options: Options) -> dict[str, ca.SX]:

@@ -14,7 +14,7 @@ from .module_plan import ModulePlan
 from .options import Options
 from .rubbing_joints import of_legs
 from .rubbing_legs import RubbingLeg
-from .stages import GivenColumns, Stage, cut
+from .stages import Draft, GivenColumns, Stage, cut
 
 #: Wrenches that the legs of a platform require, on the base and along delta, and the size of each.
 LEG_WRENCHES = (("b_base", 6), ("b_delta", 6))
@@ -27,7 +27,7 @@ def write_inverse_legs(
 
     The outputs are `LEG_WRENCHES`; "motors", wrenches along delta of unit efforts of the motors; "rubbing",
     `LegAnswers`; and "guard". With `motions` not friction, but those of an idle motion: "u_dot of leg" and
-    "Q of leg" (as of `write_inverse`).
+    "Q of leg" (as of `balance`).
     """
     group, given = plan.parts.groups[n], GivenColumns()
     leg, width = group[0], len(group[0].v)
@@ -57,5 +57,5 @@ def write_inverse_legs(
         rubs = RubbingLeg.of(written, group, rubbing, v)
         alone = plus(rubs.required(carried(moving)), dot(rubs.through, H))
         outputs["rubbing"] = pack(alone, -rubs.through[:, driven], rubs.of_frictions(), rubs.pushes)
-    inputs = known | {"numbers": written.folding.symbol()} | given
-    return cut([inputs], [outputs]), written.folding.table(len(group))
+    inputs = GivenColumns(known | {"numbers": written.folding.symbol()} | given)
+    return cut([Draft(inputs, outputs)]), written.folding.table(len(group))

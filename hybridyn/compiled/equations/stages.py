@@ -7,7 +7,7 @@ the intermediate results to later stages that need them, so that nothing is comp
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -37,18 +37,58 @@ class Stage:
     function: ca.Function
 
 
-def cut(inputs: Sequence[dict[str, ca.SX]], outputs: list[dict[str, ca.SX]]) -> list[Stage]:
+class GivenColumns(dict[str, ca.SX]):
+    """Columns of symbols that are first known at a stage, by name."""
+
+    def take(self, name: str, n: int) -> Expression:
+        """Add n symbols, or nothing if n is zero, and return them as an array."""
+        column, entries = symbols(name, n)
+        self |= {name: column} if n else {}
+        return entries
+
+    def scattered(self, name: str, index: Index | list[int], width: int) -> Expression:
+        """Add symbols for some entries of a vector, and return the vector with zeros in its other entries."""
+        out = zeros(width)
+        out[index] = self.take(name, len(index))
+        return out
+
+    def base_twist(self, options: Options) -> Expression:
+        """Add the twist of a module's base, and return it in its own frame, shape (6,).
+
+        Every module is written relative to an observer who moves with its base's origin. So only the base's
+        angular velocity matters, and no digits are lost to a common velocity. Without velocity terms the
+        model is not the same for all observers, and the whole twist is used.
+        """
+        width = twist_width(options.velocity) if options.base is None else 0
+        return np.concatenate([zeros(6 - width), self.take("V_base", width)])
+
+    def base_acceleration(self, options: Options) -> Expression:
+        """Add the acceleration (less gravity) of a module's base, and return it in its own frame."""
+        return self.take("A_base", 6) if options.base is None else plain(options.base)
+
+
+@dataclass(eq=False)
+class Draft:
+    """What a stage is to be: a graph is written in what drafts give, and asks them for what they compute.
+
+    Attributes:
+        given: Columns of symbols that are first known at it, by name.
+        wanted: Columns that it must compute, by name.
+    """
+
+    given: GivenColumns = field(default_factory=GivenColumns)
+    wanted: dict[str, ca.SX] = field(default_factory=dict)
+
+
+def cut(drafts: Sequence[Draft]) -> list[Stage]:
     """Cut a graph into stages.
 
     A stage computes whatever its inputs suffice for, also what only a later stage asks for.
 
-    Args:
-        inputs: For each stage the columns of symbols that are first known at it, by name.
-        outputs: For each stage the columns that it must compute, by name.
-
     Returns:
         The stages. The inputs of a stage are those it uses, also those of earlier stages.
     """
+    inputs, outputs = ([getattr(draft, name) for draft in drafts] for name in ("given", "wanted"))
     whole = iter(ca.cse([ca.densify(column) for columns in outputs for column in columns.values()]))
     wanted = [{name: next(whole) for name in columns} for columns in outputs]
     known: list[ca.SX] = []
@@ -123,36 +163,6 @@ class WrittenModule:
     v: Index
     at: dict[str, Index]
     held: Handed | None = None
-
-
-class GivenColumns(dict[str, ca.SX]):
-    """Columns of symbols that are first known at a stage, by name."""
-
-    def take(self, name: str, n: int) -> Expression:
-        """Add n symbols, or nothing if n is zero, and return them as an array."""
-        column, entries = symbols(name, n)
-        self |= {name: column} if n else {}
-        return entries
-
-    def scattered(self, name: str, index: Index | list[int], width: int) -> Expression:
-        """Add symbols for some entries of a vector, and return the vector with zeros in its other entries."""
-        out = zeros(width)
-        out[index] = self.take(name, len(index))
-        return out
-
-    def base_twist(self, options: Options) -> Expression:
-        """Add the twist of a module's base, and return it in its own frame, shape (6,).
-
-        Every module is written relative to an observer who moves with its base's origin. So only the base's
-        angular velocity matters, and no digits are lost to a common velocity. Without velocity terms the
-        model is not the same for all observers, and the whole twist is used.
-        """
-        width = twist_width(options.velocity) if options.base is None else 0
-        return np.concatenate([zeros(6 - width), self.take("V_base", width)])
-
-    def base_acceleration(self, options: Options) -> Expression:
-        """Add the acceleration (less gravity) of a module's base, and return it in its own frame."""
-        return self.take("A_base", 6) if options.base is None else plain(options.base)
 
 
 def begun(

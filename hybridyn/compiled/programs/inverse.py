@@ -87,7 +87,7 @@ class _InverseSweeps(Sweeps):
     def outwards(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Add the motion outwards, and the legs' forces."""
         w, calls = self.w, self._calls(k, modules)
-        if self.motors:
+        if self._balanced(k):
             calls.allocate_motions()
         for o in np.flatnonzero(calls.options.carries).tolist():
             calls.ports[f"F {o}"] = w.start(w.shared(6), np.zeros(6))
@@ -105,11 +105,15 @@ class _InverseSweeps(Sweeps):
             calls.ports["laws"] = self.efforts(calls.k, laws[None])
         if self.pushed and calls.k == 0:
             calls.ports["Q of core"] = self.w.result("tau", np.arange(6))
-        elif not self.motors:
+        if not self._balanced(calls.k):
             self._drive(calls)
             return
         for s in range(1, len(calls.written.stages)):
             calls.call(s)
+
+    def _balanced(self, k: int) -> bool:
+        """Return whether nothing drives module k: what is left of its forces is asked for."""
+        return self.motors or (self.pushed and k == 0)
 
     def _drive(self, calls: ModuleCalls) -> None:
         """Add the efforts of a module's motors."""
@@ -125,15 +129,13 @@ class _InverseSweeps(Sweeps):
 
     def _calls(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Return the still empty calls of module k; equal modules share their code."""
-        balance = self.motors or (self.pushed and k == 0)
-        plan = self.request.plans[k]
+        balance, plan = self._balanced(k), self.request.plans[k]
         options = balance_options(self.request, k) if balance else inverse_options(self.request, k)
         key = ("idm", id(plan), options, balance)
-        if self.motors:
+        if balance:
             written = self.w.once(key, write_balance_stages, plan, options)
         else:
-            pivots = None if balance else self._motor_pivots(k, options)
-            written = self.w.once(key, write_inverse, plan, options, pivots, balance=balance)
+            written = self.w.once(key, write_inverse, plan, options, self._motor_pivots(k, options))
         return self.begun(k, modules, options, written, key, [PARTS[0], *PARTS[1:] * 3])
 
     def _motor_pivots(self, k: int, options: Options) -> Pivots | None:
