@@ -135,10 +135,14 @@ def test_poses_may_stay_instead_of_motors() -> None:
     agrees(robot, NAMES, state, keep=["m1_tool/pose/x", "m1_tool/pose/z"])
 
 
-def test_the_mass_matrix_follows_parameters() -> None:
-    robot = hybridyn.load("five_bar")
+@pytest.fixture(scope="module")
+def of_five_bar() -> hybridyn.DesignGradients:
+    return hybridyn.DesignGradients(hybridyn.load("five_bar"), NAMES)
+
+
+def test_the_mass_matrix_follows_parameters(of_five_bar: hybridyn.DesignGradients) -> None:
+    gradients, robot = of_five_bar, of_five_bar.robot
     q = hybridyn.assemble(robot, motors=[0.1, 0.2])[0]
-    gradients = hybridyn.DesignGradients(robot, NAMES)
     found = gradients.mass_matrix(q)
     close_to(found.value, hybridyn.mass_matrix(robot, q), 1e-12)
     for k, name in enumerate(NAMES):
@@ -150,12 +154,12 @@ def test_the_mass_matrix_follows_parameters() -> None:
         close_to(found.over[..., k], (one - other) / (2 * h), 1e-6)  # the quotient's own error
 
 
-def test_weights_are_one_sweep_of_many_samples() -> None:
-    robot = hybridyn.load("five_bar")
+def test_weights_are_one_sweep_of_many_samples(of_five_bar: hybridyn.DesignGradients) -> None:
+    gradients, robot = of_five_bar, of_five_bar.robot
     q, v, a = hybridyn.assemble(
         robot, motors={"m1_left_drive": np.linspace(0, 0.3, 5), "m1_right_drive": 0.2}
     )
-    gradients, weights = hybridyn.DesignGradients(robot, NAMES), np.arange(10.0).reshape(5, 2)
+    weights = np.arange(10.0).reshape(5, 2)
     rows = gradients.idm(q, v, a)
     summed = gradients.idm(q, v, a, weights=weights)
     close_to(summed.over, np.einsum("ti,tik->tk", weights, rows.over), 1e-12)

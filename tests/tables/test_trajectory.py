@@ -118,9 +118,11 @@ def test_poses_give_twists_in_reference_axes(tmp_path: Path) -> None:
     assert acceleration[middle] == pytest.approx(differences, abs=1e-3)  # h^2 of plain differences
 
 
-@pytest.mark.parametrize("block_rows", [150, 2000])
-@pytest.mark.parametrize("kept", ["", "z", "xz", "xyz"])
-@pytest.mark.parametrize("turn", ["q", "r"])
+@pytest.mark.parametrize(
+    ("kept", "turn", "block_rows"),
+    [("", "q", 150), ("", "r", 2000), ("z", "q", 2000), ("z", "r", 150), ("xz", "q", 150), ("xz", "r", 2000),
+     ("xyz", "q", 150), ("xyz", "q", 2000), ("xyz", "r", 150), ("xyz", "r", 2000)],
+)  # fmt: skip
 @pytest.mark.parametrize("given", [(), ("velocity",), ("velocity", "acceleration")])
 def test_an_orientation_goes_with_any_lengths_and_gives_the_rates_of_the_whole_pose(
     tmp_path: Path, block_rows: int, kept: str, turn: str, given: tuple[str, ...]
