@@ -93,6 +93,26 @@ def spring_effect(springs: Iterable[StatedSpring]) -> tuple[str, dict[str, Any]]
     return "spring", {"stiffness": {spring.name: spring.stiffness for spring in stated}, "rest": rest}
 
 
+@dataclass(frozen=True)
+class StatedLoadFriction:
+    """Load friction of a joint, as `hybridyn.effects.LoadFriction` has it.
+
+    Attributes:
+        name: Name of the joint.
+        radial, axial, tilt, normal: Its coefficients, 0 where there is none.
+    """
+
+    name: str
+    radial: float = 0.0
+    axial: float = 0.0
+    tilt: float = 0.0
+    normal: float = 0.0
+
+
+#: The coefficients of load friction.
+LOAD_FRICTION = ("radial", "axial", "tilt", "normal")
+
+
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint of the spanning tree.
@@ -412,6 +432,38 @@ class Description:
         """Return the description with other springs, in one table in place of all others."""
         others = (effect for effect in self.effects if effect[0] != "spring")
         return replace(self, effects=(*others, spring_effect(springs)))
+
+    @property
+    def load_friction(self) -> tuple[StatedLoadFriction, ...]:
+        """The load friction in `effects`, joint by joint."""
+        tables = [values for name, values in self.effects if name == "load_friction"]
+        joints = dict.fromkeys(joint for x in tables for word in LOAD_FRICTION for joint in x.get(word, {}))
+        return tuple(
+            StatedLoadFriction(joint, *(x.get(word, {}).get(joint, 0.0) for word in LOAD_FRICTION))
+            for x in tables
+            for joint in joints
+        )
+
+    def with_load_friction(
+        self, stated: Iterable[StatedLoadFriction], others: Mapping[str, Any] | None = None
+    ) -> Description:
+        """Return the description with other coefficients of load friction.
+
+        Args:
+            stated: Those of each joint.
+            others: The other numbers of the effect; those of the description by default.
+        """
+        joints = [*stated]
+        if others is None:
+            found = next((values for name, values in self.effects if name == "load_friction"), {})
+            others = {name: value for name, value in found.items() if name not in LOAD_FRICTION}
+        values = {word: {x.name: getattr(x, word) for x in joints} for word in LOAD_FRICTION}
+        tables = {  # numbers of a trace are not compared
+            word: {joint: x for joint, x in table.items() if not (isinstance(x, float | int) and x == 0)}
+            for word, table in values.items()
+        }
+        left = (effect for effect in self.effects if effect[0] != "load_friction")
+        return replace(self, effects=(*left, ("load_friction", tables | dict(others))))
 
     @property
     def root(self) -> str:

@@ -11,8 +11,9 @@ import pytest
 import hybridyn
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.designs import changed
+from hybridyn.compiled.programs.sources import asked_for
 from hybridyn.compiled.programs.whole_robot import function_of, programs
-from hybridyn.effects import Payload, Spring
+from hybridyn.effects import LoadFriction, Payload, Spring
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
@@ -185,3 +186,60 @@ def test_coefficients_of_friction_are_parameters() -> None:
     agrees(compiled, robot, None, effects)
     stated = partial(hybridyn.compile, robot, parameters=[name])
     refused(stated, hybridyn.ModelError, "'viscous_friction' does not act on the joint")
+
+
+#: Coefficients of the motors of two robots.
+RUBS = {"five_bar": ("radial", [2e-3, 1e-3]), "lx4": ("normal", [0.05, 0.03, 0.02, 0.04])}
+
+
+def test_written_models_take_coefficients_of_load_friction() -> None:
+    """Without a compiler: the programs' graphs, at coefficients that the general path is given."""
+    law, p = LoadFriction({"m1_left_drive": 2e-3, "m1_left_elbow": 1e-3}, width=0.05), [5e-3, 3e-3]
+    robot, on, parameters = asked_for(
+        hybridyn.load("five_bar"),
+        ["default", law],
+        [f"load_friction_radial:{x}" for x in law.radial],
+        "float64",
+    )
+    written = programs(robot, on, models=("idm", "ddm"), parameters=parameters.slots)
+    other = ["default", LoadFriction(dict(zip(law.radial, p, strict=True)), width=0.05)]
+    q, v, a, tau = (x[0] for x in random_states(robot, 1, 4))
+    for model, last in (("idm", a), ("ddm", tau)):
+        found, guard = function_of(written[model])(q, v, last, p)
+        assert guard <= 1
+        close_to(found.full().ravel(), getattr(hybridyn, model)(robot, q, v, last, effects=other), AGREE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["five_bar", "lx4"])
+def test_coefficients_of_load_friction_are_parameters(name: str) -> None:
+    """Of one joint, of several, of several modules; other joints keep their numbers; zero is no friction."""
+    robot, (word, numbers) = hybridyn.load(name), RUBS[name]
+    table = dict(zip(robot.motors[:: len(robot.motors) // len(numbers)], numbers, strict=False))
+    effects = ["default", LoadFriction(**{word: table}, width=0.05)]
+    chosen = list(table)[: len(numbers) // 2 * 2 - 1]
+    names = [f"load_friction_{word}:{joint}" for joint in chosen]
+    compiled = hybridyn.compile(robot, effects, parameters=names)
+    assert compiled.parameters.nominal.tolist() == numbers[: len(chosen)]
+    for p in (2 * compiled.parameters.nominal, 0 * compiled.parameters.nominal):
+        other = LoadFriction(**{word: table | dict(zip(chosen, p.tolist(), strict=True))}, width=0.05)
+        agrees(compiled, robot, np.tile(p, (4, 1)), ["default", other])
+    assert compiled.recomputed == 0
+
+
+@pytest.mark.slow
+def test_coefficients_of_load_friction_out_of_range_are_named_with_their_sample() -> None:
+    table = {"m1_left_drive": 2e-3, "m1_left_elbow": 1e-3}
+    description = replace(shipped("five_bar"), effects=(("load_friction", {"radial": table, "width": 0.05}),))
+    robot, names = build_robot(description), [f"load_friction_radial:{joint}" for joint in table]
+    compiled = hybridyn.compile(robot, "model", parameters=names)
+    agrees(compiled, robot.with_parameters({names[0]: 4e-3}), [4e-3, 1e-3], "model")
+    q, v, a, _ = random_states(robot, 2)
+    for numbers, kind, words in (
+        ([-1e-3, 0.0], hybridyn.ModelError, "radial of 'm1_left_drive' is negative in design 1"),
+        ([50.0, 50.0], hybridyn.ActuationError, "may jam at sample 1: .* by [0-9.]+ times itself"),
+    ):
+        refused(partial(compiled.idm, q, v, a, parameters=[[2e-3, 1e-3], numbers]), kind, words)
+    refused(partial(hybridyn.compile, robot, parameters=names), hybridyn.ModelError, "does not act on the")
+    unknown = partial(hybridyn.compile, robot, "model", parameters=["load_friction_radial:m1_right_drive"])
+    refused(unknown, hybridyn.ModelError, "there is no load friction on the joint 'm1_right_drive'")

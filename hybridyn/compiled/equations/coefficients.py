@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...description.records import StatedSpring
+from ...description.records import LOAD_FRICTION, StatedLoadFriction, StatedSpring
 from ...effects.choice import Effects
 from ...effects.joints import JointEffect, OnJoints, placed
+from ...effects.load_friction import OnLoads, coefficients, on_loads
 from ...effects.springs import Spring
 from ...effects.tendons import OnTendons
 from ...errors import ModelError
@@ -31,18 +32,35 @@ def slots_of(robot: HybridRobot, law: OnJoints | OnTendons, i: int) -> list[Slot
     return [Slot("joints", _joint_of(robot, law, i), field), *none[1:]]
 
 
+def friction_slots(law: OnLoads | None) -> list[Slot]:
+    """Return the number of the description that each term's coefficient of load friction is."""
+    if law is None:
+        return []
+    terms = zip(law.of_joint, law.words, strict=True)
+    return [Slot("load_friction", law.joints[joint], word) for joint, word in terms]
+
+
 def _joint_of(robot: HybridRobot, law: OnJoints, i: int) -> str:
     """Return the joint of a law's freedom i."""
     at = int(law.columns[i])
     return next(n for n, own in zip(robot.joints, robot.v_slices, strict=True) if own.start <= at < own.stop)
 
 
-def with_stated_springs(robot: HybridRobot, effects: Effects) -> HybridRobot:
-    """Return a robot whose description states the springs of its models, which are then parameters of it.
+def with_stated_effects(robot: HybridRobot, effects: Effects) -> HybridRobot:
+    """Return a robot whose description states springs and load friction of its models, as its parameters.
 
     Raises:
         ModelError: Several springs act on a joint.
     """
+    if effects.loaded is not None:
+        law = effects.loaded.effect
+        own = [
+            StatedLoadFriction(joint, *(float(table.get(joint, 0.0)) for table in coefficients(law).values()))
+            for joint in sorted(law.joints)
+        ]
+        if tuple(own) != robot.description.load_friction:
+            others = {"static": dict(law.static), "speed": dict(law.speed), "width": law.width}
+            robot = replace(robot, description=robot.description.with_load_friction(own, others))
     springs = [
         StatedSpring(joint, *values[:2])
         for law in effects.joints
@@ -70,8 +88,15 @@ def at_robot(effects: Effects, robot: HybridRobot) -> Effects:
         )
         return tuple(law for law in laws if law is not None)
 
+    loaded = effects.loaded
+    if loaded is not None and (own := robot.description.load_friction):
+        tables: dict[str, Any] = {
+            word: {x.name: getattr(x, word) for x in own if getattr(x, word)} for word in LOAD_FRICTION
+        }
+        loaded = on_loads(replace(loaded.effect, **tables), robot)
     return replace(
         effects,
+        loaded=loaded,
         joints=stated(effects.joints),
         rotors=stated(effects.rotors),
         links=tuple(law.bound(robot) for law in effects.links),
@@ -98,7 +123,9 @@ def check_coefficients(robot: HybridRobot, effects: Effects, slots: tuple[Slot, 
     used = {
         slot for law in effects.joints for i in range(len(law.columns)) for slot in slots_of(robot, law, i)
     }
+    used.update(friction_slots(effects.loaded))
     names = {field: name for name, field in OF_EFFECTS.items()}
+    names |= {word: f"load_friction_{word}" for word in LOAD_FRICTION}
     names |= {"stiffness": "spring_stiffness", "rest": "spring_rest"}
     for slot in slots:
         if slot.field in names and slot not in used:

@@ -18,7 +18,7 @@ from .module_plan import ModulePlan
 from .motor_balance import motor_efforts
 from .options import Options
 from .rubbing import answers_of, answers_of_core, pushed_by
-from .rubbing_joints import Rubbing
+from .rubbing_joints import Rubbing, with_arguments
 from .rubbing_legs import read_legs
 from .settling import settle
 from .stages import GivenColumns
@@ -119,5 +119,7 @@ class Driven:
             balanced = [1 + j for j in answers.at if 1 + j not in felt]
             each[:, balanced] = 0.0
             rows.append(each)
-        n, guard = settle(rubbing, answers_of(rubbing, np.concatenate(rows)), plan.scale.eps)
+        n, guard = settle(
+            with_arguments(rubbing, plan.column), answers_of(rubbing, np.concatenate(rows)), plan.scale.eps
+        )
         return plus(b, dot(pushed, n)), guard

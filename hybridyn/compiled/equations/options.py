@@ -137,7 +137,7 @@ def _of_all(request: Request, k: int) -> Options:
         inertias=request.output_inertias(k),
         velocity=request.on.velocity is not None,
         rotor=request.rotor(module),
-        rubbing=rubbing_joints(request.on.loaded, module, request.plans[k].parts),
+        rubbing=rubbing_joints(request.on.loaded, module, request.plans[k].parts, request.slots),
     )
 
 

@@ -20,6 +20,7 @@ from ...structure.robot import HybridRobot
 from ...symbols import Expression
 from .acting import Acting, acting_on
 from .arguments import ChosenNumbers, Inertias, ModuleArguments
+from .coefficients import friction_slots
 from .expressions import settled
 from .module_plan import ModulePlan
 from .parts import Parts, parts_of
@@ -121,7 +122,7 @@ class Request:
         spec = module.mechanism.spec if own is None else own.spec
         moved_down = self._moved_down(k, plans)
         if own is None and all(base.dtype != object for bases in moved_down for base in bases):
-            return plans[k]
+            return replace(plans[k], column=chosen.column) if self._argued(module) else plans[k]
         inertias = tuple(
             settled(sum(bases, ten_expressions(body)))
             for body, bases in zip(spec.outputs_inertia, moved_down, strict=True)
@@ -144,6 +145,11 @@ class Request:
     def rubs(self, module: Module) -> dict[int, str]:
         """Return a mark for each joint of a module that load makes rub, by its number in the whole tree."""
         return {} if self.on.loaded is None else rubbing_marks(self.on.loaded, module)
+
+    def _argued(self, module: Module) -> bool:
+        """Return whether a coefficient of load friction of a module is an argument."""
+        own = friction_slots(self.on.loaded)
+        return any(slot in self.slots and slot.name in module.joints for slot in own)
 
     @cached_property
     def undriven(self) -> list[bool]:
@@ -180,6 +186,11 @@ class Request:
         assert self.arguments is not None
         own = self.arguments.of_modules[k]
         return np.arange(self.arguments.size) if own is None else own.index
+
+    @property
+    def slots(self) -> tuple[Slot, ...]:
+        """Numbers of the description that are arguments."""
+        return self.arguments.slots if isinstance(self.arguments, ChosenNumbers) else ()
 
     @property
     def parameter_inputs(self) -> list[tuple[str, int]]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from ...effects.load_friction import OnLoads, against
 from ...errors import ModelError
 from ...spatial import Array, numpy_on_symbols
 from ...structure.module import Module
+from ...structure.parameters.slots import Slot
 from ...symbols import Expression
+from .coefficients import friction_slots
 from .expressions import filled
 from .parts import Parts
 
@@ -19,15 +22,25 @@ from .parts import Parts
 ROUNDED_PART = 1e-14
 
 
+class Argument(NamedTuple):
+    """A coefficient that is an argument of the models.
+
+    Attributes:
+        place: Its place in the input "parameters".
+    """
+
+    place: int
+
+
 class LoadTerm(NamedTuple):
     """What one term of the law takes from the wrench of its joint, in the joint's child frame.
 
     Attributes:
-        factor: Its coefficient.
+        factor: Its coefficient: a number, an expression, or the place of an argument.
         part: Orthogonal directions of wrenches, shape (k, 6), k up to 3; their length counts.
     """
 
-    factor: float
+    factor: Any
     part: tuple[tuple[float, ...], ...]
 
 
@@ -64,13 +77,18 @@ def rubbing_marks(law: OnLoads, module: Module) -> dict[int, str]:
     return out
 
 
-def rubbing_joints(law: OnLoads | None, module: Module, parts: Parts) -> tuple[Rubbing, ...]:
+def rubbing_joints(
+    law: OnLoads | None, module: Module, parts: Parts, slots: Sequence[Slot]
+) -> tuple[Rubbing, ...]:
     """Return the joints of a module on which friction that grows with load acts: of its core, of its legs.
+
+    Args:
+        slots: Numbers of the description that are arguments.
 
     Raises:
         ModelError: Friction acts along an idle motion, or inside a wrist that carries a platform.
     """
-    out: list[Rubbing] = []
+    out, own = list[Rubbing](), friction_slots(law)
     spec, tree = module.mechanism.spec, module.mechanism.tree
     idle = {col for motion in parts.all_idle for col in motion.cols}
     for n, name in enumerate(() if law is None else law.joints):
@@ -86,7 +104,10 @@ def rubbing_joints(law: OnLoads | None, module: Module, parts: Parts) -> tuple[R
             )  # fmt: skip
         T = parts.turns[joint + 1]
         terms = tuple(
-            LoadTerm(float(law.factor[k]), _in_aligned(law.part[k], T))
+            LoadTerm(
+                Argument(slots.index(own[k])) if own[k] in slots else float(law.factor[k]),
+                _in_aligned(law.part[k], T),
+            )
             for k in np.flatnonzero(law.of_joint == n)
         )
         out.append(Rubbing(
@@ -95,6 +116,27 @@ def rubbing_joints(law: OnLoads | None, module: Module, parts: Parts) -> tuple[R
     legs = [joint for group in parts.groups for leg in group for joint in leg.links]
     order = [*parts.links, *legs]
     return tuple(sorted(out, key=lambda one: order.index(one.joint)))
+
+
+def argued(rubbing: Sequence[Rubbing]) -> bool:
+    """Return whether a coefficient is an argument."""
+    return any(isinstance(term.factor, Argument) for one in rubbing for term in one.terms)
+
+
+def with_arguments(rubbing: Sequence[Rubbing], column: ca.SX | None) -> tuple[Rubbing, ...]:
+    """Return joints with the arguments among their coefficients as expressions.
+
+    Args:
+        column: Symbols of all arguments, or None without any.
+    """
+
+    def filled_in(term: LoadTerm) -> LoadTerm:
+        """Return a term whose factor is an expression where it is an argument."""
+        if column is None or not isinstance(term.factor, Argument):
+            return term
+        return term._replace(factor=column[term.factor.place])
+
+    return tuple(one._replace(terms=tuple(map(filled_in, one.terms))) for one in rubbing)
 
 
 def of_legs(rubbing: Sequence[Rubbing], parts: Parts) -> list[list[tuple[Rubbing, ...]]]:
@@ -111,7 +153,7 @@ def _in_aligned(part: Array, T: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row.tolist()) for row in out if row.any())
 
 
-def terms_of(rubbing: Sequence[Rubbing]) -> list[tuple[int, float, int]]:
+def terms_of(rubbing: Sequence[Rubbing]) -> list[tuple[int, Any, int]]:
     """Return the number of its joint, the factor and the number of rows of each term."""
     return [(i, term.factor, len(term.part)) for i, one in enumerate(rubbing) for term in one.terms]
 

@@ -130,7 +130,10 @@ def general_rows(
     """
     try:
         return general(robot, effects, name, {key: array[rows] for key, array in given.items()})
-    except HybridynError:
+    except HybridynError as error:
+        if error.sample is not None:
+            error.sample = int(rows[error.sample])
+            raise
         if len(rows) == len(given["q"]):
             raise
         return np.asarray(general(robot, effects, name, given)[rows])

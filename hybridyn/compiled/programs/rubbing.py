@@ -16,9 +16,9 @@ import numpy as np
 
 from ...symbols import Expression, dot, plus
 from ..equations.expressions import pack, symbols
-from ..equations.rubbing_joints import Rubbing, rows_of_terms
+from ..equations.rubbing_joints import Rubbing, argued, rows_of_terms, with_arguments
 from ..equations.settling import NEWTON, far_from_solution, friction_of, largest_over, newton_step, weights
-from ..program import Add, Shared, Target, Worst
+from ..program import Add, Shared, Source, Target, Worst
 from .module_calls import ModuleCalls
 from .writer import Writer
 
@@ -119,13 +119,17 @@ class FrictionSweeps:
         """
         calls = self.modules[k]
         names = [x for x in ("inward", "carried", "driven", "of_base", "of_z", "p_0") if x in calls.ports]
-        sources: dict[str, Shared] = {name: calls.ports[name] for name in names} | dict(known)
+        sources: dict[str, Source] = {name: calls.ports[name] for name in names} | dict(known)
+        widths = {name: place.size for name, place in sources.items() if isinstance(place, Shared)}
+        if argued(calls.options.rubbing):
+            sources["parameters"] = calls.ports["parameters"]
+            widths["parameters"] = sum(size for _, size in calls.request.parameter_inputs)
         filled: list[Target] = [target for target in targets if target.size]
         if not filled:
             return
-        widths = {name: place.size for name, place in sources.items()}
         columns, values = zip(*(symbols("x", size) for size in widths.values()), strict=True)
-        step = _Step(calls.options.rubbing, dict(zip(widths, values, strict=True)))
+        given = dict(zip(widths, values, strict=True))
+        step = _Step(with_arguments(calls.options.rubbing, columns[-1]), given)
         outputs = step.of(what)
         function = ca.Function("friction", [*columns], [pack(x) for x in outputs if len(x)])
         key = ("friction", what, tuple(widths.items()), calls.options.rubbing)

@@ -16,7 +16,7 @@ from ...structure.parameters.entries import Parameters
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..code.scalars import REAL, Scalar
-from ..equations.coefficients import check_coefficients, with_stated_springs
+from ..equations.coefficients import check_coefficients, with_stated_effects
 from ..library.artifact import Artifact
 from ..library.cache import Built
 
@@ -114,7 +114,7 @@ def source_of(
 def asked_for(
     robot: HybridRobot, effects: Choice, parameters: Sequence[str | Slot], dtype: str, alone: str = ""
 ) -> tuple[HybridRobot, Effects, Parameters]:
-    """Return the robot (with the springs of its effects if it has parameters), its effects and parameters.
+    """Return the robot (which states its effects if it has parameters), its effects and parameters.
 
     Args:
         alone: What the models are part of where nothing of hybridyn stands around them.
@@ -131,7 +131,7 @@ def asked_for(
     if alone and on.limits is not None:
         why = f"the effect 'limits' is not part of {alone}: clip the efforts before the call"
         raise ModelError(why, element="limits")
-    robot = with_stated_springs(robot, on) if parameters else robot
+    robot = with_stated_effects(robot, on) if parameters else robot
     chosen = Parameters(robot.description, parameters)
     check_coefficients(robot, on, chosen.slots)
     return robot, on, chosen

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...description.names import did_you_mean
-from ...description.records import Description
+from ...description.records import LOAD_FRICTION, Description
 from ...errors import ModelError
 from ...extensions import Extension, added, every_name, running
 from ...spatial import Array, slices
@@ -128,6 +128,10 @@ _FIELDS = {
         f"spring_{field}": ("springs", "spring on the joint", field, (field,), ((),))
         for field in ("stiffness", "rest")
     },
+    **{
+        f"load_friction_{word}": ("load_friction", "load friction on the joint", word, (word,), ((),))
+        for word in LOAD_FRICTION
+    },
     **{PAYLOAD + kind: ("loads", "payload on the link", *where) for kind, where in _OF_LINKS.items()},
 }
 #: What follows the name of a closure: its frame on the predecessor and on the successor.
@@ -145,8 +149,9 @@ def entry_of(description: Description, name: str) -> Entry:
             zz); "position:JOINT", "rotation:JOINT" (roll, pitch, yaw) or "placement:JOINT" (both), also of
             "CLOSURE/predecessor" and "CLOSURE/successor"; "offset:COUPLING"; "viscous_friction:JOINT" and
             "coulomb_friction:JOINT", the coefficients in the robot's files; "spring_stiffness:JOINT" and
-            "spring_rest:JOINT"; "payload_mass:LINK", "payload_centre:LINK" and "payload_inertia:LINK", those
-            of the payload on a link.
+            "spring_rest:JOINT"; "load_friction_radial:JOINT", and so "axial", "tilt" and "normal";
+            "payload_mass:LINK", "payload_centre:LINK" and "payload_inertia:LINK", those of the payload on a
+            link.
 
     Raises:
         ModelError: The name has another form, or there is no such link, joint, closure, coupling, spring or

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...description.names import did_you_mean
-from ...description.records import Description
+from ...description.records import LOAD_FRICTION, Description
 from ...description.residual_frames import joints_of_frames
 from ...errors import ModelError
 from ...spatial import Array
@@ -20,6 +20,7 @@ NUMBERS = {
     "closures": ("frame_a", "frame_b"),
     "couplings": ("offset",),
     "springs": ("stiffness", "rest"),
+    "load_friction": LOAD_FRICTION,
     "loads": ("mass", "com", "inertia"),
 }
 #: Tuples of a description whose records have slots.
@@ -81,6 +82,8 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
     }
     if "springs" in tables:
         description = description.with_springs(tables.pop("springs"))
+    if "load_friction" in tables:
+        description = description.with_load_friction(tables.pop("load_friction"))
     if "loads" in tables:
         of = {load.name: load for load in tables["loads"] if ("loads", load.name) in changes}
         links = tables.get("links", description.links)
@@ -128,10 +131,20 @@ def differences(one: Description, other: Description) -> list[Slot]:
     for field in ("motors", "effects", "base", "gravity"):
         mine, others = getattr(one, field), getattr(other, field)
         if field == "effects":
-            mine, others = ([x for x in effects if x[0] != "spring"] for effects in (mine, others))
+            mine, others = (_without_slots(effects) for effects in (mine, others))
         if mine != others:
             raise ModelError(f"the {field} are others: the robot has another structure")
     return out
+
+
+def _without_slots(effects: Sequence[tuple[str, dict[str, Any]]]) -> list[tuple[str, dict[str, Any]]]:
+    """Return effects without the numbers that have slots."""
+    known = {"load_friction": LOAD_FRICTION}
+    return [
+        (name, {word: x for word, x in values.items() if word not in known.get(name, ())})
+        for name, values in effects
+        if name != "spring"
+    ]
 
 
 def _differing(table: str, x: Any, y: Any) -> list[Slot]:
@@ -155,7 +168,7 @@ def _differing(table: str, x: Any, y: Any) -> list[Slot]:
 
 
 #: Fields whose numbers must not be negative, in parameters as in files.
-NOT_NEGATIVE = ("mass", "stiffness", "damping", "friction")
+NOT_NEGATIVE = ("mass", "stiffness", "damping", "friction", *LOAD_FRICTION)
 
 
 def check_one(name: str, of: str, names: Sequence[str], what: str) -> None:
