@@ -176,6 +176,7 @@ def built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
 def read_once() -> None:
     """Read each shipped robot once a worker: many tests load the same ones, whose descriptions are frozen."""
     from hybridyn import description
+    from hybridyn.description.urdf import xacro
 
     read = description.read
     made: dict[object, Any] = {}
@@ -183,7 +184,7 @@ def read_once() -> None:
     def known(path: Any, *, xacro_args: Any = None, **asked: Any) -> Any:
         if xacro_args or not os.path.realpath(path).startswith(str(ROOT / "urdf")):
             return read(path, xacro_args=xacro_args, **asked)
-        key = os.fspath(path), repr(asked)
+        key = os.fspath(path), repr(asked), *xacro.share_dirs()
         if key not in made:
             made[key] = read(path, **asked)
         return made[key]
