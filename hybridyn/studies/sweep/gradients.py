@@ -135,15 +135,15 @@ class StudyGradients:
         row, robot, motions = self._designer.evaluated(design, values)
         gradient = np.full((len(self.source.columns), len(values)), math.nan)
         nothing = DesignGradient(row, gradient, math.nan, gradient[0])
-        if robot is None:
+        if robot is None or (row.status != "ok" and self._kept is not None):
             return nothing, None
         try:
             models = self._models(robot, values)
             return (nothing if row.status != "ok" else self._along(row, robot, motions, models)), None
         except HybridynError as error:  # near singular postures, or of a model
-            if row.status == "ok":
-                row = replace(row, status=status_of(error), message=said(error))
-            return nothing._replace(row=row), error
+            if row.status != "ok":
+                return nothing, None
+            return nothing._replace(row=replace(row, status=status_of(error), message=said(error))), error
 
     def _along(
         self,
