@@ -60,14 +60,16 @@ def of_motors(oracle: Oracle, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> li
     return [np.array(turns, dtype=np.longdouble), v[oracle.motors], a[oracle.motors]]
 
 
-def off_the_oracle(robot: hybridyn.HybridRobot, model: str, coordinates: str, seed: int = 0) -> float:
+def off_the_oracle(
+    robot: hybridyn.HybridRobot, model: str, coordinates: str, seed: int = 0, near: Array | None = None
+) -> float:
     """Return by how much products differ from the oracle along a closed path, of the largest term.
 
     lambda f'' = lambda f_xx x' x' + lambda f_x x'', of which terms may cancel.
     """
     oracle = Oracle(robot.description, robot.base, arithmetic=Long())
     q, v, *_ = (x[0] for x in random_states(robot, 1))
-    path = closed_path(oracle, q, v, seed)
+    path = closed_path(oracle, q if near is None else near, v, seed)
     efforts = np.array([oracle.idm(*state) for state in path])
     motors = coordinates == "motors"
     inputs = [of_motors(oracle, *state) if motors else list(state) for state in path]
@@ -104,6 +106,23 @@ def test_products_of_shipped_robots_against_the_oracle(name: str, model: str, in
     assert off_the_oracle(build_robot(shipped(name)), model, "motors", 3) <= ORACLE
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("distance", [0.1, 0.03, 0.012])
+@pytest.mark.parametrize("model", ["idm", "ddm"])
+def test_products_near_a_pivot_that_vanishes(model: str, distance: float, interpreted: None) -> None:
+    """Nearer ones are refused."""
+    robot = build_robot(shipped("five_bar"))
+    near = near_a_lost_pivot(robot, distance, robot.home)
+    for coordinates in ("joints", "motors"):
+        assert off_the_oracle(robot, model, coordinates, near=near) <= ORACLE
+
+
+#: What the oracle's paths do not serve: its postures are no smooth path where more rows than the loops need
+#: are closed to the rounding of the file alone, and its rods spin as those of `hybridyn.assemble` do not.
+ROUGH, SPINNING = ("delta_bars",), ("sps_thin",)
+JUDGED = [kind for kind in KINDS if kind not in (*ROUGH, *SPINNING)]
+
+
 def driven(kind: str, seed: int) -> hybridyn.HybridRobot:
     """Return a random mechanism, or skip it if its motors are not its coordinates."""
     robot = build_robot(random_mechanism(seed, kind=kind))
@@ -114,11 +133,36 @@ def driven(kind: str, seed: int) -> hybridyn.HybridRobot:
     return robot
 
 
-@pytest.mark.parametrize("kind", ["four_bar", *map(slow, [kind for kind in KINDS if kind != "four_bar"])])
+@pytest.mark.parametrize("kind", [kind if kind == "four_bar" else slow(kind) for kind in JUDGED])
 def test_products_of_random_mechanisms_against_the_oracle(kind: str, interpreted: None) -> None:
     robot = driven(kind, 2)
     for model in ("idm", "ddm"):
         assert off_the_oracle(robot, model, "motors", 5) <= ORACLE
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [*ROUGH, *SPINNING])
+def test_products_against_differences_of_slopes(kind: str, interpreted: None) -> None:
+    """Along motions of the motors that `assemble` closes; the slopes are those of the Jacobians."""
+    robot = driven(kind, 2)
+    random, n = np.random.default_rng(4), len(robot.motors)
+    at = [robot.q_slices[robot.joint_index[name]].start for name in robot.motors]
+    d, start = random.normal(size=(3, n)), random.normal(size=(2, n))
+    second = hybridyn.SecondDerivatives(robot, coordinates="motors")
+    weights, step = random.normal(size=n), STEP / 10
+
+    def found(s: float) -> tuple[Array, Array]:
+        """Return slope and product at a place of the path."""
+        levels = (robot.home[at] + s * d[0], start[0] + s * d[1], start[1] + s * d[2])
+        motors = {name: tuple(x[i : i + 1] for x in levels) for i, name in enumerate(robot.motors)}
+        q, v, a = (x[0] for x in hybridyn.assemble(robot, motors=motors, guess=robot.home))
+        whole = second.product(q, v, a, weights, d)
+        J = hybridyn.idm_jacobian(robot, q, v, a, coordinates="motors")
+        close_to([*whole.slope.values()], [weights @ block for block in J.values()], DIFFERENCES)
+        return tuple(np.concatenate([*x.values()]) for x in whole[1:])  # type: ignore[return-value]
+
+    slopes = np.array([found(k * step)[0] for k in range(-2, 3)])
+    close_to(found(0.0)[1], np.array([1, -8, 0, 8, -1]) @ slopes / (12 * step), DIFFERENCES)
 
 
 @pytest.mark.parametrize("name", [slow("rps3"), slow("gough_stewart"), "five_bar"])
