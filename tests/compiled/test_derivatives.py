@@ -330,15 +330,19 @@ def test_steps_that_lead_to_no_result_are_left_out() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["delta", "gough_stewart"])
+@pytest.mark.parametrize("name", ["delta", "gough_stewart", "random axes"])
 def test_derivatives_of_balls_take_operations_as_those_of_universal_joints(name: str) -> None:
-    """At most 1.3 times as many: 1.08 to 1.29 are found, once 1.6."""
+    """At most 1.3 times as many: 0.94 to 1.29 are found, once 1.6."""
     counts = []
-    for description in (rods.with_balls(shipped(name)), shipped(name)):
+    ball, universal = (
+        (rods.ball_gough(1), rods.ball_gough(1, "universal"))
+        if name == "random axes"
+        else (rods.with_balls(shipped(name)), shipped(name))
+    )
+    for description in (ball, universal):
         asked = request(build_robot(description), None)
         counts.append([total(build(asked)) for build in BUILDERS.values()])
-    balls, universal = np.array(counts)
-    assert (balls <= 1.3 * universal).all()
+    assert (np.array(counts[0]) <= 1.3 * np.array(counts[1])).all()
 
 
 @pytest.mark.parametrize("wrong", ["value", "slope"])

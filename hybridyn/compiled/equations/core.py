@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ...linkage.reduction import RANK_TOLERANCE
-from ...spatial import Index, motion_to_base, motion_to_body
+from ...spatial import motion_to_base, motion_to_body
 from ...symbols import Expression, dot, is_zero
 from .chains import Chain, Placed, sweep
 from .core_rows import CoreRows, write_rows
@@ -18,6 +18,7 @@ from .expressions import plain, zeros
 from .idle.cores import hold_idle, part_idle
 from .legs import PlatformMotion
 from .module_plan import ModulePlan
+from .own_axes import own_motion
 from .scales import Scale, largest, size_of
 
 
@@ -60,8 +61,7 @@ def write_core(
     """
     parts = plan.parts
     placed, platforms = _platforms(plan, (q, v, a), (V_base, A_base))
-    tree_q, tree_v = pick(q, parts.q), pick(v, parts.v)
-    tree_a = None if a is None else pick(a, parts.v)
+    tree_q, tree_v, tree_a = own_motion(parts, q, v, a)
     chain = sweep(parts.links, tree_q, tree_v, V_base, tree_a, A_base, placed)
     twists = tree_v.copy()
     for i, motion in platforms.items():
@@ -88,8 +88,8 @@ def _platforms(
     placed, platforms = dict[int, Placed](), dict[int, PlatformMotion]()
     for path in plan.parts.paths:
         if path.wrist.carries:
-            along = None if a is None else pick(a, path.v)
-            chain = sweep(path.links, pick(q, path.q), pick(v, path.v), base[0], along, base[1], placed)
+            path_q, path_v, path_a = own_motion(path, q, v, a)
+            chain = sweep(path.links, path_q, path_v, base[0], path_a, base[1], placed)
             i, end = path.target - 1, path.end
             R, p, V, c = chain.R0[end], chain.p0[end], chain.V[end], chain.c[end]
             placed[i] = Placed(R, p, V, zeros(6) if a is None else c)
@@ -177,11 +177,6 @@ def rank_guard(plan: ModulePlan, rows: CoreRows, guard: Any, Psi: Expression) ->
     K = rows.K[rest, 6:] * row_scale[:, None] * unit
     left = largest(dot(K, without_units)) / (plan.scale.closed * (1.0 + largest(without_units)))
     return ca.fmax(guard, left)
-
-
-def pick(values: Expression, index: Index) -> Expression:
-    """Return entries by index; index -1 gives zero (the entries of platforms are not read)."""
-    return np.array([values[i] if i >= 0 else 0.0 for i in index], dtype=object)
 
 
 def whole(chain: Chain, body: int, s: Expression, J: Expression) -> Expression:

@@ -13,6 +13,7 @@ from .expressions import congruence, numbers, pack, upper, zeros
 from .legs import PlatformMotion, WrittenLeg, write_leg
 from .module_plan import ModulePlan
 from .options import Options
+from .own_axes import rates_in_file
 from .rigid import matrix_moved
 from .rubbing_joints import of_legs
 from .rubbing_legs import RubbingLeg
@@ -50,6 +51,7 @@ def write_direct_legs(
         a = leg_accelerations(written, delta)
         if written.idle:
             a = plus(a, dot(sums["over_base"], later.base_acceleration(options)))
+    a = rates_in_file(written.chain.links, a)
     inputs = GivenColumns({"numbers": written.folding.symbol()} | given)
     outwards = Draft(later, {"a": pack(a)})
     if motion:

@@ -10,11 +10,12 @@ import numpy as np
 from ...spatial import Index, motion_to_body
 from ...symbols import Expression
 from .chains import Chain, Placed, motion_map, sweep
-from .core import Core, pick, whole
+from .core import Core, whole
 from .expressions import numbers, pack
 from .guarded_elimination import solve
 from .module_plan import ModulePlan
 from .options import Options
+from .own_axes import own_motion, own_rates, rates_in_file
 from .rigid import classical
 from .scales import squares
 from .stages import GivenColumns
@@ -27,7 +28,7 @@ def accelerations_outwards(
     """Return accelerations of the core's joints, of platforms less the base's, and of outputs, Eq. (53)."""
     out: dict[str, ca.SX] = {}
     if joints:
-        out["a_core"] = pack(s[6:][joints])
+        out["a_core"] = pack(rates_in_file(core.chain.links, s[6:])[joints])
     for i in sorted(core.platforms):
         out[f"delta {i}"] = pack(s[core.chain.columns_of(i + 1)] - s[:6])
     for o, body in enumerate(core.outputs):
@@ -55,7 +56,8 @@ def add_wrists(
     """
     (q, v), parts, legs = given, plan.parts, legs_on_paths(plan)
     known = dict(zip(legs.tolist(), received.take("a_legs", len(legs)), strict=True))
-    known |= {int(col): s[6 + k] for k, col in enumerate(parts.v) if col >= 0}
+    in_file = rates_in_file(parts.links, s[6:])
+    known |= {int(col): in_file[k] for k, col in enumerate(parts.v) if col >= 0}
     chain = core.chain
     placed = {
         i: Placed(chain.R0[i + 1], chain.p0[i + 1], chain.V[i + 1], _accelerated(chain, i + 1, s))
@@ -66,7 +68,8 @@ def add_wrists(
     for path, pivots in zip(parts.paths, plan.wrist_pivots, strict=True):
         a = np.array([(known | out).get(int(col), 0.0) for col in path.v], dtype=object)
         a[path.own] = 0.0
-        chain = sweep(path.links, pick(q, path.q), pick(v, path.v), base[0], a, base[1], placed)
+        path_q, path_v, _ = own_motion(path, q, v)
+        chain = sweep(path.links, path_q, path_v, base[0], own_rates(path.links, a), base[1], placed)
         target = _accelerated(core.chain, path.target, s)
         target = motion_to_body(numbers(path.wrist.R), numbers(path.wrist.p), target)
         miss = target - chain.c[path.end]

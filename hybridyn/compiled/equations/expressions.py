@@ -9,11 +9,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ...spatial import Array
+from ...spatial import Array, Index
 from ...symbols import Expression, dot
 
 #: Entries of constant rotations below this are rounding errors of cosines and sines.
 ROTATION_ROUNDING = 4e-16
+#: The same of products of several rotations, and of points in their axes, over the size of these.
+TURNED_ROUNDING = 2e-15
 
 
 def plain(values: Any) -> Expression:
@@ -75,6 +77,11 @@ def sampled(M: Expression, columns: list[ca.SX], points: Iterable[Sequence[Array
     return np.array([np.array(function(*numbers)).reshape(M.shape) for numbers in points])
 
 
+def pick(values: Expression, index: Index) -> Expression:
+    """Return entries by index; index -1 gives zero (the entries of platforms are not read)."""
+    return np.array([values[i] if i >= 0 else 0.0 for i in index], dtype=object)
+
+
 def along(n: Expression, x: Expression) -> Any:
     """Compute the scalar product of two vectors."""
     return dot(n, x[:, None])[0]
@@ -94,15 +101,26 @@ def symmetric_product(A: Expression, B: Expression) -> Expression:
     return out
 
 
-def snap(R: NDArray[np.float64]) -> NDArray[np.float64]:
+def snap(R: NDArray[np.float64], rounding: float = ROTATION_ROUNDING) -> NDArray[np.float64]:
     """Round entries of a rotation to 0, 1 or -1 if they differ by rounding only; expressions stay."""
     if R.dtype == object:
         plain_entries = np.array([isinstance(x, float) for x in R.ravel()]).reshape(R.shape)
         out = R.copy()
-        out[plain_entries] = snap(R[plain_entries].astype(float))
+        out[plain_entries] = snap(R[plain_entries].astype(float), rounding)
         return out
-    out = np.where(np.abs(R) < ROTATION_ROUNDING, 0.0, R)
-    return np.where(np.abs(np.abs(out) - 1.0) < ROTATION_ROUNDING, np.sign(out), out)
+    out = np.where(np.abs(R) < rounding, 0.0, R)
+    return np.where(np.abs(np.abs(out) - 1.0) < rounding, np.sign(out), out)
+
+
+def snap_point(p: Array, size: float) -> Array:
+    """Round coordinates of a point in axes that were turned to 0 if they are rounding; expressions stay.
+
+    Args:
+        size: Size of the points.
+    """
+    out = p.copy()
+    out[[isinstance(x, float) and abs(x) < TURNED_ROUNDING * size for x in p.tolist()]] = 0.0
+    return out
 
 
 def upper(M: Expression) -> Expression:

@@ -14,12 +14,13 @@ from __future__ import annotations
 import numpy as np
 
 from ...symbols import Expression, dot
-from .core import Core, pick
-from .expressions import eye, zeros
+from .core import Core
+from .expressions import eye, pick, zeros
 from .factors import Handed
 from .idle.cores import forces_apart, idle_apart, left_on_idle, set_idle
 from .module_plan import ModulePlan
 from .options import Options
+from .own_axes import own_rates
 
 #: Arrays of `held_loops` by name.
 Held = dict[str, Expression]
@@ -31,7 +32,7 @@ def along_motions(core: Core, plan: ModulePlan, a: Expression) -> tuple[Expressi
     Args:
         a: Accelerations of the spanning tree.
     """
-    y = pick(a, plan.parts.v)
+    y = own_rates(plan.parts.links, pick(a, plan.parts.v))
     for i, platform in core.platforms.items():
         y[np.array(core.chain.columns_of(i + 1)) - 6] = platform.A
     return idle_apart(plan, y)

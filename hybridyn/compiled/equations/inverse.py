@@ -14,13 +14,14 @@ import numpy as np
 from ...spatial import crf, crm, motion_to_body, wrench_to_base
 from ...symbols import Expression, dot
 from .chains import Chain, Placed, forces, motion_map, sweep
-from .core import Core, motions_of, own_inertia, pick, rank_guard
+from .core import Core, motions_of, own_inertia, rank_guard
 from .driven import Driven, motor_columns
-from .expressions import pack, zeros
+from .expressions import pack, pick, zeros
 from .guarded_elimination import Pivots
 from .inverse_legs import LEG_WRENCHES
 from .module_plan import ModulePlan
 from .options import Options
+from .own_axes import own_motion, own_rates
 from .rigid import classical, momentum, resting
 from .scales import squares
 from .stages import Draft, GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
@@ -100,9 +101,10 @@ def required_forces(
     """
     parts, b = plan.parts, forces(moving)
     terms = [x * u for x, u in zip(b[6:], plan.mechanism.reduction.col_scale[parts.tree_v], strict=True)]
+    own_a = own_rates(parts.links, pick(a, parts.v))
     for k, col in enumerate(parts.tree_v):
         if parts.v[k] >= 0 and options.rotor[col]:
-            b[6 + k] = b[6 + k] + a[parts.v[k]] * options.rotor[col]
+            b[6 + k] = b[6 + k] + own_a[k] * options.rotor[col]
     for i in sorted({group[0].platform for group in parts.groups}):
         b_base, b_delta = (received.take(f"{name} {i}", size) for name, size in LEG_WRENCHES)
         at = core.chain.columns_of(i + 1)
@@ -154,5 +156,5 @@ def without_rates(
         R, p, V = chain.R0[i + 1], chain.p0[i + 1], chain.V[i + 1]
         product = crm(V, V - motion_to_body(R, p, base[0]))
         placed[i] = Placed(R, p, zeros(6), chain.c[i + 1] - product)
-    still, tree_q, tree_a = zeros(len(parts.v)), pick(q, parts.q), pick(a, parts.v)
+    tree_q, still, tree_a = own_motion(parts, q, zeros(plan.mechanism.spanning.nv), a)
     return sweep(parts.links, tree_q, still, zeros(6), tree_a, base[1], placed)

@@ -12,6 +12,7 @@ from .expressions import pack, zeros
 from .legs import PlatformMotion, write_leg
 from .module_plan import ModulePlan
 from .options import Options
+from .own_axes import own_rates
 from .rubbing_joints import of_legs
 from .rubbing_legs import RubbingLeg
 from .stages import Draft, GivenColumns, Stage, cut
@@ -38,18 +39,19 @@ def write_inverse_legs(
     known, platform = dict(given), PlatformMotion.read(given.take("platform", 26))
     written = write_leg(group, q, v, base, platform, plan.scale, plan.leg_pivots[n], a)
     rotor = written.folding.array([np.array([options.rotor[c] for c in leg.tree_v]) for leg in group])
+    own_a = own_rates(written.chain.links, a)
     moving = (
         written.chain
         if options.velocity
-        else sweep(written.chain.links, q, zeros(width), zeros(6), a, base[1])
+        else sweep(written.chain.links, written.q, zeros(width), zeros(6), own_a, base[1])
     )
     b = forces(moving)
-    H = b[6:] - law + a * rotor
+    H = b[6:] - law + own_a * rotor
     outputs = {"b_base": pack(b[:6]), "b_delta": pack(written.wrench(dot(written.X.T, H)))}
     outputs["guard"] = ca.SX(written.guarded(plan))
     if motions and written.idle:
         idle = written.idle.decided(plan, written.folding, group, options.rotor)
-        outputs["u_dot of leg"], outputs["Q of leg"] = (pack([x]) for x in idle.along(a, H))
+        outputs["u_dot of leg"], outputs["Q of leg"] = (pack([x]) for x in idle.along(own_a, H))
     if driven:
         outputs["motors"] = pack(*(written.wrench(written.X[k]) for k in driven))
     rubbing = of_legs(options.rubbing, plan.parts)[n]

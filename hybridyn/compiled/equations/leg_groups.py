@@ -98,7 +98,8 @@ def held_legs(mechanism: Mechanism, idle: Sequence[IdleMotion], links: Links) ->
     still = [
         motion
         for motion in idle
-        if len(motion.cols) <= 3 and np.abs(first_moment(motion, links)).max() <= UNFELT * size
+        if len(motion.cols) <= 3
+        and np.abs(first_moment(motion.in_own_axes(links), links)).max() <= UNFELT * size
     ]
     found = {bodies: _closure_of_leg(mechanism, bodies, still) for bodies in mechanism.spec.legs}
     return {bodies: at for bodies, at in found.items() if at is not None}
@@ -154,7 +155,10 @@ def grouped_legs(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ..
     for leg in legs:
         links, place = leg.links.values(), {0: 0} | {i + 1: n for n, i in enumerate(leg.links, 1)}
         axes = [tuple(link.axis.round(ROUNDED_AXIS).tolist()) if link.nv == 1 else () for link in links]
-        shape = tuple((link.kind, place[link.parent], axis) for link, axis in zip(links, axes, strict=True))
+        shape = tuple(
+            (link.kind, place[link.parent], axis, link.ball is None)
+            for link, axis in zip(links, axes, strict=True)
+        )
         acting = tuple(marks[k] for k in leg.tree_v), leg.idle and leg.idle.cols
         key = shape, acting, place[leg.end], leg.platform, leg.closure.rotation
         out.setdefault(key, []).append(leg)

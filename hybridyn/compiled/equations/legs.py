@@ -29,7 +29,8 @@ from .guarded_elimination import Pivots, choose_pivots, solve
 from .idle.legs import LegIdle, other_rates
 from .leg_groups import Leg
 from .module_plan import ModulePlan
-from .rigid import Links
+from .own_axes import own_positions, own_rates
+from .rigid import BallAxes, Links
 from .scales import Scale, squares, weighed
 
 
@@ -73,6 +74,7 @@ class WrittenLeg:
 
     Attributes:
         folding: The numbers in which the legs differ.
+        q: Positions, in its own axes.
         chain: Its motion, including that of the base.
         point: The closure's point in the base's frame, shape (3,).
         X: Joint rates over the relative motion [v, w] of the closure's point, base axes, shape (nv, 6).
@@ -81,6 +83,7 @@ class WrittenLeg:
     """
 
     folding: Folding
+    q: Expression
     chain: Chain
     point: Expression
     X: Expression
@@ -107,8 +110,10 @@ def fold_links(folding: Folding, copies: Sequence[Links]) -> Links:
             R=folding.array([link.R for link in same]),
             p=folding.array([link.p for link in same]),
             inertia=folding.array([link.inertia for link in same]),
+            ball=BallAxes(*(folding.array([*x]) for x in zip(*balls, strict=True))) if balls else None,
         )
         for i, *same in zip(copies[0], *(links.values() for links in copies), strict=True)
+        for balls in [[link.ball for link in same if link.ball]]
     }
 
 
@@ -147,7 +152,8 @@ def write_leg(
     links = fold_links(folding, [leg.links for leg in group])
     R_s, p_s, R_o, p_o = _frames(folding, group)
     leg = group[0]
-    chain = sweep(links, q, v, base[0], a, None if a is None else base[1])
+    q, own_a = own_positions(links, q), None if a is None else own_rates(links, a)
+    chain = sweep(links, q, own_rates(links, v), base[0], own_a, None if a is None else base[1])
     R0, V, c = chain.R0[leg.end], chain.V[leg.end], chain.c[leg.end]
     point = plus(chain.p0[leg.end], dot(R0, p_s))
     rotation, z = leg.closure.rotation, R_s[:, 2]
@@ -168,7 +174,7 @@ def write_leg(
     turns = turned, rotate(directions.turns, turning), k[3:]
     opened = _opened(platform, scale, list(zip(gaps, turns, strict=True))[: 2 if a is None else 3])
     guard = squares(doubts) + (opened if scale.compared else 0.0)
-    return WrittenLeg(folding, chain, point, X[:, :6], X[:, 6], idle, guard)
+    return WrittenLeg(folding, q, chain, point, X[:, :6], X[:, 6], idle, guard)
 
 
 #: Axes of frames A and B that are perpendicular while a closure holds.
@@ -219,7 +225,7 @@ def leg_pivots(group: tuple[Leg, ...], mechanism_postures: Array, scales: tuple[
     links = fold_links(folding, [leg.links for leg in group])
     R_s, p_s, _, _ = _frames(folding, group)
     column, q = symbols("q", len(group[0].tree_q))
-    chain = sweep(links, q, zeros(len(group[0].tree_v)), zeros(6))
+    chain = sweep(links, own_positions(links, q), zeros(len(group[0].tree_v)), zeros(6))
     directions = closed_directions((0, 1, 2), group[0].closure.rotation, R_s, R_s[:, 2])
     J = _rows(chain, group[0].end, p_s, directions)
     J = dot(J, folding.array([other_rates(leg) for leg in group]))

@@ -7,7 +7,7 @@ to the core.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -18,10 +18,10 @@ from ...linkage.couplings import TreeCoupling
 from ...spatial import Array
 from ...structure.mechanism import Mechanism
 from .arguments import ModuleArguments
-from .expressions import plain, settled, zeros
-from .idle.motion import IdleMotion, idle_among, idle_motions
+from .expressions import plain, settled, snap_point, zeros
+from .idle.motion import IdleMotion, idle_among, idle_motions, lines_of_balls
 from .leg_groups import Leg, TreeBranch, grouped_legs, held_legs, leg_of
-from .rigid import Links, aligned, links_of, moved, regrouped, ten_numbers
+from .rigid import Links, aligned, axes_of, links_of, moved, regrouped, ten_numbers
 from .rods import Rod, loosened, rods_of
 from .wrist_paths import Path, path_of
 
@@ -59,8 +59,11 @@ class Parts(TreeBranch):
     @property
     def all_idle(self) -> list[IdleMotion]:
         """All idle motions, with freedoms of the tree after the cuts: first those of legs, by group."""
-        legs = [leg.idle.at(leg.tree_v) for group in self.groups for leg in group if leg.idle]
-        return legs + [motion.at(self.tree_v) for motion in self.idle]
+        legs = [
+            leg.idle.in_file(leg.links).at(leg.tree_v) for group in self.groups for leg in group if leg.idle
+        ]
+        core = [motion.in_file(self.links).at(self.tree_v) for motion in self.idle]
+        return legs + core
 
 
 def parts_of(
@@ -81,19 +84,23 @@ def parts_of(
     """
     spec = mechanism.spec if arguments is None else arguments.spec
     free = arguments is None or arguments.free
-    constants, axes = _links(mechanism, leg_inertia, None)  # these decide on legs and rods
-    links, turns = (constants, axes) if arguments is None else _links(mechanism, leg_inertia, arguments)
-    links, base = regrouped(links, rubbing) if free else (links, np.zeros(10))
-    closures = [_turned(c, turns) for c in spec.cut_closures]
     driven = {k for k, mark in enumerate(marks) if "motor" in mark}
     idle = idle_motions(mechanism, driven)
+    fixed = {weld.body_a for weld in mechanism.cut.welds}.union(spec.outputs)
+    lines = lines_of_balls(mechanism, idle, marks, fixed) if free else {}
+    axes = axes_of(links_of(mechanism.spec.whole), fixed, lines)
+    constants = _links(mechanism, leg_inertia, None, axes, lines)  # these decide on legs and rods
+    links = constants if arguments is None else _links(mechanism, leg_inertia, arguments, axes, lines)
+    links, base = regrouped(links, rubbing) if free else (links, np.zeros(10))
+    closures = [_turned(c, axes, mechanism.length) for c in spec.cut_closures]
     held = held_legs(mechanism, idle, constants) if free else {}
+    idle = [motion.in_own_axes(links) for motion in idle]
     of_legs = {body for bodies in held for body in bodies}
     kept = [i for i in range(len(spec.tree)) if i + 1 not in of_legs]
     core = TreeBranch(mechanism, {i: links[i] for i in kept})
     legs = [leg_of(mechanism, bodies, links, closures[at], idle) for bodies, at in held.items()]
     used = [i for i in range(len(closures)) if i not in held.values()]
-    known = [_turned(mechanism.spec.cut_closures[i], axes) for i in used]
+    known = [_turned(mechanism.spec.cut_closures[i], axes, mechanism.length) for i in used]
     return Parts(
         mechanism=mechanism,
         links=core.links,
@@ -111,7 +118,7 @@ def parts_of(
             links,
             [closures[i] for i in used],
         ),
-        turns=tuple(turns),
+        turns=tuple(axes),
     )
 
 
@@ -129,20 +136,21 @@ def _links(
     mechanism: Mechanism,
     leg_inertia: bool,
     arguments: ModuleArguments | None,
-) -> tuple[Links, list[Array]]:
-    """Return the links of the whole tree, and its bodies' turns."""
+    axes: Sequence[Array],
+    balls: Container[int],
+) -> Links:
+    """Return the links of the whole tree, in given axes of their bodies; as for `aligned`."""
     spec = mechanism.spec if arguments is None else arguments.spec
     massive = leg_inertia and arguments is None
     massless = [np.zeros(10)] * (len(spec.whole) - len(spec.tree))  # the wrists
     inertias = [ten_numbers(body if massive else None) for body in spec.leg_bodies]
-    ends = {weld.body_a for weld in mechanism.cut.welds}
-    links, turns = aligned(links_of(spec.whole, [*inertias, *massless]), ends.union(spec.outputs))
+    links = aligned(links_of(spec.whole, [*inertias, *massless]), axes, balls, mechanism.length)
     if arguments is not None and (leg_inertia or not arguments.free):
         for i, (body, ten) in enumerate(zip(spec.leg_bodies, arguments.own, strict=True)):
             if body is not None:
-                own = settled(moved(ten, plain(turns[i + 1].T), zeros(3)))
+                own = settled(moved(ten, plain(axes[i + 1].T), zeros(3)))
                 links[i] = replace(links[i], inertia=own)
-    return links, turns
+    return links
 
 
 def _rows(mechanism: Mechanism, used: list[int]) -> tuple[int, ...]:
@@ -153,7 +161,8 @@ def _rows(mechanism: Mechanism, used: list[int]) -> tuple[int, ...]:
     return (*of_closures, *coupled)
 
 
-def _turned(c: TreeClosure, turns: list[Array]) -> TreeClosure:
+def _turned(c: TreeClosure, axes: Sequence[Array], length: float) -> TreeClosure:
     """Return a closure's frames in the aligned axes of its bodies."""
-    Ta, Tb = turns[c.body_a].T, turns[c.body_b].T
-    return replace(c, R_a=Ta @ c.R_a, p_a=Ta @ c.p_a, R_b=Tb @ c.R_b, p_b=Tb @ c.p_b)
+    Ta, Tb = axes[c.body_a].T, axes[c.body_b].T
+    p_a, p_b = snap_point(Ta @ c.p_a, length), snap_point(Tb @ c.p_b, length)
+    return replace(c, R_a=Ta @ c.R_a, p_a=p_a, R_b=Tb @ c.R_b, p_b=p_b)

@@ -10,18 +10,31 @@ make more numbers zero.
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from ...joints.kinds import JointKind
 from ...linkage.joints import TreeJoint
-from ...spatial import Array, cross, hat, slices
+from ...spatial import Array, cross, hat, quaternion_from_rotation, slices
 from ...structure.bodies import Body
 from ...structure.wrists import axis_frame
 from ...symbols import Expression, dot, plus, times
-from .expressions import ROTATION_ROUNDING, congruence, numbers, plain, settled, snap, symmetric, upper, zeros
+from .expressions import (
+    ROTATION_ROUNDING,
+    TURNED_ROUNDING,
+    congruence,
+    numbers,
+    plain,
+    settled,
+    snap,
+    snap_point,
+    symmetric,
+    upper,
+    zeros,
+)
 
 
 def ten_numbers(body: Body | None) -> Array:
@@ -90,15 +103,37 @@ def classical(V: Expression, A: Expression) -> Expression:
     return np.concatenate([plus(A[:3], cross(V[3:], V[:3])), A[3:]])
 
 
+class BallAxes(NamedTuple):
+    """Axes of a ball's child that are not those of the file, and of a frame on its parent.
+
+    Attributes:
+        positions: Quaternion between them over that of the file, shape (4, 4).
+        rates: The child's axes of the file in its own, shape (3, 3).
+    """
+
+    positions: Array
+    rates: Array
+
+    @classmethod
+    def of(cls, parent: Array, child: Array) -> BallAxes:
+        """Return those in which R_parent R(q) R_child is the rotation of the ball, q as in the file."""
+        (x, y, z, w), (a, b, c, d) = quaternion_from_rotation(np.stack([parent, child]))
+        left = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
+        right = np.array([[d, c, -b, a], [-c, d, a, b], [b, -a, d, c], [-a, -b, -c, d]])
+        return cls(snap(left @ right), child.T)
+
+
 @dataclass(frozen=True, eq=False)
 class LinkNumbers(TreeJoint):
     """One joint of a tree and the body that it carries; numbers may be expressions.
 
     Attributes:
         inertia: Ten numbers of the child's inertia (`rigid`), shape (10,).
+        ball: How its coordinates follow from those of the file; None where they are the same.
     """
 
     inertia: Array = field(default_factory=lambda: np.zeros(10))
+    ball: BallAxes | None = None
 
     @property
     def nv(self) -> int:
@@ -124,24 +159,65 @@ def freedoms(links: Links) -> dict[int, slice]:
     return dict(zip(links, slices(link.nv for link in links.values()), strict=True))
 
 
-def aligned(links: Links, fixed: Container[int]) -> tuple[Links, list[Array]]:
-    """Turn bodies' frames so that the axis of every joint of one freedom is a coordinate axis.
+def axes_of(links: Links, fixed: Container[int], lines: Mapping[int, Array]) -> list[Array]:
+    """Choose axes of bodies so that the axis of every joint of one freedom is a coordinate axis.
 
     Args:
-        fixed: Bodies whose frames must not change.
+        fixed: Bodies whose axes must not change.
+        lines: Axes of the children of balls that become third axes, by the number of the joint.
 
     Returns:
-        The links, and for each body (base first) the new axes in the old axes, shape (3, 3).
+        For each body (base first) the new axes in the old axes, shape (3, 3).
     """
-    out, axes = dict[int, LinkNumbers](), [np.eye(3)]
+    axes = [np.eye(3)]
     for i, link in links.items():
-        turned = i + 1 not in fixed and np.abs(link.axis).max() < 1.0 and link.kind.single
-        here, back = axis_frame(link.axis) if turned else np.eye(3), axes[link.parent].T
-        axes.append(here)
+        kept = i + 1 in fixed
+        axes.append(np.eye(3) if kept else _own_axes(link, axes[link.parent].T @ link.R, lines.get(i)))
+    return axes
+
+
+def aligned(links: Links, axes: Sequence[Array], balls: Container[int], length: float) -> Links:
+    """Return links whose bodies have other axes.
+
+    Args:
+        axes: Axes of all bodies, as `axes_of` returns them.
+        balls: Joints that are balls whose children's axes change.
+        length: Size of the points.
+    """
+    out = dict[int, LinkNumbers]()
+    for i, link in links.items():
+        here, placed, ball = axes[i + 1], axes[link.parent].T @ link.R, None
+        if i in balls:
+            known = _is_rotation(placed)
+            ball, placed = BallAxes.of(placed if known else here.T, here), here.T if known else placed
         inertia = np.array(moved(plain(link.inertia), plain(here.T), plain(np.zeros(3))), dtype=float)
-        axis = snap(here.T @ link.axis) if turned else link.axis
-        out[i] = replace(link, R=snap(back @ link.R @ here), p=back @ link.p, axis=axis, inertia=inertia)
-    return out, axes
+        axis = snap(here.T @ link.axis, TURNED_ROUNDING) if link.kind.single else link.axis
+        R, p = snap(placed @ here, TURNED_ROUNDING), snap_point(axes[link.parent].T @ link.p, length)
+        out[i] = replace(link, R=R, p=p, axis=axis, inertia=inertia, ball=ball)
+    return out
+
+
+def _own_axes(link: LinkNumbers, placed: Array, line: Array | None) -> Array:
+    """Return the axes of a joint's child in those of the file, shape (3, 3).
+
+    Args:
+        placed: Its axes of the file in its parent, at zero.
+        line: As in `axes_of`, or None.
+    """
+    if line is not None:
+        return axis_frame(line)
+    if not link.kind.single:
+        return np.eye(3)
+    if link.kind.slides and _is_rotation(placed):
+        turned = np.abs(snap(placed, TURNED_ROUNDING)).max(axis=0).min() < 1.0
+        if turned and np.abs(snap(placed @ link.axis, TURNED_ROUNDING)).max() == 1.0:
+            return placed.T  # those of its parent
+    return axis_frame(link.axis) if np.abs(link.axis).max() < 1.0 else np.eye(3)
+
+
+def _is_rotation(R: Array) -> bool:
+    """Return whether a matrix is known, and a rotation up to rounding: files may state shorter numbers."""
+    return R.dtype != object and bool(np.abs(R @ R.T - np.eye(3)).max() < TURNED_ROUNDING)
 
 
 def regrouped(links: Links, kept: Container[int] = ()) -> tuple[Links, Array]:

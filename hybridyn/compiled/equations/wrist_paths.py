@@ -15,6 +15,7 @@ from .chains import Chain, own_columns, sweep
 from .expressions import sampled, symbols, zeros
 from .guarded_elimination import Pivots, choose_pivots
 from .leg_groups import TreeBranch
+from .own_axes import own_positions
 from .rigid import Links, freedoms
 
 
@@ -56,7 +57,8 @@ def wrist_pivots(path: Path, positions: Array) -> Pivots:
     """Choose the pivots of a wrist's Jacobian at positions of the spanning tree, shape (samples, nq)."""
     m, own = path.mechanism, path.v[path.own]
     column, q = symbols("q", len(path.q))
-    S = wrist_jacobian(path, sweep(path.links, q, zeros(len(path.v)), zeros(6)))
+    chain = sweep(path.links, own_positions(path.links, q), zeros(len(path.v)), zeros(6))
+    S = wrist_jacobian(path, chain)
     samples = sampled(S, [column], [[x] for x in positions[:, path.q]])  # a platform's pose does not count
     rows = np.array([1 / m.length] * 3 + [1.0] * 3)
     return choose_pivots(samples, S.shape[1], rows, m.spanning_col_scale[own])

@@ -22,8 +22,8 @@ from ....spatial import Array, Index, motion_to_body
 from ....structure.mechanism import Mechanism
 from ....structure.module import Module
 from ....symbols import Expression, dot, is_zero, times
-from ..expressions import numbers, snap
-from ..rigid import Links, freedoms, momentum
+from ..expressions import TURNED_ROUNDING, numbers, snap
+from ..rigid import BallAxes, Links, freedoms, momentum
 
 #: A closure does not feel a motion that opens it by less than this, without units: rounding. The spin of a
 #: leg moves its mass by less, too.
@@ -72,6 +72,25 @@ class IdleMotion:
         """Return the spin with its freedoms numbered anew."""
         return replace(self, cols=tuple(int(number[col]) for col in self.cols))
 
+    def in_own_axes(self, links: Links) -> IdleMotion:
+        """Return the spin from that in axes of the file: about the third axis of a ball that has own axes."""
+        ball = self._ball(links)
+        if not ball:
+            return self
+        axis, share = np.abs([ball.rates @ self.axis, ball.rates @ self.share])  # the line may point back
+        return replace(self, axis=snap(axis, TURNED_ROUNDING), share=snap(share, TURNED_ROUNDING))
+
+    def in_file(self, links: Links) -> IdleMotion:
+        """Return the spin in axes of the file from that of `in_own_axes`."""
+        ball = self._ball(links)
+        if not ball:
+            return self
+        return replace(self, axis=ball.rates.T @ self.axis, share=ball.rates.T @ self.share)
+
+    def _ball(self, links: Links) -> BallAxes | None:
+        """Return the axes of its joint, one of some links, if these are not those of the file."""
+        return next(links[i].ball for i, at in freedoms(links).items() if at.start == self.cols[0])
+
     def moves(self, tree: Tree, bodies: Sequence[int]) -> bool:
         """Return whether its joint moves one of some bodies of the tree after the cuts."""
         return bool(tree.support[list(bodies)][:, list(self.cols)].any())
@@ -108,6 +127,30 @@ def idle_motions(m: Mechanism, driven: Container[int]) -> list[IdleMotion]:
         ):
             out.append(IdleMotion(tuple(cols), unit * axis, axis / unit))
     return out
+
+
+def lines_of_balls(
+    m: Mechanism, idle: Sequence[IdleMotion], marks: Sequence[str], fixed: Container[int]
+) -> dict[int, Array]:
+    """Return the axes of the spins on balls by joint, body's axes: all of them, if one is no coordinate axis.
+
+    Args:
+        m: Numbers of the module.
+        idle: Its idle motions.
+        marks: What acts on each freedom of its tree; where something does, it acts in the axes of the file.
+        fixed: Bodies whose axes must not change.
+    """
+    joint = {at.start: i for i, at in enumerate(m.tree.v_slices)}
+    lines = {
+        joint[spin.cols[0]]: spin.axis / np.linalg.norm(spin.axis)
+        for spin in idle
+        if len(spin.cols) == 3 and not any(marks[col] for col in spin.cols)
+    }
+    lines = {i: line for i, line in lines.items() if i + 1 not in fixed}
+    for i, body in enumerate(m.spec.leg_bodies):
+        if i in lines and body and lines[i] @ body.com < 0.0:
+            lines[i] = -lines[i]  # those of equal legs point the same way
+    return lines if any(np.abs(snap(line)).max() < 1.0 for line in lines.values()) else {}
 
 
 def idle_among(idle: Sequence[IdleMotion], tree_v: Index) -> tuple[IdleMotion, ...]:
