@@ -100,7 +100,7 @@ def test_no_coefficient_is_no_friction() -> None:
 
 @pytest.mark.parametrize(("kind", "base"), [("stack", "fixed"), ("gough", "floating"), ("rssr", "moving")])
 def test_efforts_under_friction_cause_the_motion_and_balance_every_joint(kind: str, base: str) -> None:
-    """`ddm` inverts `idm`; a joint transmits its motor's effort less the friction of what it transmits."""
+    """`ddm` inverts `idm`; a joint transmits its motor's effort less friction, which takes power from all."""
     description = random_mechanism(3, kind=kind)
     robot = build_robot(description, base=base)
     q, v, a = random_states(description, base, 3, 2)
@@ -119,7 +119,7 @@ def test_efforts_under_friction_cause_the_motion_and_balance_every_joint(kind: s
     assert np.abs(tau - plain).max() > 1e-4 * np.abs(plain).max()
     prescribed = a[:, :6] if base == "moving" else None
     close_to(hybridyn.ddm(robot, q, v, tau, base_acceleration=prescribed, effects=effects), a, 1e-9)
-    effort = dict(zip(robot.motors, tau.T, strict=True))
+    effort, taken = dict(zip(robot.motors, tau.T, strict=True)), np.zeros(len(q))
     for name in (*hinges, *slides):
         module = next(m for m in robot.modules if name in m.joints)
         axis = module.mechanism.spanning.joints[module.joints.index(name)].axis
@@ -130,6 +130,10 @@ def test_efforts_under_friction_cause_the_motion_and_balance_every_joint(kind: s
         expected = effort.get(name, 0.0) - load * np.tanh(rate / law.width)
         got = along if name in slides else moment @ axis
         assert np.abs(got - expected).max() < 1e-10 * np.abs(np.concatenate([force, moment])).max()
+        taken += load * np.tanh(rate / law.width) * rate
+    assert (taken > 0).all()
+    if base != "moving":
+        close_to(hybridyn.power(robot, q, v, tau, effects=effects).lost, taken, 1e-9)
 
 
 def test_bearings_that_share_their_load_are_refused() -> None:
