@@ -109,6 +109,20 @@ class StatedLoadFriction:
     normal: float = 0.0
 
 
+@dataclass(frozen=True)
+class StatedGear:
+    """A gear with losses, as `hybridyn.effects.GearEfficiency` has it.
+
+    Attributes:
+        name: Name of the motor.
+        efficiency, back: Its numbers; back as follows from the efficiency where it is not stated.
+    """
+
+    name: str
+    efficiency: float
+    back: float
+
+
 #: The coefficients of load friction.
 LOAD_FRICTION = ("radial", "axial", "tilt", "normal")
 
@@ -464,6 +478,35 @@ class Description:
         }
         left = (effect for effect in self.effects if effect[0] != "load_friction")
         return replace(self, effects=(*left, ("load_friction", tables | dict(others))))
+
+    @property
+    def gears(self) -> tuple[StatedGear, ...]:
+        """The gears in `effects`, motor by motor."""
+        return tuple(
+            StatedGear(motor, efficiency, values["back"][motor] if "back" in values else 2 - 1 / efficiency)
+            for name, values in self.effects
+            if name == "gear_efficiency"
+            for motor, efficiency in values.get("efficiency", {}).items()
+        )
+
+    def with_gears(
+        self, stated: Iterable[StatedGear], others: Mapping[str, Any] | None = None
+    ) -> Description:
+        """Return the description with other gears.
+
+        Args:
+            stated: The numbers of each motor.
+            others: The other numbers of the effect, and "back" if that is stated; those of the description by
+                default.
+        """
+        motors = [*stated]
+        if others is None:
+            others = next((values for name, values in self.effects if name == "gear_efficiency"), {})
+        tables = dict(others) | {"efficiency": {x.name: x.efficiency for x in motors}}
+        if "back" in others:
+            tables["back"] = {x.name: x.back for x in motors}
+        left = (effect for effect in self.effects if effect[0] != "gear_efficiency")
+        return replace(self, effects=(*left, ("gear_efficiency", tables)))
 
     @property
     def root(self) -> str:

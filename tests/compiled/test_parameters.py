@@ -10,10 +10,10 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.programs.designs import changed
+from hybridyn.compiled.programs.designs import DesignsInSlots, changed
 from hybridyn.compiled.programs.sources import asked_for
 from hybridyn.compiled.programs.whole_robot import function_of, programs
-from hybridyn.effects import LoadFriction, Payload, Spring
+from hybridyn.effects import GearEfficiency, LoadFriction, Payload, Spring
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
@@ -243,3 +243,31 @@ def test_coefficients_of_load_friction_out_of_range_are_named_with_their_sample(
     refused(partial(hybridyn.compile, robot, parameters=names), hybridyn.ModelError, "does not act on the")
     unknown = partial(hybridyn.compile, robot, "model", parameters=["load_friction_radial:m1_right_drive"])
     refused(unknown, hybridyn.ModelError, "there is no load friction on the joint 'm1_right_drive'")
+
+
+def test_written_models_take_efficiencies_of_gears() -> None:
+    """Without a compiler; what is not stated of a gear that is driven follows from its efficiency."""
+    robot = hybridyn.load("five_bar")
+    first, second = robot.motors
+    for back, extra in ((None, []), ({first: 0.7, second: 0.6}, [f"gear_back:{second}"])):
+        law, p = GearEfficiency({first: 0.95, second: 0.8}, back=back, width=0.1), [0.85, 0.3]
+        effects, names = ["default", law], [f"gear_efficiency:{first}", *extra]
+        stated, on, parameters = asked_for(robot, effects, names, "float64")
+        written = programs(stated, on, models=("idm", "ddm"), parameters=parameters.slots)
+        other = replace(law, efficiency={first: 0.85, second: 0.8}, back=back and {first: 0.7, second: 0.3})
+        q, v, a, tau = (x[0] for x in random_states(robot, 1, 4))
+        for model, last in (("idm", a), ("ddm", tau)):
+            found, guard = function_of(written[model])(q, v, last, p[: len(names)])
+            assert guard <= 1
+            wanted = getattr(hybridyn, model)(robot, q, v, last, effects=["default", other])
+            close_to(found.full().ravel(), wanted, AGREE)
+        changed_robot = stated.with_parameters(dict(zip(names, p, strict=False)))
+        close_to(hybridyn.idm(changed_robot, q, v, a, effects=["default", "gear_efficiency"]),
+                 hybridyn.idm(robot, q, v, a, effects=["default", other]), AGREE)  # fmt: skip
+    refused(
+        partial(asked_for, robot, effects[:1], names, "float64"), hybridyn.ModelError, "no gear with losses"
+    )
+    designs = DesignsInSlots(stated, on, parameters)
+    for number, words in (((1.1, 0.5), "efficiency of .* above 0 and at most 1, not 1.1 in design 1"),
+                          ((0.5, 1.5), "back of .* must be at most 1, not 1.5 in design 1")):  # fmt: skip
+        refused(partial(designs.numbers, [p, number], (2,)), hybridyn.ModelError, words)

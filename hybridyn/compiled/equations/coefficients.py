@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...description.records import LOAD_FRICTION, StatedLoadFriction, StatedSpring
+from ...description.records import LOAD_FRICTION, StatedGear, StatedLoadFriction, StatedSpring
 from ...effects.choice import Effects
+from ...effects.gears import OnGears, on_gears
 from ...effects.joints import JointEffect, OnJoints, placed
 from ...effects.load_friction import OnLoads, coefficients, on_loads
 from ...effects.springs import Spring
@@ -40,6 +41,14 @@ def friction_slots(law: OnLoads | None) -> list[Slot]:
     return [Slot("load_friction", law.joints[joint], word) for joint, word in terms]
 
 
+def gear_slots(gears: OnGears | None, motor: str) -> list[Slot]:
+    """Return the numbers of the description that the efficiency of a motor's gear is, and back if stated."""
+    if gears is None or motor not in gears.effect.efficiency:
+        return []
+    fields = ("efficiency",) if gears.effect.back is None else ("efficiency", "back")
+    return [Slot("gears", motor, field) for field in fields]
+
+
 def _joint_of(robot: HybridRobot, law: OnJoints, i: int) -> str:
     """Return the joint of a law's freedom i."""
     at = int(law.columns[i])
@@ -47,7 +56,7 @@ def _joint_of(robot: HybridRobot, law: OnJoints, i: int) -> str:
 
 
 def with_stated_effects(robot: HybridRobot, effects: Effects) -> HybridRobot:
-    """Return a robot whose description states springs and load friction of its models, as its parameters.
+    """Return a robot whose description states springs and losses of its models, which are its parameters.
 
     Raises:
         ModelError: Several springs act on a joint.
@@ -61,6 +70,15 @@ def with_stated_effects(robot: HybridRobot, effects: Effects) -> HybridRobot:
         if tuple(own) != robot.description.load_friction:
             others = {"static": dict(law.static), "speed": dict(law.speed), "width": law.width}
             robot = replace(robot, description=robot.description.with_load_friction(own, others))
+    if effects.gears is not None:
+        gear = effects.gears.effect
+        found = [
+            StatedGear(motor, float(x), float((gear.back or {}).get(motor, 2 - 1 / x)))
+            for motor, x in gear.efficiency.items()
+        ]
+        if tuple(found) != robot.description.gears:
+            more: dict[str, Any] = {"width": gear.width} | ({} if gear.back is None else {"back": {}})
+            robot = replace(robot, description=robot.description.with_gears(found, more))
     springs = [
         StatedSpring(joint, *values[:2])
         for law in effects.joints
@@ -94,9 +112,15 @@ def at_robot(effects: Effects, robot: HybridRobot) -> Effects:
             word: {x.name: getattr(x, word) for x in own if getattr(x, word)} for word in LOAD_FRICTION
         }
         loaded = on_loads(replace(loaded.effect, **tables), robot)
+    gears = effects.gears
+    if gears is not None and (lossy := robot.description.gears):
+        back = None if gears.effect.back is None else {x.name: x.back for x in lossy}
+        law = replace(gears.effect, efficiency={x.name: x.efficiency for x in lossy}, back=back)
+        gears = on_gears(law, robot)
     return replace(
         effects,
         loaded=loaded,
+        gears=gears,
         joints=stated(effects.joints),
         rotors=stated(effects.rotors),
         links=tuple(law.bound(robot) for law in effects.links),
@@ -124,9 +148,11 @@ def check_coefficients(robot: HybridRobot, effects: Effects, slots: tuple[Slot, 
         slot for law in effects.joints for i in range(len(law.columns)) for slot in slots_of(robot, law, i)
     }
     used.update(friction_slots(effects.loaded))
+    used.update(slot for motor in robot.motors for slot in gear_slots(effects.gears, motor))
     names = {field: name for name, field in OF_EFFECTS.items()}
     names |= {word: f"load_friction_{word}" for word in LOAD_FRICTION}
     names |= {"stiffness": "spring_stiffness", "rest": "spring_rest"}
+    names |= {"efficiency": "gear_efficiency", "back": "gear_back"}
     for slot in slots:
         if slot.field in names and slot not in used:
             name = names[slot.field]

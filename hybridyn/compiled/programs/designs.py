@@ -51,6 +51,7 @@ def changed(robot: HybridRobot, parameters: Parameters, numbers: Array) -> Hybri
     Raises:
         HybridynError: There is no such robot.
     """
+    check_signs(parameters.slots, numbers)
     return rebuilt(robot, with_values(robot.description, parameters.slots, numbers.tolist()), like=robot)
 
 

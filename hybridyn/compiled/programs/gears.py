@@ -7,6 +7,8 @@ import numpy as np
 
 from ...effects.gears import OnGears, needed, passed_on, slopes
 from ...spatial import Index, numpy_on_symbols
+from ..equations.coefficients import gear_slots
+from ..equations.request import Request
 from ..program import Constants, Each, GivenPlace, ResultPlace, Shared, Source, Worst
 from .writer import Writer
 
@@ -16,7 +18,9 @@ def lossy(gears: OnGears | None, motors: Index) -> bool:
     return gears is not None and bool(np.isin(motors, gears.motors).any())
 
 
-def write_needed(w: Writer, gears: OnGears, motors: Index, joint_side: Shared, result: ResultPlace) -> None:
+def write_needed(
+    request: Request, w: Writer, gears: OnGears, motors: Index, joint_side: Shared, result: ResultPlace
+) -> None:
     """Add the efforts of motors.
 
     Args:
@@ -31,11 +35,13 @@ def write_needed(w: Writer, gears: OnGears, motors: Index, joint_side: Shared, r
         effort = needed(mean, slopes(half, v, gears.effect.width), tau)
     function = ca.Function("gear", [tau, mean, half, v], [effort])
     target = ResultPlace(result.index.reshape(-1, 1))
-    sources = [Each(joint_side.start, 1), *_numbers(w, gears, motors)]
+    sources = [Each(joint_side.start, 1), *_numbers(request, w, gears, motors)]
     w.call(w.kernel("gears, inverse", function, "effects"), len(motors), sources, [target])
 
 
-def write_passed_on(w: Writer, gears: OnGears, motors: Index, given: GivenPlace | ResultPlace) -> Each:
+def write_passed_on(
+    request: Request, w: Writer, gears: OnGears, motors: Index, given: GivenPlace | ResultPlace
+) -> Each:
     """Add the efforts of joints, and a guard that is infinite where a gear locks itself; return their place.
 
     Args:
@@ -52,17 +58,48 @@ def write_passed_on(w: Writer, gears: OnGears, motors: Index, given: GivenPlace 
     function = ca.Function("gear", [tau, mean, half, v], [effort, guard])
     place = w.each(*motors.shape)
     single = type(given)(given.index.reshape(-1, 1))
-    sources: list[Source] = [single, *_numbers(w, gears, motors.ravel())]
+    sources: list[Source] = [single, *_numbers(request, w, gears, motors.ravel())]
     kernel = w.kernel("gears, direct", function, "effects")
     w.call(kernel, motors.size, sources, [Each(place.start, 1), Worst()])
     return place
 
 
-def _numbers(w: Writer, gears: OnGears, motors: Index) -> list[Source]:
+def _numbers(request: Request, w: Writer, gears: OnGears, motors: Index) -> list[Source]:
     """Return the sources of mean, half and rate of motors; a gear without loss has 1, 0, and any rate."""
     at = {int(motor): n for n, motor in enumerate(gears.motors)}
     own = [at.get(int(motor)) for motor in motors]
     mean = np.array([[1.0 if n is None else gears.mean[n]] for n in own])
     half = np.array([[0.0 if n is None else gears.half[n]] for n in own])
     rates = np.array([[gears.columns[n or 0]] for n in own])
-    return [Constants(mean), Constants(half), w.from_given("v", rates)]
+    names = [request.robot.motors[int(motor)] for motor in motors]
+    if set(request.slots).isdisjoint(slot for name in names for slot in gear_slots(gears, name)):
+        return [Constants(mean), Constants(half), w.from_given("v", rates)]
+    places = w.each(len(motors), 1), w.each(len(motors), 1)
+    for i, name in enumerate(names):
+        values = [Constants(np.array([[x]])) for x in (mean[i, 0] + half[i, 0], mean[i, 0] - half[i, 0])]
+        _write_numbers(request, w, gears, name, values, [Shared(place.start + i, 1) for place in places])
+    return [*places, w.from_given("v", rates)]
+
+
+def _write_numbers(
+    request: Request, w: Writer, gears: OnGears, motor: str, values: list[Constants], to: list[Shared]
+) -> None:
+    """Add the call that computes mean and half of one gear, from arguments where it has some.
+
+    Args:
+        motor: The motor.
+        values: What it needs per effort, driving and driven.
+        to: Places of mean and half.
+    """
+    own, slots = gear_slots(gears, motor), request.slots
+    drive, driven = ca.SX.sym("drive"), ca.SX.sym("driven")
+    sources: list[Source] = [*values]
+    for i, slot in enumerate(own):
+        if slot in slots:
+            sources[i] = w.from_given("parameters", np.array([slots.index(slot)]))
+    given = [isinstance(source, Constants) for source in sources]
+    needs = drive if given[0] else 1 / drive
+    back = 2 - needs if own and len(own) == 1 else driven
+    function = ca.Function("gear", [drive, driven], [(needs + back) / 2, (needs - back) / 2])
+    key = ("gears, numbers", given[0], len(own))
+    w.call(w.kernel(key, function, "effects"), 1, sources, [*to])

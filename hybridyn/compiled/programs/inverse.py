@@ -125,7 +125,7 @@ class _InverseSweeps(Sweeps):
             return
         joint_side = calls.ports["tau"] = self.w.shared(len(motors))
         calls.call(1)
-        write_needed(self.w, gears, motors, joint_side, result)
+        write_needed(self.request, self.w, gears, motors, joint_side, result)
 
     def _calls(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Return the still empty calls of module k; equal modules share their code."""

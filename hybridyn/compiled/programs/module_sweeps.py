@@ -90,7 +90,7 @@ class Sweeps:
         given, gears = self.w.from_given("tau", 6 * self.pushed + motors), self.request.on.gears
         if gears is None or not lossy(gears, motors):
             return given
-        return write_passed_on(self.w, gears, motors, given)
+        return write_passed_on(self.request, self.w, gears, motors, given)
 
     def _sum(self, module: Module, column: int, mark: str, place: Shared, more: list[Shared]) -> None:
         """Add the call that computes the sum of motor effort, laws, and `more` efforts on one freedom."""

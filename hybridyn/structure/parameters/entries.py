@@ -132,6 +132,8 @@ _FIELDS = {
         f"load_friction_{word}": ("load_friction", "load friction on the joint", word, (word,), ((),))
         for word in LOAD_FRICTION
     },
+    "gear_efficiency": ("gears", "gear with losses at the motor", "efficiency", ("efficiency",), ((),)),
+    "gear_back": ("gears", "gear with losses at the motor", "back", ("back",), ((),)),
     **{PAYLOAD + kind: ("loads", "payload on the link", *where) for kind, where in _OF_LINKS.items()},
 }
 #: What follows the name of a closure: its frame on the predecessor and on the successor.
@@ -150,8 +152,8 @@ def entry_of(description: Description, name: str) -> Entry:
             "CLOSURE/predecessor" and "CLOSURE/successor"; "offset:COUPLING"; "viscous_friction:JOINT" and
             "coulomb_friction:JOINT", the coefficients in the robot's files; "spring_stiffness:JOINT" and
             "spring_rest:JOINT"; "load_friction_radial:JOINT", and so "axial", "tilt" and "normal";
-            "payload_mass:LINK", "payload_centre:LINK" and "payload_inertia:LINK", those of the payload on a
-            link.
+            "gear_efficiency:MOTOR" and "gear_back:MOTOR"; "payload_mass:LINK", "payload_centre:LINK" and
+            "payload_inertia:LINK", those of the payload on a link.
 
     Raises:
         ModelError: The name has another form, or there is no such link, joint, closure, coupling, spring or

@@ -21,6 +21,7 @@ NUMBERS = {
     "couplings": ("offset",),
     "springs": ("stiffness", "rest"),
     "load_friction": LOAD_FRICTION,
+    "gears": ("efficiency", "back"),
     "loads": ("mass", "com", "inertia"),
 }
 #: Tuples of a description whose records have slots.
@@ -84,6 +85,8 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
         description = description.with_springs(tables.pop("springs"))
     if "load_friction" in tables:
         description = description.with_load_friction(tables.pop("load_friction"))
+    if "gears" in tables:
+        description = description.with_gears(tables.pop("gears"))
     if "loads" in tables:
         of = {load.name: load for load in tables["loads"] if ("loads", load.name) in changes}
         links = tables.get("links", description.links)
@@ -139,7 +142,7 @@ def differences(one: Description, other: Description) -> list[Slot]:
 
 def _without_slots(effects: Sequence[tuple[str, dict[str, Any]]]) -> list[tuple[str, dict[str, Any]]]:
     """Return effects without the numbers that have slots."""
-    known = {"load_friction": LOAD_FRICTION}
+    known = {"load_friction": LOAD_FRICTION, "gear_efficiency": NUMBERS["gears"]}
     return [
         (name, {word: x for word, x in values.items() if word not in known.get(name, ())})
         for name, values in effects
@@ -195,12 +198,19 @@ def check_load(name: str, description: Description, of: str) -> None:
 
 
 def check_signs(slots: Sequence[Slot], numbers: Array) -> None:
-    """Check that no number is negative that must not be.
+    """Check that no number is negative that must not be, and that gears lose and gain nothing.
 
     Args:
         numbers: Numbers in the slots of a design, shape (slots,), or of each design, shape (designs, slots).
     """
     for slot, own in zip(slots, np.atleast_2d(numbers).T, strict=True):
+        if slot.table == "gears" and (out := (own > 1) | ((own <= 0) & (slot.field == "efficiency"))).any():
+            first = int(np.flatnonzero(out)[0])
+            design = "" if numbers.ndim == 1 else f" in design {first}"
+            least = "above 0 and " if slot.field == "efficiency" else ""
+            raise ModelError(
+                f"{slot} must be {least}at most 1, not {own[first]:g}{design}", element=slot.name
+            )
         if slot.field in NOT_NEGATIVE and (own < 0).any():
             first = int(np.flatnonzero(own < 0)[0])
             wrong = f"cannot be {own[0]:g}" if numbers.ndim == 1 else f"is negative in design {first}"
