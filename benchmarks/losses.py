@@ -17,7 +17,7 @@ from benchmarks.results import Row
 from benchmarks.timing import interleaved
 from hybridyn.compiled import operations
 from hybridyn.compiled.equations.settling import NEWTON
-from hybridyn.compiled.programs.rubbing import SWEEPS
+from hybridyn.compiled.equations.sweeps_needed import friction_sweeps
 from hybridyn.effects import GearEfficiency, LoadFriction, choose
 
 ROBOTS = ("five_bar", "gough_stewart", "lx4")
@@ -47,7 +47,8 @@ def measure(case: str, samples: int = 1_000, rounds: int = 20) -> list[Row]:
     models = {name: hybridyn.compile(robot, on, wait=True) for name, on in laws.items()}
     q, v, a = one.states(robot, samples)
     tau = models["none"].idm(q, v, a)
-    steps = {"load friction": float(NEWTON if len(robot.modules) == 1 else SWEEPS)}
+    sweeps = friction_sweeps(robot, choose(robot, laws["load friction"]), "float64")
+    steps = {"load friction": float(NEWTON if len(robot.modules) == 1 else sweeps)}
     rows: list[Row] = []
     for model, last in (("idm", a), ("ddm", tau)):
         calls = [partial(getattr(compiled, model), q, v, last) for compiled in models.values()]
@@ -59,7 +60,7 @@ def measure(case: str, samples: int = 1_000, rounds: int = 20) -> list[Row]:
             few = slice(0, 4)
             exact = getattr(hybridyn, model)(robot, q[few], v[few], last[few], effects=on)
             error = float(np.abs(call()[few] - exact).max() / np.abs(exact).max())
-            iterations = float(NEWTON) if model == "idm" and name in steps else steps.get(name, 0.0)
+            iterations = steps.get(name, 0.0) if model == "ddm" else 0.0  # motors balance it
             rows.append(Row(
                 case, model, name, batch=samples, error=error, us=1e6 * time / samples, value=time / times[0],
                 operations=count / counted[0], iterations=iterations,

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled import torque_models
+from hybridyn.compiled import operations, torque_models
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.settling import far_from_solution, largest_over
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.program import Call
+from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.effects import GearEfficiency, GravityCompensation, LoadFriction, choose
 from hybridyn.errors import ActuationError, ModelError, SingularityError
 from hybridyn.joints.kinds import JointKind
@@ -123,6 +125,16 @@ def test_friction_that_vanishes_leaves_the_numbers_without(name: str) -> None:
         close_to(with_it.batch(model, q, v, last)[0][0], without.batch(model, q, v, last)[0][0], ROUNDED)
 
 
+def test_equal_legs_share_their_kernels_with_friction() -> None:
+    """Slides of six legs rub; motors balance it in `idm`, which takes few operations more."""
+    robot = build_robot(shipped("gough_stewart"))
+    law = LoadFriction(normal=dict.fromkeys(robot.motors, 0.05))
+    program = programs(robot, ["default", law], models=("idm",))["idm"]
+    assert [step.copies for step in program.steps if isinstance(step, Call)].count(6) == 1
+    with_it, without = (operations(robot, choose(robot, on), "idm") for on in (["default", law], None))
+    assert with_it < 1.4 * without
+
+
 @pytest.mark.parametrize("angle", [0.1, 0.6])
 def test_a_wedge_that_may_jam_is_left_to_the_general_path(tmp_path: Path, angle: float) -> None:
     """The block jams from mu = 1 / tan(angle) on; well below, C solves for it."""
@@ -146,8 +158,7 @@ def test_an_iteration_that_did_not_arrive_is_not_trusted(base: str, monkeypatch:
     robot = build_robot(shipped("five_bar"), base=base)
     effects = ["default", LoadFriction(radial=rubbing_law(robot).radial, width=0.05)]
     monkeypatch.setattr("hybridyn.compiled.equations.settling.NEWTON", 0)
-    monkeypatch.setattr("hybridyn.compiled.programs.rubbing.NEWTON", 0)
-    monkeypatch.setattr("hybridyn.compiled.programs.rubbing.SWEEPS", 1)
+    monkeypatch.setattr("hybridyn.compiled.programs.rubbing.friction_sweeps", lambda *given: 1)
     q, v, a, tau = random_states(robot, 2)
     library = Interpreted(robot, ("idm", "ddm"), effects)
     for model, last in (("idm", a), ("ddm", tau)) if base == "fixed" else (("ddm", tau),):

@@ -115,6 +115,7 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
     """
     parts, forced = plan.parts, list[int]()
     outwards, inwards, alone, back, last = (Draft() for _ in range(5))
+    answers: Handed | None = None
     if motion is not None:
         options = replace(options, carries=(False,) * len(options.carries))
     core, (q, v, _), (V, _) = begun(plan, options, outwards.given)
@@ -133,7 +134,8 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
         y = dot(X[:, 7:], u_0 - dot(G, A)) + dot(X[:, :6], A) + X[:, 6]
         if options.loaded:
             model = MovedModule(core, plan, options, form, (X, solved), pushed, needed, legs)
-            inwards.wanted |= model.answers()
+            answers = model.answers()
+            inwards.wanted |= {"answers": answers.pack()} if answers.size else {}
             alone.wanted |= model.alone(alone.given)
             y = y + dot(X[:, 7:], dot(u_n, model.frictions(back.given)))
     s, joints = np.concatenate([A, y]), [k for k, col in enumerate(parts.v) if col >= 0]  # Eq. (51)
@@ -142,7 +144,7 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
     last.wanted |= _of_wrists(wrists, guard if motion is None else None)
     at = {"a_core": parts.v[joints], "tau": parts.tree_v[forced]} | _at_ends(plan, wrists)
     stages = cut([outwards, inwards, *([alone] if options.loaded else []), back, last])
-    return WrittenModule(stages, *read_by_core(plan), at)
+    return WrittenModule(stages, *read_by_core(plan), at, answers)
 
 
 def _of_wrists(wrists: Mapping[int, Any], guard: Any) -> dict[str, ca.SX]:

@@ -59,6 +59,11 @@ class Options:
     rubbing: tuple[Rubbing, ...] = ()
     loaded: bool = False
 
+    @property
+    def isolated(self) -> bool:
+        """Whether no other module feels the motion of this one, nor moves it."""
+        return self.base is not None and not any(self.carries)
+
 
 def direct_options(request: Request, k: int) -> Options:
     """Return the options of the direct model of module k."""

@@ -1,10 +1,10 @@
 """Friction that grows with load in the direct model of one module (see `dynamics.friction_response`).
 
-Accelerations change with friction, and so do those of other modules. What the law takes from wrenches is
-linear in z = [change of the bias of every output; n] and in the change of V_dot of the base:
+Accelerations change with friction n, and so do those of other modules. All is linear in n, in the change
+beta of the bias of every output, with z = [beta; n], and in that of V_dot of the base:
 
-    beta    = inward z                            handed to the module's base
-    V_dot_o = carried V_dot + driven z            handed to the modules on its outputs
+    inward n + carried^T beta          handed to the module's base as its bias
+    V_dot_o = carried V_dot + driven z handed to the modules on its outputs
     p       = p_0 + of_base V_dot + of_z z
 """
 
@@ -23,6 +23,7 @@ from ...symbols import Expression, dot, plus
 from .chains import carried, carriers, inertial_map, motion_map, wrench_map
 from .core import Core, whole
 from .expressions import eye, pack, plain, zeros
+from .factors import Handed
 from .module_plan import ModulePlan
 from .rigid import classical
 from .rubbing import seen_from, through_closures
@@ -91,25 +92,38 @@ class MovedModule:
     outputs: list[Needed]
     legs: Sequence[LegAnswers]
 
-    def answers(self) -> dict[str, ca.SX]:
-        """Return how the module answers to changes, of V_dot of its base only where that moves."""
-        (X, changes), (M, _), taken = self.solutions, self.form, self._taken
-        G, u_z, Psi = changes[:, :6], changes[:, 7:], X[:, 7:]
+    def answers(self) -> Handed:
+        """Return how the module answers to changes; one that no other feels, only to its friction."""
+        (X, changes), taken = self.solutions, self._taken
+        u_z, Psi, first = changes[:, 7:], X[:, 7:], changes.shape[1] - 7 - len(self.options.rubbing)
         by_u = dot(taken.of_s[:, 6:], Psi)
-        outputs, biases = self._of_outputs(np.concatenate([zeros(6, Psi.shape[1]), Psi])), self._of_biases()
         of_z = plus(dot(by_u, u_z), dot(taken.of_forces, self.pushed[6:]))
-        for of_bias, bias in zip(taken.of_biases, biases, strict=True):
+        for of_bias, bias in zip(taken.of_biases, self._of_biases(), strict=True):
             of_z = plus(of_z, dot(of_bias, bias))
-        first = of_z.shape[1] - len(self.options.rubbing)
         of_z[:, first:] = plus(of_z[:, first:], taken.of_frictions)
-        out = {"driven": dot(outputs, u_z), "of_z": of_z}
+        of_outputs = self._of_outputs(np.concatenate([zeros(6, Psi.shape[1]), Psi]))
+        given = {"of_z": of_z, "driven": dot(of_outputs, u_z)}
         if self.options.base is None:
-            of_base = plus(taken.of_s[:, :6], dot(taken.of_s[:, 6:], X[:, :6]))
-            moved = self._of_outputs(np.concatenate([eye(6), X[:, :6]]))
-            out |= {"carried": moved - dot(outputs, G), "of_base": of_base - dot(by_u, G)}
-            E = dot(Psi.T, M[6:, :6] + dot(M[6:, 6:], X[:, :6]))
-            out["inward"] = self.pushed[:6] + dot(X[:, :6].T, self.pushed[6:]) + dot(E.T, u_z)
-        return {name: pack(values) for name, values in out.items() if values.size}
+            given |= self._of_base(by_u, of_outputs, first)
+        return Handed(**given)
+
+    def _of_base(self, by_u: Expression, of_outputs: Expression, first: int) -> dict[str, Expression]:
+        """Return how the module answers to its base, and what this feels of friction.
+
+        Args:
+            by_u, of_outputs: What the law takes, and accelerations of the outputs, per acceleration along
+                each motion.
+            first: Where z has the frictions.
+        """
+        (X, changes), M, of_s = self.solutions, self.form[0], self._taken.of_s
+        G, pushed = changes[:, :6], self.pushed[:, first:]
+        moved = self._of_outputs(np.concatenate([eye(6), X[:, :6]]))
+        E = dot(X[:, 7:].T, M[6:, :6] + dot(M[6:, 6:], X[:, :6]))
+        return {
+            "carried": moved - dot(of_outputs, G),
+            "of_base": plus(of_s[:, :6], dot(of_s[:, 6:], X[:, :6])) - dot(by_u, G),
+            "inward": pushed[:6] + dot(X[:, :6].T, pushed[6:]) + dot(E.T, changes[:, 7 + first :]),
+        }
 
     def alone(self, back: GivenColumns) -> dict[str, ca.SX]:
         """Return the outputs' accelerations without this friction, and what the law takes from wrenches.

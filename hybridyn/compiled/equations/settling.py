@@ -2,8 +2,8 @@
 
 Newton's method begins at N(p_0). It is judged by what it reaches: with L[i, j] = N_i(column j of B) and any
 weights x > 0, the ratio rho = max (L x)_i / x_i bounds how far frictions feed on one another. Below 1 there
-is one solution, and |n_i - N_i| / x_i is at most r / (1 - rho) for all i, with the largest residual r of
-these. If that is more than rounding explains, the guard hands the sample to the general path.
+is one solution, and N is nearer to it than rho / (1 - rho) of the largest residual r = |N_i - n_i| / x_i, in
+the same measure. If that is more than rounding explains, the guard hands the sample to the general path.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def far_from_solution(ratio: Any, residual: Any, eps: float) -> Any:
         residual: Largest residual of a friction over its weight.
         eps: Rounding of one number.
     """
-    error = residual / ((1.0 - ratio) * SETTLED * eps)
+    error = ratio * residual / ((1.0 - ratio) * SETTLED * eps)
     return ca.if_else(ratio < 1.0, error * error, np.inf)
 
 

@@ -155,7 +155,8 @@ class WrittenModule:
         q, v: Coordinates and freedoms of the spanning tree in the inputs "q" and "v" (and "a").
         at: Freedoms in other inputs and outputs, by name: of the spanning tree in "a_core", "a_legs" and
             "a_wrists", of the tree after the cuts in "tau" and "laws".
-        held: What a balance of forces holds of its loops; None of other models.
+        held: What a balance of forces holds of its loops, or how a direct model answers to friction that
+            grows with load; None of other models.
     """
 
     stages: list[Stage]

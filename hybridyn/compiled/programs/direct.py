@@ -18,7 +18,7 @@ from ..program import Program, Source
 from .kinematics import unit_base
 from .module_calls import ModuleCalls, Ports, Stages, same_structure
 from .module_sweeps import Sweeps
-from .rubbing import FrictionSweeps
+from .rubbing import settle_frictions
 from .writer import Writer
 
 PARTS = ["kinematics", "inertia", "accelerations", "wrists"]
@@ -62,7 +62,7 @@ def write_direct_sweeps(request: Request, w: Writer, *, pushed: bool = False) ->
     if request.on.loaded is not None:
         for calls in modules:
             calls.call(2)
-        FrictionSweeps(w, modules).settle(request.plans[0].scale.eps)
+        settle_frictions(request, w, modules)
     for calls in modules:
         sweeps.accelerate(calls)
 

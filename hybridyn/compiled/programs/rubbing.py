@@ -1,10 +1,10 @@
-"""Sweeps over the modules that settle friction which grows with load in the direct model.
+"""Settle friction that grows with load in the direct model, by sweeps over the modules.
 
 Each module answers linearly (`equations.rubbing_moving`), so that a change of frictions takes one sweep
-inwards and one outwards over small matrices. Frictions of one module follow by steps of Newton's method,
-those of several modules by sweeps of such steps. The same sweeps over absolute values bound by how much
-frictions feed on one another: from weights x > 0 they lead to rho x at most, and below 1 the only solution
-is nearer than the residual over 1 - rho.
+inwards and one outwards over small matrices. A module that no other feels settles its frictions by itself.
+Those of the others follow by sweeps n -> N, as many as generic postures need (`sweeps_needed`). The same
+sweeps over absolute values bound by how much frictions feed on one another: from weights x > 0 they lead to
+rho x at most. Below 1 there is one solution, and the last N is nearer than rho / (1 - rho) of the residual.
 """
 
 from __future__ import annotations
@@ -16,24 +16,54 @@ import numpy as np
 
 from ...symbols import Expression, dot, plus
 from ..equations.expressions import pack, symbols
+from ..equations.request import Request
+from ..equations.rubbing import answers_of
 from ..equations.rubbing_joints import Rubbing, argued, rows_of_terms, with_arguments
-from ..equations.settling import NEWTON, far_from_solution, friction_of, largest_over, newton_step, weights
+from ..equations.settling import far_from_solution, friction_of, largest_over, settle, weights
+from ..equations.sweeps_needed import friction_sweeps
 from ..program import Add, Shared, Source, Target, Worst
 from .module_calls import ModuleCalls
 from .writer import Writer
 
-#: Sweeps over several modules, whose frictions act on one another through accelerations.
-SWEEPS = 6
-#: Steps over absolute values.
+#: Sweeps over absolute values.
 BOUNDS = ("weigh", "bound")
 
 
+def settle_frictions(request: Request, w: Writer, modules: Sequence[ModuleCalls]) -> None:
+    """Add the calls that settle frictions; these and the biases that they cause become ports of the modules.
+
+    Args:
+        request: The robot and its effects.
+        w: The program under construction.
+        modules: The calls of all modules, each of which has its answers among its ports.
+    """
+    eps = request.plans[0].scale.eps
+    coupled = [calls for calls in modules if not calls.options.isolated]
+    for calls in modules:
+        if calls.options.isolated and calls.options.rubbing:
+            _settle_alone(w, calls, eps)
+    rubs = any(calls.options.rubbing for calls in coupled)
+    sweeps = friction_sweeps(request.robot, request.on, request.dtype) if rubs else 0
+    FrictionSweeps(w, coupled).settle(eps, sweeps)
+
+
+def _settle_alone(w: Writer, calls: ModuleCalls, eps: float) -> None:
+    """Add the call that settles the frictions of a module that no other feels."""
+    given = _Given(calls, {name: calls.ports[name] for name in ("answers", "p_0") if name in calls.ports})
+    rows = np.concatenate([given.values["p_0"][:, None], given.answers["of_z"]], axis=1)
+    n, guard = settle(given.rubbing, answers_of(given.rubbing, rows), eps)
+    function = ca.Function("settle", given.columns, [pack(n), ca.SX(guard)])
+    calls.ports["n"] = w.shared(len(n))
+    kernel = w.kernel(("friction", "settle", id(calls.written)), function, "effects")
+    w.call(kernel, 1, [*given.sources.values()], [calls.ports["n"], Worst()])
+
+
 class FrictionSweeps:
-    """The sweeps over the modules of a robot, each of which has its answers among its ports.
+    """The sweeps over the modules that feel one another.
 
     Attributes:
         w: The program under construction.
-        modules: The calls of all modules.
+        modules: The calls of these modules.
         n: Places of the frictions of each.
     """
 
@@ -41,34 +71,36 @@ class FrictionSweeps:
         """Allocate places."""
         self.w, self.modules = w, modules
         self.n = [w.shared(len(calls.options.rubbing)) for calls in modules]
+        self._at = {calls.k: i for i, calls in enumerate(modules)}
         self._more = [{o: w.shared(6) for o in _carrying(calls)} for calls in modules]
         self._moved = [{o: w.shared(6) for o in _carrying(calls)} for calls in modules]
 
-    def settle(self, eps: float) -> None:
-        """Add the sweeps; the frictions and the biases that they cause become ports of the modules.
+    def settle(self, eps: float, sweeps: int) -> None:
+        """Add the sweeps.
 
         Args:
             eps: Rounding of one number.
+            sweeps: Their number, 0 where nothing rubs.
         """
-        w, modules = self.w, self.modules
-        for k in range(len(modules)):
-            self._call(k, "first", {}, [self.n[k]])
-        for _ in range(NEWTON if len(modules) == 1 else SWEEPS):
-            self._sweep("newton", self.n, self.n)
-        x, grown, found = ([w.shared(place.size) for place in self.n] for _ in range(3))
-        self._sweep("weigh", self.n, x)
-        self._sweep("bound", x, grown)
-        self._sweep("last", self.n, found)
-        worst = w.shared(2)
-        w.start(worst, np.zeros(2))
-        for own in zip(x, grown, self.n, found, strict=True):
-            self._judge(worst, *own)
-        column, (ratio, residual) = symbols("worst", 2)
-        function = ca.Function("judged", [column], [far_from_solution(ratio, residual, eps)])
-        w.call(w.kernel(("friction", "judged", eps), function, "effects"), 1, [worst], [Worst()])
-        self.n = found
-        self._inwards("last", self.n)
-        for calls, n, more in zip(modules, self.n, self._more, strict=True):
+        w, modules, found = self.w, self.modules, self.n
+        if sweeps:
+            for i in range(len(modules)):
+                self._call(i, "first", {}, [self.n[i]])
+            for _ in range(sweeps - 1):
+                self._sweep("settle", self.n, self.n)
+            x, grown, found = ([w.shared(place.size) for place in self.n] for _ in range(3))
+            self._sweep("settle", self.n, found)
+            self._sweep("weigh", found, x)
+            self._sweep("bound", x, grown)
+            worst = w.shared(2)
+            w.start(worst, np.zeros(2))
+            for own in zip(x, grown, self.n, found, strict=True):
+                self._judge(worst, *own)
+            column, (ratio, residual) = symbols("worst", 2)
+            function = ca.Function("judged", [column], [far_from_solution(ratio, residual, eps)])
+            w.call(w.kernel(("friction", "judged", eps), function, "effects"), 1, [worst], [Worst()])
+        self._inwards("settle", found)
+        for calls, n, more in zip(modules, found, self._more, strict=True):
             calls.ports |= {"n": n} | {f"more {o}": place for o, place in more.items()}
 
     def _judge(self, worst: Shared, *frictions: Shared) -> None:
@@ -76,7 +108,7 @@ class FrictionSweeps:
 
         Args:
             worst: Place of these.
-            frictions: Weights, the bound that these lead to, frictions, and these after a step.
+            frictions: Weights, the bound that these lead to, frictions, and these after a sweep.
         """
         if not frictions[0].size:
             return
@@ -91,49 +123,72 @@ class FrictionSweeps:
     def _sweep(self, what: str, n: Sequence[Shared], to: Sequence[Shared]) -> None:
         """Add a sweep inwards and one outwards, from frictions n to those in `to`."""
         self._inwards(what, n)
-        for k, calls in enumerate(self.modules):
+        for i, calls in enumerate(self.modules):
             below, output = calls.module.parent, calls.module.parent_output
-            known = {f"more {o}": place for o, place in self._more[k].items()}
+            known = {f"more {o}": place for o, place in self._more[i].items()}
             if below >= 0:
-                known["base"] = self._moved[below][output]
-            known["n"] = n[k]
-            self._call(k, what, known, [*self._moved[k].values(), to[k]])
+                known["base"] = self._moved[self._at[below]][output]
+            known["n"] = n[i]
+            self._call(i, what, known, [*self._moved[i].values(), to[i]])
 
     def _inwards(self, what: str, n: Sequence[Shared]) -> None:
         """Add the sweep of biases inwards that frictions n cause."""
         sums = [{o: self.w.start(place, np.zeros(6)) for o, place in more.items()} for more in self._more]
-        for k, calls in reversed([*enumerate(self.modules)]):
-            if calls.module.parent >= 0 and "inward" in calls.ports:  # else nothing rubs from there on
-                target: Add = sums[calls.module.parent][calls.module.parent_output]
-                known = {f"more {o}": place for o, place in self._more[k].items()} | {"n": n[k]}
-                self._call(k, "inwards, bound" if what in BOUNDS else "inwards", known, [target])
+        rubs = set[int]()  # modules from which biases come
+        for i, calls in reversed([*enumerate(self.modules)]):
+            below = calls.module.parent
+            if (not calls.options.rubbing and calls.k not in rubs) or below < 0:
+                continue
+            rubs.add(below)
+            known = {f"more {o}": place for o, place in self._more[i].items()} | {"n": n[i]}
+            target: Add = sums[self._at[below]][calls.module.parent_output]
+            self._call(i, "inwards, bound" if what in BOUNDS else "inwards", known, [target])
 
-    def _call(self, k: int, what: str, known: Mapping[str, Shared], targets: Sequence[Shared | Add]) -> None:
+    def _call(self, i: int, what: str, known: Mapping[str, Shared], targets: Sequence[Shared | Add]) -> None:
         """Add the call of one step of a sweep in one module.
 
         Args:
-            k: Number of the module.
-            what: The step: "first", "newton", "weigh", "bound" and "last" outwards, else inwards.
+            i: Number of the module among those of the sweeps.
+            what: The step: "first", "settle", "weigh" and "bound" outwards, else inwards.
             known: Places of biases, of V_dot of the base, and of frictions.
             targets: Where results go, of which empty ones are left out.
         """
-        calls = self.modules[k]
-        names = [x for x in ("inward", "carried", "driven", "of_base", "of_z", "p_0") if x in calls.ports]
-        sources: dict[str, Source] = {name: calls.ports[name] for name in names} | dict(known)
-        widths = {name: place.size for name, place in sources.items() if isinstance(place, Shared)}
-        if argued(calls.options.rubbing):
-            sources["parameters"] = calls.ports["parameters"]
-            widths["parameters"] = sum(size for _, size in calls.request.parameter_inputs)
+        calls = self.modules[i]
         filled: list[Target] = [target for target in targets if target.size]
         if not filled:
             return
-        columns, values = zip(*(symbols("x", size) for size in widths.values()), strict=True)
-        given = dict(zip(widths, values, strict=True))
-        step = _Step(with_arguments(calls.options.rubbing, columns[-1]), given)
-        outputs = step.of(what)
-        function = ca.Function("friction", [*columns], [pack(x) for x in outputs if len(x)])
-        key = ("friction", what, tuple(widths.items()), calls.options.rubbing)
-        self.w.call(self.w.kernel(key, function, "effects"), 1, [*sources.values()], filled)
+        names = [name for name in ("answers", "p_0") if name in calls.ports]
+        given = _Given(calls, {name: calls.ports[name] for name in names} | dict(known))
+        step = _Step(given.rubbing, given.answers, given.values)
+        function = ca.Function("friction", given.columns, [pack(x) for x in step.of(what) if len(x)])
+        key = ("friction", what, tuple(given.sources), id(calls.written))
+        self.w.call(self.w.kernel(key, function, "effects"), 1, [*given.sources.values()], filled)
+
+
+class _Given:
+    """What a step of one module is given, in symbols.
+
+    Attributes:
+        sources: Sources by name.
+        columns: A column of symbols for each.
+        values: The same as arrays, by name.
+        answers: How the module answers, in symbols.
+        rubbing: Its joints that rub.
+    """
+
+    def __init__(self, calls: ModuleCalls, known: Mapping[str, Shared]) -> None:
+        """Take places by name, and the arguments of a module whose coefficients are among them."""
+        self.sources: dict[str, Source] = dict(known)
+        column, self.answers = calls.written.held.again("answers")
+        pairs = {name: symbols("x", place.size) for name, place in known.items()}
+        self.values = {name: values for name, (_, values) in pairs.items()}
+        self.columns = [column if name == "answers" else x for name, (x, _) in pairs.items()]
+        self.rubbing = calls.options.rubbing
+        if argued(self.rubbing):
+            size = sum(size for _, size in calls.request.parameter_inputs)
+            self.columns.append(ca.SX.sym("parameters", size))
+            self.sources["parameters"] = calls.ports["parameters"]
+            self.rubbing = with_arguments(self.rubbing, self.columns[-1])
 
 
 def _carrying(calls: ModuleCalls) -> list[int]:
@@ -144,46 +199,43 @@ def _carrying(calls: ModuleCalls) -> list[int]:
 class _Step:
     """One step of a sweep in one module, in symbols."""
 
-    def __init__(self, rubbing: Sequence[Rubbing], given: Mapping[str, Expression]) -> None:
-        """Take the module's joints, and columns of symbols by name."""
-        self._rubbing, self._given = rubbing, given
+    def __init__(
+        self, rubbing: Sequence[Rubbing], matrices: Mapping[str, Expression], given: Mapping[str, Expression]
+    ) -> None:
+        """Take the module's joints, its answers, and columns of symbols by name."""
+        self._rubbing, self._matrices, self._given = rubbing, matrices, given
         self._more = [x for name, x in given.items() if name.startswith("more ")]
-        self._z = 6 * len(self._more) + len(rubbing)
-        self._absolute = False
 
     def of(self, what: str) -> list[Expression]:
         """Return the results of a step."""
-        self._absolute = what in (*BOUNDS, "inwards, bound")
+        M, given = self._matrices, self._given
         if what == "first":
-            return [friction_of(self._rubbing, rows_of_terms(self._rubbing, self._given["p_0"]))]
-        z = np.concatenate([*self._more, self._given["n"]])
+            return [friction_of(self._rubbing, rows_of_terms(self._rubbing, given["p_0"]))]
+        if what in (*BOUNDS, "inwards, bound"):
+            M = {name: _absolute(x) for name, x in M.items()}
+        n, beta = given["n"], np.concatenate([*self._more, np.zeros(0, dtype=object)])
         if what.startswith("inwards"):
-            return [dot(self._matrix("inward", self._z), z)]
-        moved = self._linear("driven", z, "carried")
-        return [*moved.reshape(-1, 6), self._frictions(what, z)]
+            return [plus(dot(M["inward"], n), dot(M["carried"].T, beta))]
+        z = np.concatenate([beta, n])
+        moved, taken = dot(M["driven"], z), dot(M["of_z"], z)
+        if "base" in given:
+            moved, taken = (
+                plus(x, dot(M[name], given["base"])) for x, name in ((moved, "carried"), (taken, "of_base"))
+            )
+        out = [*moved.reshape(-1, 6)]
+        return [*out, self._frictions(what, taken)] if self._rubbing else out
 
-    def _frictions(self, what: str, z: Expression) -> Expression:
-        """Return the frictions after a step outwards."""
-        if not self._rubbing:
-            return np.zeros(0, dtype=object)
-        taken = self._linear("of_z", z, "of_base")
-        if what in BOUNDS:
-            change = friction_of(self._rubbing, rows_of_terms(self._rubbing, taken))
-            return change if what == "bound" else weights(self._given["n"], change)
-        parts = rows_of_terms(self._rubbing, plus(self._given["p_0"], taken))
-        if what == "last":
-            return friction_of(self._rubbing, parts)
-        own = self._matrix("of_z", self._z)[:, -len(self._rubbing) :]
-        return newton_step(self._rubbing, parts, rows_of_terms(self._rubbing, own), self._given["n"])
+    def _frictions(self, what: str, taken: Expression) -> Expression:
+        """Return the frictions after a step outwards, a bound of their change, or weights.
 
-    def _linear(self, of_z: str, z: Expression, of_base: str) -> Expression:
-        """Return what follows from z and, where the base moves, from its acceleration."""
-        if of_z not in self._given:
-            return np.zeros(0, dtype=object)
-        out = dot(self._matrix(of_z, self._z), z)
-        return plus(out, dot(self._matrix(of_base, 6), self._given["base"])) if "base" in self._given else out
+        Args:
+            taken: Change of what the law takes, or a bound of that.
+        """
+        parts = taken if what in BOUNDS else plus(self._given["p_0"], taken)
+        found = friction_of(self._rubbing, rows_of_terms(self._rubbing, parts))
+        return weights(self._given["n"], found) if what == "weigh" else found
 
-    def _matrix(self, name: str, columns: int) -> Expression:
-        """Return a matrix, or its absolute values."""
-        M = self._given[name].reshape(-1, columns)
-        return np.vectorize(ca.fabs, otypes=[object])(M) if self._absolute else M
+
+def _absolute(x: Expression) -> Expression:
+    """Return absolute values."""
+    return np.vectorize(ca.fabs, otypes=[object])(x) if x.size else x
