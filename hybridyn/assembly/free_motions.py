@@ -103,24 +103,22 @@ def _undriven(module: Module, motions: Array, moved: Array) -> tuple[Array, Arra
     return free, _null_space(moved @ (motions @ free * module.mechanism.reduction.col_scale[:, None]), IDLE)
 
 
-def effects(m: Mechanism, motion: Motion, *, spanning: bool = False) -> Array:
+def effects(m: Mechanism, motion: Motion) -> Array:
     """Compute the scaled Jacobians of outputs, six rows each, then of the legs' centres of mass, three each.
 
     Args:
-        motion: Motion of the tree after the cuts, or of the `spanning` tree.
+        motion: Motion of the tree after the cuts.
 
     Returns:
         Shape (T, rows, n).
     """
-    tree, bodies = (m.spanning, m.cut.bodies) if spanning else (m.tree, np.arange(len(m.cut.bodies)))
     units = np.array([m.length] * 3 + [1.0] * 3)[:, None]
-    rows = [np.zeros((len(motion.p), 0, tree.nv))]
-    rows += [tree.jacobian(motion, bodies[body]) / units for body in m.spec.outputs]
+    rows = [np.zeros((len(motion.p), 0, m.tree.nv))]
+    rows += [m.tree.jacobian(motion, body) / units for body in m.spec.outputs]
     for i, body in enumerate(m.spec.leg_bodies):
         if body is not None and body.mass:
-            at = bodies[i + 1]
-            centre = motion.p[:, at] + motion.R[:, at] @ body.com
-            rows.append(tree.jacobian(motion, at, centre)[:, :3] / m.length)
+            centre = motion.p[:, i + 1] + motion.R[:, i + 1] @ body.com
+            rows.append(m.tree.jacobian(motion, i + 1, centre)[:, :3] / m.length)
     return np.concatenate(rows, axis=1)
 
 

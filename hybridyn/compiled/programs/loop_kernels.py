@@ -51,10 +51,9 @@ class LoopKernel:
         self._looped = bool(self.m.spanning_closures.rows)
         tree, pivots, idle = self.m.spanning, Pivots((), (), ()), dict[int, Mask | None]()
         if self._looped:
-            K = generic_rows(modules)
-            pivots = dependent_pivots(modules, K, given)
+            pivots = dependent_pivots(modules, generic_rows(modules), given)
             left = [c for c in range(tree.nv) if c not in pivots.cols and c not in given]
-            idle |= idle_freedoms(modules, K, pivots, left) if follows and left else {}
+            idle |= idle_freedoms(modules, left) if follows and left else {}
         if specs:  # arguments may move a rod's end off its line
             idle = dict.fromkeys(idle)
         self.loops = Loops(tree, pivots, self.m.spanning_col_scale, cut_weights(self.m), idle)

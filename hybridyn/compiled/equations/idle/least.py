@@ -11,69 +11,48 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ....assembly.free_motions import DRIVEN, IDLE, effects
 from ....spatial import Array, Mask
 from ....structure.mechanism import Mechanism
 from ....structure.module import Module
 from ....symbols import Expression, minus, times
 from ..expressions import along
-from ..guarded_elimination import Pivots
 from ..states import generic_positions
+from .motion import idle_motions
 
-#: Postures tell what is idle where the dependent freedoms have a reciprocal condition above this: rounding is
-#: then far below `IDLE`.
-TOLD = 1e-6
-#: An idle motion moves no freedom by less than this part of its size: such numbers are rounding.
+#: A spin of one moves no freedom by less than this, without units: such numbers are rounding.
 UNMOVED = 1e-12
 
 
-def idle_freedoms(
-    modules: Sequence[Module], K: Array, pivots: Pivots, left: Sequence[int]
-) -> dict[int, Mask]:
-    """Return the independent freedoms that move nothing but what is idle, and all that moves with each.
+def idle_freedoms(modules: Sequence[Module], left: Sequence[int]) -> dict[int, Mask]:
+    """Return the independent freedoms that stand for spins, and all that moves with each.
 
     Args:
         modules: Modules of one shape.
-        K: Closure rows over the spanning tree at their generic postures, module by module, shape (samples,
-            rows, nv).
-        pivots: Pivots of the dependent freedoms.
-        left: Independent freedoms that are not given.
+        left: Independent freedoms of the spanning tree that are not given.
 
     Returns:
         For each such freedom a mask, shape (nv,), by generic postures.
     """
-    m, cols = modules[0].mechanism, list(pivots.cols)
-    A = (K * m.spanning_col_scale)[:, list(pivots.rows)] * m.spanning_row_scale[list(pivots.rows), None]
-    A = np.where(np.isfinite(A).all(axis=(1, 2), keepdims=True), A, 0.0)
-    s = np.linalg.svd(A[:, :, cols], compute_uv=False)
-    told: Mask = np.asarray(s.min(axis=1, initial=np.inf) > TOLD * s.max(axis=1, initial=0.0))
-    idle, moving = set(left), np.zeros((m.spanning.nv, len(left)), dtype=bool)
-    for module, own, at in zip(modules, np.split(A, len(modules)), np.split(told, len(modules)), strict=True):
-        motions = np.zeros((at.sum(), m.spanning.nv, len(left)))
-        motions[:, left, np.arange(len(left))] = 1.0
-        motions[:, cols] = -np.linalg.solve(own[at][:, :, cols], own[at][:, :, left])
-        motions /= np.linalg.norm(motions, axis=1, keepdims=True)
-        moving |= (np.abs(motions) > UNMOVED).any(axis=0)
-        moved = _moved(module, generic_positions(module)[at], motions)
-        idle &= {c for c, size in zip(left, moved, strict=True) if size <= 1.0}
-    return {c: moving[:, i] for i, c in enumerate(left) if c in idle}
+    each = [_standing(module, left) for module in modules]
+    return {c: np.any([own[c] for own in each], axis=0) for c in left if all(c in own for own in each)}
 
 
-def _moved(module: Module, q: Array, motions: Array) -> Array:
-    """Return how much motions of the spanning tree move outputs and motors, over the limits of what is idle.
+def _standing(module: Module, left: Sequence[int]) -> dict[int, Mask]:
+    """Return the freedoms that stand for the spins of a module: a spin moves one of those that are left.
 
-    Args:
-        q: Positions, shape (T, nq).
-        motions: Motions without units, shape (T, nv, count).
-
-    Returns:
-        Shape (count,).
+    Joints of wrists that were cut follow the bodies that they connect.
     """
-    m = module.mechanism
-    motors = m.cut.v_in[module.motor_columns]
-    outputs = effects(m, m.spanning.sweep(q), spanning=True) * m.spanning_col_scale
-    moved = np.concatenate([outputs @ motions / IDLE, motions[:, motors] / DRIVEN], axis=1)
-    return np.asarray(np.abs(moved).max(axis=(0, 1), initial=0.0))
+    m, out = module.mechanism, dict[int, Mask]()
+    q, still = generic_positions(module)[-len(m.postures) :], np.zeros((len(m.postures), m.tree.nv))
+    for spin in idle_motions(m, module.motor_columns):
+        rates = still.copy()
+        rates[:, list(spin.cols)] = spin.axis
+        rates = m.spanning_rates(q, m.postures, rates, still)[0]
+        moved: Mask = np.asarray((np.abs(rates / m.spanning_col_scale) > UNMOVED).any(axis=0))
+        stands = [c for c in left if moved[c]]
+        if len(stands) == 1:
+            out[stands[0]] = moved
+    return out
 
 
 def cut_weights(m: Mechanism) -> Array:
