@@ -18,10 +18,9 @@ from ...spatial import Array, cross, hat, rotate
 from ...symbols import Expression, dot, minus
 from .chains import Chain, motion_map, point_acceleration, point_map, point_velocity
 from .expressions import numbers, scalar, zeros
-from .idle.motion import UNFELT
 from .legs import turned_apart
 from .parts import Parts
-from .rods import Rod
+from .rods import UNFELT, Rod
 from .scales import Scale, weighed
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from ...symbols import Expression, is_zero, plus, times
 from .expressions import along, zeros
-from .idle.inertia import AMPLIFIED, CERTAIN
 from .module_plan import ModulePlan
 from .scales import squares
 
@@ -17,6 +16,13 @@ from .scales import squares
 #: of a pivot to its diagonal entry, and of this to the inertia with all other joints locked (of the first
 #: axis of a gimbal-locked wrist of light links).
 NEARLY_NO_INERTIA = 1e-5
+
+#: Inertia along a motion, over that of the joints that take part about all axes, that is certainly one, in
+#: roundings.
+CERTAIN = 5000.0
+#: Largest growth of the rounding of a motion's inertia in the accelerations of others, by the square of their
+#: coupling over this inertia: to 1e-10.
+AMPLIFIED = 5e5
 
 
 def least_inertia(

@@ -15,8 +15,9 @@ from ...linkage.closures import TreeClosure
 from ...spatial import Index, indices
 from ...structure.mechanism import Mechanism
 from ...structure.module_spec import ModuleSpec
-from .idle.motion import UNFELT, IdleMotion, first_moment, idle_among
+from .idle.motion import IdleMotion, first_moment, idle_among
 from .rigid import Links
+from .rods import UNFELT
 
 #: Digits in which the axes of equal legs agree; the rest is rounding.
 ROUNDED_AXIS = 14

@@ -13,8 +13,11 @@ from ...linkage.closures import TreeClosure
 from ...spatial import Array
 from ...structure.wrists import axis_frame
 from .expressions import snap
-from .idle.motion import UNFELT
 from .rigid import Links, freedoms
+
+#: A closure does not feel a motion that opens it by less than this, without units: rounding. The idle
+#: motion of a leg moves its mass by less, too.
+UNFELT = 1e-13
 
 
 @dataclass(frozen=True, eq=False)

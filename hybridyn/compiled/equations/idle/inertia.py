@@ -19,17 +19,15 @@ from ....dynamics.guards import FORCED
 from ....spatial import Array, Index
 from ....symbols import Expression, is_zero, minus, times
 from ..expressions import along, scalar
+from ..least_inertia import AMPLIFIED, CERTAIN
 from ..leg_groups import Leg
 from ..module_plan import ModulePlan
 from ..rigid import Links
 from ..scales import Scale, size_of, squares
 from .motion import IdleMotion, momenta, twists_of
 
-#: Inertia of a spin, over that of its body about all axes, that is rounding, and that is none, in roundings.
-ROUNDED_SPIN, CERTAIN = 50.0, 5000.0
-#: Largest growth of the rounding of a motion's inertia in the accelerations of others, by the square of their
-#: coupling over this inertia: to 1e-10.
-AMPLIFIED = 5e5
+#: Inertia of a spin that is rounding, over that of its body about all axes, in roundings.
+ROUNDED_SPIN = 50.0
 
 
 @dataclass(frozen=True)

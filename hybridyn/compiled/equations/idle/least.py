@@ -19,12 +19,12 @@ from ..expressions import along
 from ..states import generic_positions
 from .motion import idle_motions
 
-#: A spin of one moves no freedom by less than this, without units: such numbers are rounding.
+#: An idle motion moves no freedom by less than this, without units: such numbers are rounding.
 UNMOVED = 1e-12
 
 
 def idle_freedoms(modules: Sequence[Module], left: Sequence[int]) -> dict[int, Mask]:
-    """Return the independent freedoms that stand for spins, and all that moves with each.
+    """Return the independent freedoms that stand for idle motions, and all that moves with each.
 
     Args:
         modules: Modules of one shape.
@@ -38,15 +38,15 @@ def idle_freedoms(modules: Sequence[Module], left: Sequence[int]) -> dict[int, M
 
 
 def _standing(module: Module, left: Sequence[int]) -> dict[int, Mask]:
-    """Return the freedoms that stand for the spins of a module: a spin moves one of those that are left.
+    """Return the freedoms that stand for the idle motions of a module: each moves one of those that are left.
 
     Joints of wrists that were cut follow the bodies that they connect.
     """
     m, out = module.mechanism, dict[int, Mask]()
     q, still = generic_positions(module)[-len(m.postures) :], np.zeros((len(m.postures), m.tree.nv))
-    for spin in idle_motions(m, module.motor_columns):
+    for motion in idle_motions(m, module.motor_columns):
         rates = still.copy()
-        rates[:, list(spin.cols)] = spin.axis
+        rates[:, list(motion.cols)] = motion.axis
         rates = m.spanning_rates(q, m.postures, rates, still)[0]
         moved: Mask = np.asarray((np.abs(rates / m.spanning_col_scale) > UNMOVED).any(axis=0))
         stands = [c for c in left if moved[c]]

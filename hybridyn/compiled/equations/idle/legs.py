@@ -22,9 +22,10 @@ from ..expressions import Folding, along, scalar, snap
 from ..leg_groups import Leg
 from ..module_plan import ModulePlan
 from ..rigid import Links
+from ..rods import UNFELT
 from .cores import idle_guard
 from .inertia import decided_of, without_forces
-from .motion import UNFELT, IdleMotion, first_moment
+from .motion import IdleMotion, first_moment
 
 
 def other_rates(leg: Leg) -> Array:

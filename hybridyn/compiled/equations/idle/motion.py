@@ -24,10 +24,7 @@ from ....structure.module import Module
 from ....symbols import Expression, dot, is_zero, times
 from ..expressions import TURNED_ROUNDING, numbers, snap
 from ..rigid import BallAxes, Links, freedoms, momentum
-
-#: A closure does not feel a motion that opens it by less than this, without units: rounding. The spin of a
-#: leg moves its mass by less, too.
-UNFELT = 1e-13
+from ..rods import UNFELT
 
 
 @dataclass(frozen=True, eq=False)
