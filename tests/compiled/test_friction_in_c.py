@@ -13,6 +13,7 @@ from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.settling import far_from_solution, largest_over
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Call
+from hybridyn.compiled.programs import whole_robot
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.effects import GearEfficiency, GravityCompensation, LoadFriction, choose
 from hybridyn.errors import ActuationError, ModelError, SingularityError
@@ -165,6 +166,23 @@ def test_an_iteration_that_did_not_arrive_is_not_trusted(base: str, monkeypatch:
         assert not (library.batch(model, q, v, last)[1] <= 1).any()
 
 
+def test_wrenches_on_outputs_load_the_joints_of_legs() -> None:
+    robot, rng = build_robot(shipped("rps3")), np.random.default_rng(0)
+    effects = ["default", LoadFriction(normal=dict.fromkeys(robot.motors, 0.05), width=0.05)]
+    q, v, a, tau = random_states(robot, 2)
+    wrench = 20 * rng.normal(size=(2, 6))
+    library = whole_robot.Interpreted(
+        [*programs(robot, effects, models=("idm", "ddm"), wrenches=["m1_platform"]).values()]
+    )
+    for model, last in (("ddm", tau), ("idm", a)):
+        (found,), guard = library.batch(model, q, v, last, wrench)
+        wanted = getattr(hybridyn, model)(
+            robot, q, v, last, wrenches={"m1_platform": wrench}, effects=effects
+        )
+        assert (guard <= 1).all()
+        close_to(found, wanted, AGREES)
+
+
 def test_a_friction_that_is_nan_is_not_settled() -> None:
     values = np.array([ca.SX(1.0), ca.SX(np.nan)], dtype=object)
     assert float(largest_over(values[:1], np.array([2.0]))) == 0.5
@@ -176,7 +194,10 @@ def test_what_compiled_models_cannot_do_with_it_is_refused() -> None:
     joint = robot.motors[0]
     rubs, shared = LoadFriction(radial={joint: 1e-3}), LoadFriction(tilt={joint: 1e-3})
     for effects, said in (
-        (["default", rubs, GravityCompensation({"m1_tool": 0.5})], "with wrenches on links"),
+        (
+            ["default", rubs, GravityCompensation({"m1_tool": 0.5})],
+            "on joint 'm1_.*' with a wrench on the link 'm1_tool'",
+        ),
         (["default", shared], f"redundant closures share loads .*tilt of '{joint}'"),
     ):
         with pytest.raises(ModelError, match=said):

@@ -6,12 +6,14 @@ link of a leg is efforts along the joints that carry the link, and a wrench on t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ...description.names import did_you_mean
+from ...effects.load_friction import OnLoads
 from ...errors import ModelError
 from ...spatial import Array, wrench_to_base
 from ...structure.module import Module
@@ -77,6 +79,25 @@ def acting_on(robot: HybridRobot, link: str) -> Acting:
         path += reversed(range(m.tree.v_slices[at - 1].start, m.tree.v_slices[at - 1].stop))
         at = joints[at - 1].parent
     return Acting(link, body, k, own, None, tuple(path), R, p)
+
+
+def refuse_beyond(robot: HybridRobot, law: OnLoads, links: Sequence[str]) -> None:
+    """Raise if a wrench acts on a link of a leg beyond a joint with friction that grows with load.
+
+    Raises:
+        ModelError: The message names the link and the joint.
+    """
+    for at in (acting_on(robot, link) for link in links):
+        module = robot.modules[at.module]
+        tree, in_whole = module.mechanism.tree, module.mechanism.spec.in_whole
+        for name in set(law.joints).intersection(module.joints):
+            joint = in_whole[module.joints.index(name)]
+            if joint < len(tree.joints) and tree.v_slices[joint].start in at.path:
+                raise ModelError(
+                    f"the effect '{law.effect.name}' cannot be compiled on joint '{name}' with a wrench on "
+                    f"the link '{at.link}', which the joint carries in a leg. Use the general path for both, "
+                    "or leave one out", element=law.effect.name,
+                )  # fmt: skip
 
 
 def along_path(module: Module, at: Acting, arguments: ModuleArguments | None) -> ca.Function:

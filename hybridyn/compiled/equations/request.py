@@ -18,7 +18,7 @@ from ...structure.module import Module
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ...symbols import Expression
-from .acting import Acting, acting_on
+from .acting import Acting, acting_on, refuse_beyond
 from .arguments import ChosenNumbers, Inertias, ModuleArguments
 from .coefficients import friction_slots
 from .expressions import settled
@@ -277,14 +277,17 @@ def request(
             f"the effect '{unit.name}' cannot be compiled: {why}. Use the general path for it",
             element=unit.name,
         )
-    if on.loaded is not None and (on.links or wrenches):
-        raise ModelError(
-            f"the effect '{on.loaded.effect.name}' cannot be compiled with wrenches on links, which load "
-            "joints, too. Use the general path for both, or leave one out", element=on.loaded.effect.name,
-        )  # fmt: skip
+    if on.loaded is not None:
+        acting = [*wrenches, *(link for unit in on.links for link in unit.links)]
+        refuse_beyond(robot, on.loaded, [link for link in acting if _moves(robot, link)])
     if on.inertia is None:
         raise ModelError("models without the effect 'inertia' cannot be compiled", element="inertia")
     if on.loaded is not None:
         check_shared_loads(robot, on)
     chosen = ChosenNumbers(robot, tuple(parameters)) if parameters else None
     return Request(robot, on, chosen, dtype, links=tuple(wrenches))
+
+
+def _moves(robot: HybridRobot, link: str) -> bool:
+    """Return whether a link is no part of a base at rest."""
+    return robot.base == "floating" or link not in robot.bodies.place or robot.bodies.place[link][0] > 0
