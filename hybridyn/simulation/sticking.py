@@ -28,6 +28,8 @@ OVER = 1.0 + 1e-12
 SOON = 2.0**-20
 #: Rate of a joint, over the largest, that counts as rest where others are stopped.
 STANDING = 1e-11
+#: Cosine between rate and direction of a ball below which it takes that of its rate, where joints change.
+TURNED = 0.5
 #: What a parabola over a step may miss of the held part, before the step is shortened to its first quarter.
 ROUGH = 0.1
 #: Changes at one time after which a run ends.
@@ -115,11 +117,15 @@ class Sticking:
                 f"at t = {reached.t:g} s joints change between sticking and sliding {MOST_CHANGES} times; "
                 "leave stiction out"
             )
-        slides, now = self._dry.along(v, signs) > 0, self._dry.directions(v, signs)
+        way = self._dry.along(v, signs)
+        slides, now = way > 0, self._dry.directions(v, signs)
         for at in self._dry.vectors:
-            across = np.linalg.norm(v[at] - v[at] @ signs[at] * signs[at])
-            if not slides[at].any() and across > STANDING * self._fastest * self._unit[at[0]]:
-                slides[at], now[at] = True, v[at] / np.linalg.norm(v[at])  # it has turned by a right angle
+            size, across = np.linalg.norm(v[at]), np.linalg.norm(v[at] - v[at] @ signs[at] * signs[at])
+            moves = signs[at].any() and across > STANDING * self._fastest * self._unit[at[0]]
+            if (
+                moves and way[at[0]] <= TURNED * size
+            ):  # else it would be braked across its rate, again and again
+                slides[at], now[at] = True, v[at] / size
         return self._settled(reached, np.where(slides, now, 0.0))
 
     def between(self, before: State, t: float, q: Array, v: Array) -> tuple[Array, Array]:
