@@ -158,13 +158,12 @@ def test_friction_about_the_axes_of_a_ball_holds_each_by_itself() -> None:
 
 
 @SLOW
-@pytest.mark.parametrize("kinds", [("spherical",), ("spherical", "spherical")])
-def test_energy_never_grows_until_rods_that_hang_rest_and_stay(kinds: tuple[str, ...]) -> None:
-    """They swing in space and spin; friction turns with the rate, and keeps its size."""
-    robot = rods(0.0, *kinds, up=-1.0)
-    start: Array = np.array([1.0, 0.4, 1.5, 0.5, -1.0, 0.8])[: robot.nv]
-    law = LoadFriction({f"cup{i}": 3 * RUB for i in range(len(kinds))})
-    run = simulate(robot, robot.home, start, (0, 0.6 * len(kinds)), effects=["default", law], stiction=True,
+def test_energy_never_grows_until_a_rod_that_hangs_rests_and_stays() -> None:
+    """It swings in space and spins; friction turns with the rate, and keeps its size."""
+    robot = rods(0.0, "spherical", up=-1.0)
+    start: Array = np.array([1.0, 0.4, 1.5])
+    law = LoadFriction({"cup0": 3 * RUB})
+    run = simulate(robot, robot.home, start, (0, 0.6), effects=["default", law], stiction=True,
                    rtol=1e-7, atol=1e-9)  # fmt: skip
     assert np.diff(run.energy).max() <= GROWS * run.kinetic[0]
     assert len(run.t) < 400  # it ends in steps that shorten its rate, each by some part
