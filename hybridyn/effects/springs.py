@@ -14,8 +14,9 @@ from .joints import JointEffect, Numbers, Numerals, positive
 
 #: Largest deviation of the squared length of a quaternion at rest from one.
 UNIT_QUATERNION = 1e-6
-#: Square of the half turn below which a turn has no direction.
-SMALL_TURN = 1e-300
+#: Square of the sine of half a turn below which the turn is a series: the quotient loses digits there, 1e-16
+#: over the sine, in its second derivative. What the series leaves out is below 1e-16 in the latter.
+SMALL_TURN, TERMS = 1e-3, 7
 
 
 @dataclass(frozen=True)
@@ -184,8 +185,14 @@ class BallSpring(JointEffect):
         own, next_, last, cosine = (
             sum(a * x for a, x in zip(p[at : at + 4], q, strict=True)) for at in (1, 5, 9, 13)
         )
-        sine = np.sqrt(own * own + next_ * next_ + last * last + SMALL_TURN)
-        return 2.0 * own / sine * (np.arctan2(sine, np.fabs(cosine)) * (1.0 - 2.0 * (cosine < 0.0)))
+        square = own * own + next_ * next_ + last * last
+        small = 1.0 * (square < SMALL_TURN)
+        sine, c = np.sqrt(square + small), np.fabs(cosine) + (1.0 - small)  # none is zero where it has no use
+        tangent, series = small * square / (c * c), 0.0
+        for k in reversed(range(TERMS)):
+            series = 1.0 / (2 * k + 1) - tangent * series
+        half = small * series / c + (1.0 - small) * np.arctan2(sine, np.fabs(cosine)) / sine
+        return 2.0 * own * half * (1.0 - 2.0 * (cosine < 0.0))
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute -k r."""

@@ -13,7 +13,8 @@ from ..structure.parameters.entries import Numbers, Parameters
 #: Imaginary step of functions that take complex numbers: no digit is lost.
 COMPLEX_STEP = 1e-30
 #: Half the interval of a polynomial through numbers without derivatives (files of xacro, parameters of other
-#: packages), as a part of a parameter's range or size; and that of a parameter that is zero.
+#: packages), as a part of a parameter's size, or of its range where it is zero; and that without a range. A
+#: range may be many times as wide as its least number, near which 1 / p bends.
 PART, STEP_AT_ZERO = 0.02, 1e-3
 #: Points in the interval: the error is that of order 8, 1e-14 of a smooth expression; rounding, 1e-13.
 POINTS = 8
@@ -41,8 +42,8 @@ def changes_of(
     values = _possible(function(at[None]))[0]
     bounds = np.tile([-np.inf, np.inf], (len(at), 1)) if ranges is None else ranges
     widths = np.where(np.isfinite(bounds).all(axis=1), np.ptp(bounds, axis=1), 0.0)
-    steps = PART * np.maximum(np.abs(at), widths)
-    steps[steps == 0.0] = STEP_AT_ZERO
+    at_zero = np.where(widths > 0.0, PART * widths, STEP_AT_ZERO)
+    steps = np.where(at == 0.0, at_zero, PART * np.abs(at))
     low, high = np.minimum(bounds[:, 0], at), np.maximum(bounds[:, 1], at)
     rounding = np.finfo(float).eps
     out = np.zeros((len(values), len(at)))
@@ -56,7 +57,7 @@ def changes_of(
         out[:, k] = slopes(steps[k])
         noisy = rounding * np.abs(values) > NOISE * steps[k] * np.abs(out[:, k])
         if noisy.any() and rounding > NOISE * steps[k]:
-            out[noisy, k] = slopes(STEP_AT_ZERO)[noisy]
+            out[noisy, k] = slopes(at_zero[k])[noisy]
     return out
 
 

@@ -1,21 +1,25 @@
 """Second derivatives of both models: the oracle in long double along closed paths, and what they cost."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import hybridyn
 from benchmarks.operations import total
+from hybridyn import effects as fx
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.whole_robot import Interpreted, programs
 from hybridyn.compiled.second.paths import moved
 from hybridyn.compiled.second.programs import second_program
 from hybridyn.effects.choice import choose
 from hybridyn.joints.kinds import JointKind
-from hybridyn.spatial import Array
+from hybridyn.spatial import Array, numpy_on_symbols
 from hybridyn.structure.building import build_robot
 from tests.compiled.test_derivatives import near_a_lost_pivot
 from tests.oracle import Oracle
@@ -24,6 +28,7 @@ from tests.robots.effect_cases import CASES
 from tests.robots.mechanisms import KINDS, random_mechanism
 from tests.robots.shipped import shipped
 from tests.support.comparing import close_to, refused, same_bits
+from tests.support.files import save
 from tests.support.samples import slow
 
 #: Of the largest term: differences of sixth order in long double leave 1e-12.
@@ -306,6 +311,34 @@ def test_smooth_effects_are_among_the_forces(law: str, interpreted: None) -> Non
     )
 
 
+HANGING = """<robot name="hanging"><link name="base"/>
+<link name="rod"><inertial><origin xyz="0 0 -0.1"/><mass value="2"/>
+<inertia ixx="0.03" iyy="0.04" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="ball" type="spherical"><parent link="base"/><child link="rod"/></joint></robot>"""
+
+
+def test_a_spring_at_rest_is_smooth(tmp_path: Path) -> None:
+    """In C: the turn along a step from rest is the step; its second derivative is of the size of the turn."""
+    robot = hybridyn.load(save(tmp_path, HANGING, "hanging.urdf"), motors=[])
+    q = np.array([[half, 0.0, 0.0, 1.0] for half in (0.0, 1e-17, 1e-13, 1e-9)])
+    v, tau = np.zeros((len(q), 3)), np.zeros((len(q), 0))
+    spring = fx.BallSpring({"ball": 100.0})
+    second = hybridyn.SecondDerivatives(robot, "ddm", effects=["default", spring])
+    found = second.hessian(q, v, tau, np.ones(3))
+    assert np.abs(found - found[0]).max() <= 1e-8 * 100.0 / 0.02  # of stiffness over inertia
+
+
+@pytest.mark.parametrize("half", [0.0, 1e-17, 0.02, 0.0316, 0.0317, 0.04, 0.8])
+def test_series_and_quotient_of_a_turn_meet(half: float) -> None:
+    """The turn is twice x: its second derivative is zero."""
+    x = ca.SX.sym("x")
+    p = (1.0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
+    with numpy_on_symbols():
+        turn = fx.BallSpring().position(p, [ca.sin(x), 0.0, 0.0, ca.cos(x)])
+    orders = ca.Function("orders", [x], [turn, ca.jacobian(turn, x), ca.hessian(turn, x)[0]])
+    close_to([*map(float, orders(half))], [2 * half, 2.0, 0.0], 1e-13)
+
+
 @pytest.mark.parametrize("names", [["mass:m1_tool"], slow(["upper_length", "mass:m1_tool"])])
 def test_parameters_are_those_of_a_changed_robot(names: list[str], interpreted: None) -> None:
     robot = hybridyn.load("five_bar")
@@ -332,6 +365,10 @@ def test_what_has_no_second_derivative_is_refused(interpreted: None) -> None:
         ("ground_contact", "the touch is a kink"),
     ):
         refused(partial(make, effects=CASES[law](robot)), hybridyn.ModelError, words)
+    rope = fx.Tendons({x: {"rope": 0.1} for x in robot.motors}, {"rope": 5.0}, lower={"rope": 0.0})
+    make(effects=["default", rope])  # a bound that is not stated is zero: no slack range
+    rope = replace(rope, upper={"rope": 0.1})
+    refused(partial(make, effects=["default", rope]), hybridyn.ModelError, "slack range is a kink")
     for call, words in (
         (partial(make, effects=["default", "limits"]), "each limit is a kink"),
         (partial(make, "kinematics"), "not of 'kinematics'"),

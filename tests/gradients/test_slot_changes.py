@@ -28,6 +28,20 @@ def test_no_digits_are_lost_near_zero(x: float) -> None:
     assert not found[4, 0]
 
 
+@pytest.mark.parametrize("power", [1, 2])
+def test_a_range_may_be_much_wider_than_its_least_number(power: int) -> None:
+    """A polynomial over a part of the range does not follow 1 / p where p is small."""
+    found = changes_of(lambda p: (1 / p**power, {}), np.array([1e-3]), np.array([[1e-3, 0.1]]))
+    assert found[0, 0] == pytest.approx(-power * 1e-3 ** (-power - 1), rel=AGREE)
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-9])
+def test_near_zero_a_range_is_the_interval(x: float) -> None:
+    """In micrometres, say: a step of 1e-3 leaves few digits beside 3e5."""
+    found = changes_of(lambda p: (3e5 + p, {}), np.array([x]), np.array([[-1e5, 1e5]]))
+    assert found[0, 0] == pytest.approx(1.0, rel=AGREE)
+
+
 def root(p: Array) -> Numbers:
     """Return what is possible from 0.2 on."""
     errors = {int(i): ModelError("too short") for i in np.flatnonzero(p[:, 0] < 0.2)}

@@ -10,6 +10,7 @@ import hybridyn
 from hybridyn.description.shipped import shipped_file
 from hybridyn.errors import HybridynError, ModelError
 from hybridyn.spatial import Array
+from hybridyn.studies.sweep.evaluation import Designer
 from hybridyn.studies.sweep.gradients import StudyGradients
 from hybridyn.studies.sweep.measures import OF_MOTORS
 from hybridyn.studies.sweep.reading import read_study
@@ -79,6 +80,38 @@ def test_gradients_of_measures_are_those_of_the_measures(tmp_path: Path) -> None
     wanted = (4 * fine - coarse) / (6 * STEP)
     own = np.r_[found.gradient @ along, found.closing_gradient @ along]
     assert (np.abs(own - wanted) <= AGREE * (np.abs(wanted) + 1.0)).all()
+
+
+TWO = """[robot]
+file = "urdf/five_bar.urdf.xacro"
+[designs]
+method = "grid"
+[parameters]
+upper_length = {{ values = [{}] }}
+upper_mass = {{ values = [0.9] }}
+[tasks.loop]
+trajectory = "loop.csv"
+"""
+
+
+def with_tip(folder: Path, name: str, z: str) -> None:
+    """Copy the five-bar, with a link without mass on its tool."""
+    shutil.copytree(Path(shipped_file("five_bar") or "").parent, folder / "urdf")
+    file = folder / "urdf" / "five_bar.urdf.xacro"
+    tip = f"""<xacro:property name="m" value="$(arg upper_mass)"/><link name="{name}"/>
+    <joint name="tip_mount" type="fixed"><parent link="m1_tool"/><child link="{name}"/>
+    <origin xyz="0 0 {z}"/></joint></robot>"""
+    file.write_text(file.read_text().replace("</robot>", tip))
+
+
+def test_a_design_of_another_structure_has_its_own_models(tmp_path: Path) -> None:
+    """Beside each design the same numbers change, and a number that does not differs between them."""
+    with_tip(tmp_path, "tip", "${0.3 if m > 0.95 else 0.1}")
+    of = study(tmp_path, 'measure = { x = "mean tip/pose/x" }', TWO.format("0.25"))
+    of.prepare(np.array([0.25, 0.7]))
+    found, measure = of(np.array([0.2525, 1.1])), Designer(of.source)
+    ahead, back = (measure(0, np.array([x, 1.1])).measures[0] for x in (0.2535, 0.2515))
+    assert found.gradient[0] == pytest.approx([(ahead - back) / 2e-3, 0.0], rel=1e-4, abs=1e-9)
 
 
 def test_a_design_that_cannot_be_assembled_says_so(tmp_path: Path) -> None:

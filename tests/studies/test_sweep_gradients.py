@@ -14,6 +14,7 @@ from hybridyn.studies.sweep.gradients import StudyGradients
 from hybridyn.studies.sweep.reading import read_study
 from hybridyn.studies.sweep.shards import read_shards
 from tests.studies.test_study_gradients import STUDY as LOOP
+from tests.studies.test_study_gradients import TWO, with_tip
 from tests.studies.test_study_gradients import study as written_loop
 from tests.studies.test_sweep import ANGLE, GRID, effort, folder, written
 from tests.support.command_line import call
@@ -74,6 +75,13 @@ def test_a_run_continues_with_the_same_models(folder: Path, monkeypatch: pytest.
     refused(lambda: hybridyn.sweep(study, "whole", jobs=1, resume=True), hybridyn.HybridynError, "gradient")
     assert hybridyn.sweep(study, "whole", jobs=1, resume=True, gradient=True).now == 1
     assert read_shards("whole").equals(whole)
+
+
+def test_a_parameter_without_slots_is_named_beside_designs_out_of_reach(tmp_path: Path) -> None:
+    with_tip(tmp_path, "tip$(arg upper_mass)", "0.1")
+    written_loop(tmp_path, 'measure = ["energy"]', TWO.format("0.05, 0.25"))
+    run = partial(hybridyn.sweep, tmp_path / "study.toml", tmp_path / "out", jobs=1, gradient=True)
+    refused(run, hybridyn.HybridynError, "no design can be evaluated .*the links are others")
 
 
 @pytest.mark.parametrize(

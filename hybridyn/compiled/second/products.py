@@ -186,6 +186,7 @@ class _Back:
 
     def _of_source(self, end: Source, copies: int) -> tuple[list[Place], bool]:
         """Return where weights of what a call reads and their changes go, and whether others stand there."""
+        assert not isinstance(end, SharedPlace)  # its weights would be parts that nothing sums up
         at: Index = end.at(copies)
         if isinstance(end, Own):
             again = ("own", end.start) in self._written

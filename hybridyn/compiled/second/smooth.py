@@ -27,9 +27,14 @@ def check_smooth(robot: HybridRobot, effects: Choice) -> None:
     laws = [*(law.effect for law in on.joints), *on.links]
     kinks |= {law.name: KINKED[law.name] for law in laws if law.name in KINKED}
     lines = [law for law in laws if isinstance(law, Tendons | LineSprings)]
-    kinks |= {law.name: "the slack range" for law in lines if law.lower != law.upper}
+    kinks |= {law.name: "the slack range" for law in lines if _slack(law)}
     for name, what in kinks.items():
         raise ModelError(
             f"the effect '{name}' has no second derivative: {what} is a kink of its law; leave it out",
             element=name,
         )
+
+
+def _slack(law: Tendons | LineSprings) -> bool:
+    """Return whether a length has a range without force; bounds that are not stated are zero."""
+    return any(law.lower.get(x, 0.0) != law.upper.get(x, 0.0) for x in {*law.lower, *law.upper})

@@ -141,8 +141,6 @@ class StudyGradients:
             models = self._models(robot, values)
             return (nothing if row.status != "ok" else self._along(row, robot, motions, models)), None
         except HybridynError as error:  # near singular postures, or of a model
-            if row.status != "ok":
-                return nothing, None
             return nothing._replace(row=replace(row, status=status_of(error), message=said(error))), error
 
     def _along(
@@ -170,7 +168,8 @@ class StudyGradients:
         These are of the numbers in slots, then of the motors' limits.
         """
         variants, known, base = self._designer.variants, self._kept, robot.description
-        differ = {*known.slots} if known is not None and _same(known, base) else set[Slot]()
+        same = known if known is not None and _same(known, base) else None
+        differ = {*same.slots} if same is not None else set[Slot]()
         slots = None
 
         def numbers(rows: Array) -> Numbers:
@@ -192,7 +191,7 @@ class StudyGradients:
         while slots is None or {*slots} != differ:
             slots = tuple(sorted(differ))
             along = changes_of(numbers, values, self._ranges)
-        models = known if known is not None and slots == known.slots else _Models(robot, slots, {})
+        models = same if same is not None and slots == same.slots else _Models(robot, slots, {})
         if known is None:
             self._kept, self.base = models, values
         return models, np.array(values_of(base, slots)), along
