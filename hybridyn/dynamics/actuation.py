@@ -26,11 +26,13 @@ class Sharing(NamedTuple):
         weights: One weight per motor; the sum of weight x effort^2 is minimal. None: by effort limits.
         on_singular: "raise", or "least-norm" to use the least efforts at a singular posture.
         passive_hint: Advice in the error message if a passive motion would need an effort.
+        balanced: Whether that is an error. Under a part of the loads it is none.
     """
 
     weights: Array | None
     on_singular: str
     passive_hint: str
+    balanced: bool = True
 
 
 class Need(NamedTuple):
@@ -77,7 +79,8 @@ def motor_efforts(robot: HybridRobot, module: Module, need: Need, sharing: Shari
         hard = np.flatnonzero(pivot < SINGULAR_MOTOR_MAP * N)
     if len(moving) and len(hard):
         tau[hard] = least_norm(module, B, need, share, sharing, hard)
-    _check_driven(module, need.Q - np.einsum("tij,tj->ti", B, tau), need, sharing)
+    if sharing.balanced:
+        _check_driven(module, need.Q - np.einsum("tij,tj->ti", B, tau), need, sharing)
     out = np.zeros((T, len(module.motors)))
     out[:, moving] = tau / unit
     return out

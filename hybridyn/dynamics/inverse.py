@@ -159,10 +159,12 @@ def _with_friction(
     from .friction_of_motion import answers_to_friction  # which most robots need not
     from .load_friction import answers_one_by_one, settle
 
+    partial = sharing._replace(balanced=False)  # passive motions may need the friction that is sought
+
     def under(efforts: Array) -> Reactions:
         """Compute the reactions under efforts of joints."""
         more = replace(loads, joints=loads.joints + efforts)
-        found = under_loads(robot, q, v, a, more, sharing, given, solved=solved, reactions=True).reactions
+        found = under_loads(robot, q, v, a, more, partial, given, solved=solved, reactions=True).reactions
         assert found is not None
         return found
 

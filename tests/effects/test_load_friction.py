@@ -136,6 +136,19 @@ def test_efforts_under_friction_cause_the_motion_and_balance_every_joint(kind: s
         close_to(hybridyn.power(robot, q, v, tau, effects=effects).lost, taken, 1e-9)
 
 
+def test_a_rod_that_no_motor_spins_may_need_the_friction_of_its_ball() -> None:
+    """`ddm` gives the acceleration of its spin; a motion beside that one needs an effort."""
+    description = random_mechanism(8, kind="rssr")
+    robot = build_robot(description)
+    (ball,) = [name for name, kind in zip(robot.joints, robot.kinds, strict=True) if kind == "spherical"]
+    effects = ["default", LoadFriction(radial={ball: 1e-3})]
+    (q,), (v,), _ = random_states(description, "fixed", 8, 1)
+    a = hybridyn.ddm(robot, q, v, [100.0], effects=effects)
+    close_to(hybridyn.idm(robot, q, v, a, effects=effects), [100.0], 1e-11)
+    with pytest.raises(ActuationError, match="1 motor for 2 freedoms"):
+        hybridyn.idm(robot, q, v, hybridyn.ddm(robot, q, v, [100.0]), effects=effects)
+
+
 def test_bearings_that_share_their_load_are_refused() -> None:
     """The hinges of a planar loop tilt one another; what they carry in the plane is determined."""
     robot = build_robot(shipped("five_bar"))
