@@ -468,12 +468,16 @@ class Description:
             others: The other numbers of the effect; those of the description by default.
         """
         joints = [*stated]
+        found = next((values for name, values in self.effects if name == "load_friction"), {})
         if others is None:
-            found = next((values for name, values in self.effects if name == "load_friction"), {})
             others = {name: value for name, value in found.items() if name not in LOAD_FRICTION}
         values = {word: {x.name: getattr(x, word) for x in joints} for word in LOAD_FRICTION}
-        tables = {  # numbers of a trace are not compared
-            word: {joint: x for joint, x in table.items() if not (isinstance(x, float | int) and x == 0)}
+        tables = {  # a zero stays where one is stated; numbers of a trace are not compared
+            word: {
+                joint: x
+                for joint, x in table.items()
+                if joint in found.get(word, {}) or not (isinstance(x, float | int) and x == 0)
+            }
             for word, table in values.items()
         }
         left = (effect for effect in self.effects if effect[0] != "load_friction")

@@ -1,6 +1,7 @@
 """Chosen numbers of a description as parameters: names, slots, and the numbers of modules that follow."""
 
 import dataclasses
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,14 @@ import pytest
 
 from hybridyn import HybridRobot, assemble, idm, load
 from hybridyn.compiled.equations.arguments import Traced, expressed
+from hybridyn.compiled.programs.sources import asked_for
 from hybridyn.description.records import Description
+from hybridyn.description.shipped import shipped_file
 from hybridyn.effects import Payload, Spring, with_effects
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters, _angles
-from hybridyn.structure.parameters.slots import values_of, with_values
+from hybridyn.structure.parameters.slots import Slot, differences, values_of, with_values
 from tests.robots.shipped import shipped
 from tests.support.comparing import refused
 from tests.support.files import save
@@ -221,6 +224,62 @@ def test_the_file_is_read_once_for_each_design(monkeypatch: pytest.MonkeyPatch) 
     found = parameters.slot_values(np.array([[0.27]]))
     monkeypatch.setattr("hybridyn.structure.parameters.xacro.read", None)
     np.testing.assert_array_equal(parameters.slot_values(np.array([[0.27], [0.27]])), found[[0, 0]])
+
+
+def with_three_motors(folder: Path, drives: str, elbows: str) -> Path:
+    """Copy the five-bar with other effort limits of its drives and of its hinges, and give its file."""
+    shutil.copytree(Path(shipped_file("five_bar") or "").parent, folder / "urdf")
+    modules = folder / "urdf" / "modules"
+    for name, before, limit in (("five_bar", "${torque}", drives), ("joints", "0", elbows)):
+        file, stated = modules / f"{name}.xacro", f'effort="{before}"'
+        assert stated in file.read_text()
+        file.write_text(file.read_text().replace(stated, f'effort="{limit}"'))
+    return folder / "urdf" / "five_bar.urdf.xacro"
+
+
+#: Motors of the five-bar, of which two would do.
+THREE = ["m1_left_drive", "m1_right_drive", "m1_left_elbow"]
+
+
+def test_designs_of_one_model_share_loads_among_motors_alike(tmp_path: Path) -> None:
+    """Ratios of limits may not change, near the robot's own length or far from it; the limits may."""
+
+    def asked(name: str, drives: str, elbows: str) -> Parameters:
+        robot = load(with_three_motors(tmp_path / name, drives, elbows), motors=THREE)
+        return asked_for(robot, None, ["upper_length"], "float64")[2]
+
+    words = "with upper_length = .*3 motors share a load by their effort limits, whose ratios differ"
+    refused(lambda: asked("near", "15", "${20 * x}"), ModelError, words)
+    far = asked("far", "15", "${5 if x &lt; 0.3 else 6}")
+    far.slot_values(np.array([[0.29]]))
+    refused(lambda: far.slot_values(np.array([[0.31]])), ModelError, words)
+    asked("alike", "${40 * upper_length}", "${20 * x}").slot_values(np.array([[0.29]]))
+
+
+def test_friction_by_load_may_vanish_in_a_design() -> None:
+    table = {"radial": {"m1_left_drive": 0.01}, "width": 0.01}
+    rough = dataclasses.replace(shipped("five_bar"), effects=(("load_friction", table),))
+    slot = Slot("load_friction", "m1_left_drive", "radial")
+    smooth = with_values(rough, [slot], [0.0])
+    assert differences(rough, smooth) == [slot] == differences(smooth, rough)
+    robot = build_robot(smooth)
+    q, v, a = assemble(robot, motors=dict.fromkeys(robot.motors, (0.1, 0.2, 0.3)))
+    plain = idm(build_robot(dataclasses.replace(rough, effects=())), q, v, a, effects="model")
+    np.testing.assert_array_equal(idm(robot, q, v, a, effects="model"), plain)
+
+
+def test_what_follows_from_an_efficiency_is_no_number_of_its_own() -> None:
+    motor = "m1_left_drive"
+    back, efficiency = (Slot("gears", motor, field) for field in ("back", "efficiency"))
+    cases: list[tuple[dict[str, Any], list[Slot]]] = [
+        ({}, [efficiency]),
+        ({"back": {motor: 0.7}}, [back, efficiency]),
+    ]
+    for stated, found in cases:
+        table = {"efficiency": {motor: 0.9}, **stated}
+        robot = dataclasses.replace(shipped("five_bar"), effects=(("gear_efficiency", table),))
+        other = with_values(robot, found, [0.8] * len(found))
+        assert sorted(differences(robot, other)) == found
 
 
 COUNTED = """<robot name="stack" xmlns:xacro="http://www.ros.org/wiki/xacro">

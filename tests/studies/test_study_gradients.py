@@ -14,6 +14,7 @@ from hybridyn.studies.sweep.evaluation import Designer
 from hybridyn.studies.sweep.gradients import StudyGradients
 from hybridyn.studies.sweep.measures import OF_MOTORS
 from hybridyn.studies.sweep.reading import read_study
+from tests.structure.test_parameters import THREE, with_three_motors
 
 #: Agreement with a quotient of differences of order four: its rounding, 1e-13 over steps of 1e-3, counts.
 AGREE, STEP = 1e-8, 1e-3
@@ -112,6 +113,14 @@ def test_a_design_of_another_structure_has_its_own_models(tmp_path: Path) -> Non
     found, measure = of(np.array([0.2525, 1.1])), Designer(of.source)
     ahead, back = (measure(0, np.array([x, 1.1])).measures[0] for x in (0.2535, 0.2515))
     assert found.gradient[0] == pytest.approx([(ahead - back) / 2e-3, 0.0], rel=1e-4, abs=1e-9)
+
+
+def test_shares_that_follow_a_parameter_have_no_gradient(tmp_path: Path) -> None:
+    with_three_motors(tmp_path, "15", "${20 * x}")
+    text = TWO.format("0.25").replace("[designs]", f"motors = {THREE}\n[designs]")
+    of = study(tmp_path, 'measure = ["rms_effort"]', text)
+    with pytest.raises(ModelError, match="3 motors share a load by their effort limits, whose ratios differ"):
+        of(np.array([0.25, 0.9]))
 
 
 def test_a_design_that_cannot_be_assembled_says_so(tmp_path: Path) -> None:

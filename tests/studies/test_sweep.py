@@ -481,7 +481,7 @@ def test_numbers_beside_a_stated_one_are_scaled_with_its_link(folder: Path) -> N
     slots = differences(*each)
     assert len(slots) == 4
     assert np.array_equal(
-        SlotNumbers(variants, each[0], slots)(values).p, [values_of(x, slots) for x in each]
+        SlotNumbers(variants, variants.robot(each[0]), slots)(values).p, [values_of(x, slots) for x in each]
     )
 
 

@@ -121,7 +121,8 @@ def asked_for(
 
     Raises:
         ModelError: A parameter is unknown, `dtype` is invalid, or an effect is not available; or no joint
-            moves, or efforts are limited, in models that are alone.
+            moves, or efforts are limited, in models that are alone; or the shares of motors in a load follow
+            a parameter.
     """
     if dtype not in REAL:
         raise ModelError(f"dtype must be {' or '.join(map(repr, REAL))}, not {dtype!r}")
@@ -134,4 +135,6 @@ def asked_for(
     robot = with_stated_effects(robot, on) if parameters else robot
     chosen = Parameters(robot.description, parameters)
     check_coefficients(robot, on, chosen.slots)
+    if chosen.arguments is not None:
+        chosen.arguments.model(robot)
     return robot, on, chosen

@@ -275,6 +275,7 @@ class Parameters:
         entries: The parameters.
         labels: Name of each number.
         slots: The slots that they set, each once.
+        arguments: Those of the robot's xacro file, or None.
         nominal: The numbers in the robot's description, shape (size,).
     """
 
@@ -290,10 +291,12 @@ class Parameters:
             ModelError: A name is unknown, or two parameters set the same number.
         """
         arguments = [name for name in names if isinstance(name, str) and ":" not in name]
+        xacro = [XacroArguments(description, arguments)] if arguments else []
+        self.arguments = next(iter(xacro), None)
         self.entries = tuple(
             _entry(str(name), ("value",), [name]) if isinstance(name, Slot)
             else entry_of(description, name) if ":" in name
-            else of_xacro(XacroArguments(description, arguments))
+            else of_xacro(xacro[0])
             for name in names
             if name not in arguments[1:]
         )  # fmt: skip

@@ -26,7 +26,7 @@ NUMBERS = {
 }
 #: Tuples of a description whose records have slots.
 TABLES = tuple(NUMBERS)
-#: Fields on which no equation depends.
+#: Fields on which no equation depends, but for ratios of effort limits (`check_shares`).
 WITHOUT_EFFECT = ("lower", "upper", "velocity", "effort", "line", "turn")
 
 
@@ -119,7 +119,9 @@ def _with_entry(before: Any, slot: Slot, value: Any) -> Any:
 def differences(one: Description, other: Description) -> list[Slot]:
     """Return the slots in which two descriptions differ.
 
-    Limits, home, lines and notes may differ: the equations do not depend on them.
+    Limits, home, lines and notes may differ: the equations do not depend on them, but where motors share a
+    load by their effort limits, which `check_shares` compares. What losses of gears follow from an efficiency
+    is no number of its own.
 
     Raises:
         ModelError: They differ in more than numbers that have slots.
@@ -131,6 +133,8 @@ def differences(one: Description, other: Description) -> list[Slot]:
             raise ModelError(f"the {table} are others: the robot has another structure")
         for x, y in zip(ours, theirs, strict=True):
             out += _differing(table, x, y)
+    if not any("back" in values for name, values in one.effects if name == "gear_efficiency"):
+        out = [slot for slot in out if (slot.table, slot.field) != ("gears", "back")]
     for field in ("motors", "effects", "base", "gravity"):
         mine, others = getattr(one, field), getattr(other, field)
         if field == "effects":
@@ -141,10 +145,15 @@ def differences(one: Description, other: Description) -> list[Slot]:
 
 
 def _without_slots(effects: Sequence[tuple[str, dict[str, Any]]]) -> list[tuple[str, dict[str, Any]]]:
-    """Return effects without the numbers that have slots."""
+    """Return effects without the numbers that have slots; whether gears state "back" is no number."""
     known = {"load_friction": LOAD_FRICTION, "gear_efficiency": NUMBERS["gears"]}
+    stated = {"gear_efficiency": {"back": None}}
     return [
-        (name, {word: x for word, x in values.items() if word not in known.get(name, ())})
+        (
+            name,
+            {word: x for word, x in values.items() if word not in known.get(name, ())}
+            | {word: x for word, x in stated.get(name, {}).items() if word in values},
+        )
         for name, values in effects
         if name != "spring"
     ]

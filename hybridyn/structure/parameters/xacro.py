@@ -12,6 +12,8 @@ from ...description.records import Description
 from ...description.urdf.xml_node import parse
 from ...errors import ModelError
 from ...spatial import Array
+from ..robot import HybridRobot
+from .shares import check_shares
 from .slots import Slot, differences, values_of
 
 #: Factors on all arguments at which the file is expanded to find what depends on them. A number that changes
@@ -61,6 +63,18 @@ class XacroArguments:
                 )
         self.nominal = np.array([_number(name, values[name], origin.file) for name in names])
         self._known: dict[tuple[float, ...], list[float]] = {}
+        self._robot: HybridRobot | None = None
+        self._probed: list[tuple[Array, Description]] = []
+
+    def model(self, robot: HybridRobot) -> None:
+        """State the robot whose models take the numbers: designs must share loads among motors as it does.
+
+        Raises:
+            ModelError: Designs near it do not.
+        """
+        self._robot = robot
+        for values, description in self._probed:
+            self._check(values, description)
 
     @cached_property
     def slots(self) -> tuple[Slot, ...]:
@@ -81,6 +95,14 @@ class XacroArguments:
             alone = np.where(np.eye(len(values), dtype=bool), values, self.nominal)
             found.update(*(self._changes(one) for one in (*alone, values)))
         return tuple(sorted(found))
+
+    def _check(self, values: Array, description: Description) -> None:
+        """Check the shares of motors in a design, where a model takes its numbers."""
+        if self._robot is not None:
+            try:
+                check_shares(self._robot, description)
+            except ModelError as error:
+                raise ModelError(f"with {self._text(values)}, {error}", element=error.element) from error
 
     def numbers(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
         """Compute the numbers in the slots by expanding the file at each design.
@@ -121,6 +143,7 @@ class XacroArguments:
                 f"with {self._text(values)}, {min(others)} changes, which did not change near the robot's "
                 "own arguments: compile a model of its own"
             )
+        self._check(values, description)
         if len(self._known) == REMEMBERED:
             self._known.clear()
         self._known[design] = found = values_of(description, self.slots)
@@ -143,7 +166,8 @@ class XacroArguments:
     def _changes(self, values: Array) -> list[Slot]:
         """Return the numbers that change with other values."""
         try:
-            return differences(self._description, self.expanded(values.tolist()))
+            self._probed.append((values, self.expanded(values.tolist())))
+            return differences(self._description, self._probed[-1][1])
         except ModelError as error:
             raise ModelError(f"with {self._text(values)}: {error}", file=self._origin.file) from error
 

@@ -112,7 +112,7 @@ class CompiledDesigns:
         self.robot = variants.robot(variants.description(variants.named(structure.base)))
         if self.robot.base != "fixed":
             raise ModelError(f"the base is {self.robot.base}")
-        self.numbers = SlotNumbers(variants, self.robot.description, structure.slots)
+        self.numbers = SlotNumbers(variants, self.robot, structure.slots)
         self.tasks = [self._task(name, task) for name, task in self.source.study.tasks.items()]
         robot = self.robot
         width = robot.nq + 2 * robot.nv + len(robot.motors) + len(structure.slots)

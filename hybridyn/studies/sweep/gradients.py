@@ -21,6 +21,7 @@ from ...gradients.slot_changes import changes_of
 from ...spatial import Array
 from ...streams.postures import TreeSamples
 from ...structure.parameters.entries import Numbers
+from ...structure.parameters.shares import check_shares
 from ...structure.parameters.slots import Slot, differences, values_of
 from ...structure.robot import HybridRobot
 from ...tables.layout import Layout
@@ -180,6 +181,7 @@ class StudyGradients:
                 try:
                     described = variants.description(variants.named(row))
                     differ.update(differences(base, described))
+                    check_shares(robot, described)
                 except ModelError as error:
                     errors[i] = error
                 else:
@@ -260,6 +262,7 @@ def _stays(robot: HybridRobot, layout: Layout, motion: TableMotion, task: TaskTa
 def _same(known: _Models, base: Description) -> bool:
     """Return whether a design has a structure, and differs from it in its slots alone."""
     try:
+        check_shares(known.robot, base)
         return {*differences(known.robot.description, base)} <= {*known.slots}
     except ModelError:
         return False

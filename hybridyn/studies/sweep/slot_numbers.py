@@ -10,7 +10,9 @@ import numpy as np
 from ...description.records import Description
 from ...errors import ModelError
 from ...spatial import Array, Mask
+from ...structure.parameters.shares import check_shares
 from ...structure.parameters.slots import NOT_NEGATIVE, Slot, differences, values_of
+from ...structure.robot import HybridRobot
 from .variants import Variants
 
 
@@ -31,15 +33,16 @@ class Slotted(NamedTuple):
 class SlotNumbers:
     """Computes the numbers in slots, without a description of each design where no xacro argument differs."""
 
-    def __init__(self, variants: Variants, base: Description, slots: Sequence[Slot]) -> None:
+    def __init__(self, variants: Variants, robot: HybridRobot, slots: Sequence[Slot]) -> None:
         """Prepare the slots.
 
         Args:
             variants: Describes the designs.
-            base: Description of the robot whose models are compiled.
+            robot: The robot whose models are compiled.
             slots: The numbers that differ between designs.
         """
-        self.variants, self.base, self.slots = variants, base, tuple(slots)
+        self.variants, self.robot, self.slots = variants, robot, tuple(slots)
+        self.base = robot.description
         self._signed = np.array([slot.field in NOT_NEGATIVE for slot in slots], dtype=bool)
 
     def __call__(self, values: Array) -> Slotted:
@@ -80,6 +83,7 @@ class SlotNumbers:
         for i, own in enumerate(values):
             try:
                 description = self.variants.description(self.variants.named(own))
+                check_shares(self.robot, description)
                 possible[i] = not set(differences(self.base, description)) - known
             except Exception:  # the general path says what is wrong
                 continue
