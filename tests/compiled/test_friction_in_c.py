@@ -9,6 +9,7 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled import operations, torque_models
+from hybridyn.compiled.equations.options import inverse_options
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.settling import far_from_solution, largest_over
 from hybridyn.compiled.equations.states import random_states
@@ -20,6 +21,7 @@ from hybridyn.errors import ActuationError, ModelError, SingularityError
 from hybridyn.joints.kinds import JointKind
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.compiled import rods
 from tests.effects.test_load_friction import FAST, at_speed, wedge
 from tests.robots.mechanisms import random_mechanism
 from tests.robots.shipped import shipped
@@ -134,6 +136,21 @@ def test_equal_legs_share_their_kernels_with_friction() -> None:
     assert [step.copies for step in program.steps if isinstance(step, Call)].count(6) == 1
     with_it, without = (operations(robot, choose(robot, on), "idm") for on in (["default", law], None))
     assert with_it < 1.4 * without
+
+
+@pytest.mark.parametrize("name", ["ball_gough", slow("gough_stewart")])
+def test_equal_legs_may_differ_near_rest_in_ddm(name: str) -> None:
+    """What their joints carry is the same to the last bit, in legs that are turned, too."""
+    robot = build_robot(rods.ball_gough(2) if name == "ball_gough" else shipped(name))
+    static, speed = (dict(zip(robot.motors, x + 0.01 * np.arange(6), strict=True)) for x in (1.4, 0.3))
+    law = LoadFriction(normal=dict.fromkeys(robot.motors, 0.05), static=static, speed=speed, width=0.05)
+    effects = ["default", law]
+    rubbing = inverse_options(request(robot, choose(robot, effects)), 0).rubbing
+    assert len({one.terms[0].part for one in rubbing}) == 1 < len(rubbing)
+    q, v, _, tau = random_states(robot, 2)
+    (found,), guard = Interpreted(robot, ("ddm",), effects).batch("ddm", q, v, tau)
+    assert (guard <= 1).all()
+    close_to(found, hybridyn.ddm(robot, q, v, tau, effects=effects), AGREES)
 
 
 @pytest.mark.parametrize("angle", [0.1, 0.6])

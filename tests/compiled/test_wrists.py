@@ -7,7 +7,10 @@ import numpy as np
 import hybridyn
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.programs import whole_robot
+from hybridyn.compiled.programs.robot_programs import RobotPrograms
 from hybridyn.description import Description
+from hybridyn.effects import choose
 from hybridyn.joints.kinds import JointKind
 from hybridyn.structure.building import build_robot
 from tests.robots.posing import of_link
@@ -31,6 +34,21 @@ def test_a_screw_carries_a_platform() -> None:
     d = shipped("rps3")
     joints = (replace(j, kind=JointKind.SCREW, pitch=0.05) if j.kind == "prismatic" else j for j in d.joints)
     compare(replace(d, joints=tuple(joints)), "idm")
+
+
+def test_legs_on_screws_of_different_pitch_differ_in_their_equations() -> None:
+    """Where loops were just closed, no guard compares their ends."""
+    d, pitches = shipped("gough_stewart"), iter((0.3, 0.5, -0.4, 0.2, 0.6, -0.3))
+    joints = [
+        replace(j, kind=JointKind.SCREW, pitch=next(pitches)) if j.kind == "prismatic" else j
+        for j in d.joints
+    ]
+    robot = build_robot(replace(d, joints=tuple(joints)))
+    q, v, a, _ = random_states(robot, 2, seed=1)
+    model = RobotPrograms(robot, choose(robot, None)).model("idm", compared=False)
+    (found,), guard = whole_robot.Interpreted([model]).batch("idm", q, v, a)
+    assert (guard <= GUARD_LIMIT).all()
+    close_to(found, hybridyn.idm(robot, q, v, a), SOLVED)
 
 
 def test_a_wrist_hangs_from_the_platform() -> None:

@@ -52,10 +52,9 @@ def write_direct_legs(
         if written.idle:
             a = plus(a, dot(sums["over_base"], later.base_acceleration(options)))
     a = rates_in_file(written.chain.links, a)
-    inputs = GivenColumns({"numbers": written.folding.symbol()} | given)
     outwards = Draft(later, {"a": pack(a)})
     if motion:
-        outwards.given = GivenColumns(inputs | later)
+        outwards.given = GivenColumns({"numbers": written.folding.symbol()} | given | later)
         return cut([outwards]), written.folding.table(len(group))
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
     rubbing = of_legs(options.rubbing, plan.parts)[n]
@@ -65,6 +64,7 @@ def write_direct_legs(
         )
     certain = written.idle.unforced(plan, sums["f"], leg.tree_v) if written.idle else 0.0
     outputs["guard"] = written.guarded(plan) + certain
+    inputs = GivenColumns({"numbers": written.folding.symbol()} | given)  # with those that rubbing folds
     return cut([Draft(inputs, outputs), outwards]), written.folding.table(len(group))
 
 

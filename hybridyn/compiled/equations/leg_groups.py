@@ -157,7 +157,7 @@ def grouped_legs(legs: list[Leg], marks: tuple[str, ...]) -> tuple[tuple[Leg, ..
         links, place = leg.links.values(), {0: 0} | {i + 1: n for n, i in enumerate(leg.links, 1)}
         axes = [tuple(link.axis.round(ROUNDED_AXIS).tolist()) if link.nv == 1 else () for link in links]
         shape = tuple(
-            (link.kind, place[link.parent], axis, link.ball is None)
+            (link.kind, place[link.parent], axis, link.pitch, link.ball is None)
             for link, axis in zip(links, axes, strict=True)
         )
         acting = tuple(marks[k] for k in leg.tree_v), leg.idle and leg.idle.cols

@@ -15,10 +15,10 @@ from ...structure.module import Module
 from ...structure.parameters.slots import Slot
 from ...symbols import Expression
 from .coefficients import friction_slots
-from .expressions import filled
+from .expressions import filled, snap
 from .parts import Parts
 
-#: Entries of constant directions below this are rounding.
+#: Entries of constant directions nearer to 0, 1 or -1 than this differ from them by rounding.
 ROUNDED_PART = 1e-14
 
 
@@ -148,8 +148,7 @@ def of_legs(rubbing: Sequence[Rubbing], parts: Parts) -> list[list[tuple[Rubbing
 
 def _in_aligned(part: Array, T: Array) -> tuple[tuple[float, ...], ...]:
     """Return what a term takes from a wrench in the axes T of the body, without rows of zeros."""
-    out = T.T @ part @ np.kron(np.eye(2), T)
-    out = np.where(np.abs(out) < ROUNDED_PART, 0.0, out)
+    out = snap(T.T @ part @ np.kron(np.eye(2), T), ROUNDED_PART)  # so that equal legs have equal ones
     return tuple(tuple(row.tolist()) for row in out if row.any())
 
 
