@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.compiled.equations.coefficients import at_robot
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.programs.designs import DesignsInSlots, changed
 from hybridyn.compiled.programs.sources import asked_for
@@ -271,3 +272,30 @@ def test_written_models_take_efficiencies_of_gears() -> None:
     for number, words in (((1.1, 0.5), "efficiency of .* above 0 and at most 1, not 1.1 in design 1"),
                           ((0.5, 1.5), "back of .* must be at most 1, not 1.5 in design 1")):  # fmt: skip
         refused(partial(designs.numbers, [p, number], (2,)), hybridyn.ModelError, words)
+
+
+@pytest.mark.parametrize("back", [None, 0.75])
+def test_designs_state_back_where_the_effect_that_is_asked_for_does(back: float | None) -> None:
+    """Though the file has the same numbers, of which it states the other ones."""
+    motor = hybridyn.load("five_bar").motors[0]
+    tables = {"efficiency": {motor: 0.8}} | ({} if back else {"back": {motor: 0.75}})
+    robot = build_robot(replace(shipped("five_bar"), effects=(("gear_efficiency", tables),)))
+    law, name = GearEfficiency({motor: 0.8}, back=back and {motor: back}), f"gear_efficiency:{motor}"
+    stated, on, _ = asked_for(robot, ["default", law], [name], "float64")
+    design = stated.with_parameters({name: 0.5})
+    assert [gear.back for gear in design.description.gears] == [back or 0.0]
+    gears = at_robot(on, design).gears
+    assert gears is not None
+    assert gears.effect.back == law.back
+    assert gears.effect.efficiency == {motor: 0.5}
+
+
+def test_a_coefficient_that_reaches_zero_takes_the_static_part_along() -> None:
+    robot, first, second = hybridyn.load("five_bar"), "m1_left_drive", "m1_left_elbow"
+    law = LoadFriction({first: 2e-3, second: 1e-3}, static={first: 1.4}, speed={first: 0.3})
+    name = f"load_friction_radial:{first}"
+    stated, on, _ = asked_for(robot, ["default", law], [name], "float64")
+    loaded = at_robot(on, stated.with_parameters({name: 0.0})).loaded
+    assert loaded is not None
+    assert loaded.joints == (second,)
+    assert loaded.factor.tolist() == [1e-3]

@@ -76,9 +76,8 @@ def with_stated_effects(robot: HybridRobot, effects: Effects) -> HybridRobot:
             StatedGear(motor, float(x), float((gear.back or {}).get(motor, 2 - 1 / x)))
             for motor, x in gear.efficiency.items()
         ]
-        if tuple(found) != robot.description.gears:
-            more: dict[str, Any] = {"width": gear.width} | ({} if gear.back is None else {"back": {}})
-            robot = replace(robot, description=robot.description.with_gears(found, more))
+        more: dict[str, Any] = {"width": gear.width} | ({} if gear.back is None else {"back": {}})
+        robot = replace(robot, description=robot.description.with_gears(found, more))
     springs = [
         StatedSpring(joint, *values[:2])
         for law in effects.joints
@@ -108,8 +107,9 @@ def at_robot(effects: Effects, robot: HybridRobot) -> Effects:
 
     loaded = effects.loaded
     if loaded is not None and (own := robot.description.load_friction):
-        tables: dict[str, Any] = {
-            word: {x.name: getattr(x, word) for x in own if getattr(x, word)} for word in LOAD_FRICTION
+        tables: dict[str, Any] = {  # zeros stay where the law has numbers: a static part needs them
+            word: dict.fromkeys(table, 0.0) | {x.name: getattr(x, word) for x in own if getattr(x, word)}
+            for word, table in coefficients(loaded.effect).items()
         }
         loaded = on_loads(replace(loaded.effect, **tables), robot)
     gears = effects.gears

@@ -12,7 +12,7 @@ from ..equations.motor_balance import motor_pivots
 from ..equations.options import Options, balance_options, inverse_options
 from ..equations.request import Request
 from ..equations.rubbing_joints import of_legs
-from ..program import Program, Shared
+from ..program import Program
 from .gears import lossy, write_needed
 from .kinematics import unit_base
 from .module_calls import ModuleCalls, Ports, Stages, same_structure
@@ -156,9 +156,7 @@ class _InverseSweeps(Sweeps):
         more |= calls.idle_ports(n) if self.motors else {}
         if lawful:
             more["laws"] = self.efforts(calls.k, np.array([leg.tree_v[lawful] for leg in group]))
-        if driven:
-            each = more["motors"] = self.w.each(len(group), 6 * len(driven))
-            calls.ports[f"motors {n}"] = Shared(each.start, each.size * len(group))
-        if "rubbing" in stages[0].outputs:
-            more["rubbing"] = calls.of_each_leg(n, "rubbing", stages[0])
+        for name in ("motors", "rubbing"):
+            if name in stages[0].outputs:
+                more[name] = calls.of_each_leg(n, name, stages[0])
         calls.call_legs(group, Stages(self.w, key, stages, ["legs"], len(group)), 0, more)
