@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,7 @@ from .programs.quantities.calls import Joints, Quantities
 if TYPE_CHECKING:
     import casadi as ca
 
+    from ..dynamics.reactions import Reactions
     from .program import Program
 
 
@@ -92,9 +93,20 @@ class CompiledRobot:
         """Compute dq/du, and with rates also its rate, (nv, N) or (T, nv, N), like `hybridyn.motion_map`."""
         return self._quantities.motion_map(q, v, joints=joints)
 
+    @overload
     def idm(
-        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, parameters: ArrayLike | None = None
-    ) -> Numbers:
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, parameters: ArrayLike | None = None,
+        reactions: Literal[False] = ...,
+    ) -> Numbers: ...  # fmt: skip
+    @overload
+    def idm(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, parameters: ArrayLike | None = None,
+        reactions: Literal[True],
+    ) -> tuple[Numbers, Reactions]: ...  # fmt: skip
+    def idm(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, parameters: ArrayLike | None = None,
+        reactions: bool = False,
+    ) -> Numbers | tuple[Numbers, Reactions]:  # fmt: skip
         """Compute motor efforts, like `hybridyn.idm`.
 
         Args:
@@ -103,13 +115,24 @@ class CompiledRobot:
             a: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2].
             parameters: Numbers in the order of `parameters.labels`, shape (k,) or (T, k); None for those of
                 the robot.
+            reactions: Also return the wrenches of joints, closures and modules. The first call builds their
+                code.
 
         Returns:
-            Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m].
+            Efforts in the order of `robot.motors`, shape (motors,) or (T, motors), [N or N m]; with
+            `reactions=True` also a `hybridyn.Reactions`.
 
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.idm`.
+            ModelError: Reactions are asked for with other numbers than the robot's.
         """
+        if reactions:
+            if parameters is not None:
+                raise ModelError(
+                    "reactions are those of the robot's own numbers: leave out 'parameters', or compile "
+                    "robot.with_parameters({...})", element="parameters",
+                )  # fmt: skip
+            return self._quantities.reactions(q, v, a)
         models = self._models  # every tenth of a microsecond counts
         out = np.empty(self._motors, models.dtype)
         if parameters is None and models.idm_at_once(q, v, a, out) == 0:

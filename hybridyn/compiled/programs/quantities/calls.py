@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from ....dynamics.direct import acceleration_of_base
 from ....dynamics.energy import Energy, energy
+from ....dynamics.inverse import idm
 from ....dynamics.link_motion import LinkMotion, motions_of, named_links
 from ....dynamics.quantities.independent import IndependentCoordinates, independent_coordinates
 from ....dynamics.quantities.joint_map import JointMap, related, side_motions
@@ -25,10 +26,12 @@ from ....dynamics.quantities.model import (
     motion_map,
 )
 from ....dynamics.quantities.polar_forms import rate_of_map
+from ....dynamics.reactions import Reactions
 from ....dynamics.state_checks import checked_state
 from ....errors import HybridynError
 from ....spatial import Array, Mask
-from ....structure.samples import one_of
+from ....structure.samples import as_rates, one_of, same_samples
+from ...code.scalars import GUARD_LIMIT
 from ...library.calls import Library, Numbers
 from ..general import WIDTH, motion_of, named, samples_of
 from ..model_calls import ModelCalls
@@ -36,6 +39,7 @@ from ..postures import Postures
 from ..sources import kept
 from .engine import GONE_AT_SPEED, ZERO_AT_REST, CompiledEngine
 from .following import BY_GENERAL, Following, artifact_of, pushed_models
+from .transmitted import left_out, transmitted, transmitting
 
 #: Rows of models for each sample, for matrices also for each coordinate.
 ROWS = {"mass_matrix": 1, "bias": 1, "coriolis": 3, "coriolis_matrix": 6, "gravity": 1}
@@ -154,6 +158,26 @@ class Quantities:
         formula = partial(CompiledEngine.energy, on=self.effects)
         out = self._finished("energy", None, formula, general, 1, single, q=q, v=v)
         return Energy(out[..., 0], out[..., 1])
+
+    def reactions(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Numbers, Reactions]:
+        """Compute motor efforts and `Reactions`, like `hybridyn.idm` with `reactions=True`."""
+        positions, rates, single = checked_state(self.robot, q, v)
+        states = positions, rates, as_rates(self.robot, a, "a", "acceleration")[0]
+        same_samples(q=positions, a=states[2])
+        alone = left_out(self.robot, self.effects, str(self.dtype))
+        if not alone and len(positions) and (library := self._transmitting) is not None:
+            tau, good = self._model("idm", *states)
+            found, guard = transmitted(self.robot, library, self.effects, states, tau, self._models.threads)
+            if (good & (guard <= GUARD_LIMIT)).all():
+                return (tau[0], found.sample(0)) if single else (tau, found)
+        self._handed.hand_over("reactions", len(positions), alone)
+        given = (np.asarray(x, dtype=float) for x in (q, v, a))
+        return idm(self.robot, *given, effects=self.effects, reactions=True)
+
+    @cached_property
+    def _transmitting(self) -> Library | None:
+        """The library of reactions; None if the general path computes them."""
+        return transmitting(self.robot)
 
     def _model(self, name: str, q: Array, *given: Array) -> tuple[Numbers, Mask]:
         """Compute a model of the robot as it is, and which samples can be trusted.
