@@ -43,10 +43,9 @@ def write_balance_stages(plan: ModulePlan, options: Options) -> WrittenModule:
     b = required_forces(core, plan, options, chain, a, whole.given)[0]
     held = held_loops(core, plan, b[6:], a)
     Psi, guard = guarded_motions(core, plan)
-    outwards.wanted |= motion_outwards(core, options)
-    outwards.wanted["u_dot of core"] = pack(along_motions(core, plan, a)[1])
-    whole.wanted["guard"] = ca.SX(guard)
-    drafts = [outwards, whole]
+    u_dot = pack(along_motions(core, plan, a)[1])
+    outwards.wanted |= motion_outwards(core, options) | {"u_dot of core": u_dot}
+    drafts, whole.wanted["guard"] = [outwards, whole], ca.SX(guard)
     if held.size:
         whole.wanted["held"] = held.pack()
         b = required_forces(core, plan, options, chain, a, rest.given)[0]

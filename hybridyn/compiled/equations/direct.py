@@ -116,8 +116,7 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
     parts, forced = plan.parts, list[int]()
     outwards, inwards, alone, back, last = (Draft() for _ in range(5))
     answers: Handed | None = None
-    if motion is not None:
-        options = replace(options, carries=(False,) * len(options.carries))
+    options = options if motion is None else replace(options, carries=(False,) * len(options.carries))
     core, (q, v, _), (V, _) = begun(plan, options, outwards.given)
     A = back.given.base_acceleration(options)
     outwards.wanted |= _motion_outwards(core, plan, options)

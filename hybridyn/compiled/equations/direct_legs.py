@@ -46,22 +46,19 @@ def write_direct_legs(
     else:
         if written.idle:
             written.idle = written.idle.decided(plan, written.folding, group, options.rotor)
-        unforced = written
-        sums, written = leg_sums(written, tau, options.velocity, rotor)
+        unforced, (sums, written) = written, leg_sums(written, tau, options.velocity, rotor)
         a = leg_accelerations(written, delta)
         if written.idle:
             a = plus(a, dot(sums["over_base"], later.base_acceleration(options)))
-    a = rates_in_file(written.chain.links, a)
-    outwards = Draft(later, {"a": pack(a)})
+    outwards = Draft(later, {"a": pack(rates_in_file(written.chain.links, a))})
     if motion:
         outwards.given = GivenColumns({"numbers": written.folding.symbol()} | given | later)
         return cut([outwards]), written.folding.table(len(group))
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
     rubbing = of_legs(options.rubbing, plan.parts)[n]
     if rubbing[0]:
-        outputs["rubbing"] = pack(
-            *_answers(written, RubbingLeg.of(unforced, group, rubbing, v), sums, options)
-        )
+        rubs = RubbingLeg.of(unforced, group, rubbing, v)
+        outputs["rubbing"] = pack(*_answers(written, rubs, sums, options))
     certain = written.idle.unforced(plan, sums["f"], leg.tree_v) if written.idle else 0.0
     outputs["guard"] = written.guarded(plan) + certain
     inputs = GivenColumns({"numbers": written.folding.symbol()} | given)  # with those that rubbing folds

@@ -148,10 +148,9 @@ def write_leg(
         pivots: Pivots of the leg's closure.
         a: Accelerations of the leg, for the inverse model. They then have to close the loop.
     """
-    folding = Folding()
+    folding, leg = Folding(), group[0]
     links = fold_links(folding, [leg.links for leg in group])
     R_s, p_s, R_o, p_o = _frames(folding, group)
-    leg = group[0]
     q, own_a = own_positions(links, q), None if a is None else own_rates(links, a)
     chain = sweep(links, q, own_rates(links, v), base[0], own_a, None if a is None else base[1])
     R0, V, c = chain.R0[leg.end], chain.V[leg.end], chain.c[leg.end]

@@ -121,13 +121,13 @@ class SecondDerivatives:
     ) -> Product:
         """Return a product from checked arguments and a direction as the program reads it."""
         rows, _ = as_batch(weights, self._size, "weights")
-        weighted = self._on_results(everywhere(rows, len(given[0])))
+        weighted = self._over_joints(self._of, everywhere(rows, len(given[0])))
         found, first = self._run(self._products, given, *spread, weighted), 0 if single else slice(None)
         slope, product = (
-            {name: self._of_input(name, found[f"{of}_{what}"])[first] for name, of in self._inputs.items()}
+            {name: self._own(name, found[f"{of}_{what}"])[first] for name, of in self._inputs.items()}
             for what in ("slope", "product")
         )
-        return Product(self._results(found[self._of])[first], slope, product)
+        return Product(self._own(self._of, found[self._of])[first], slope, product)
 
     def hessian(
         self,
@@ -218,18 +218,15 @@ class SecondDerivatives:
         given, single = self._given(q, v, a, parameters)
         T = len(given[0])
         j, s = (self._spread(name, one, T, "a") for name, one in (("jerk", jerk), ("snap", snap)))
-        own = np.zeros((2, T, self.robot.nv))
-        for out, full in zip(own, given[1:3], strict=True):
-            out[:, self._joints] = full[:, self._joints]
-        return self._path(given, single, [own[0], own[1], j], [own[1], j, s])
+        v_own, a_own = (self._over_joints("a", self._own("a", full)) for full in given[1:3])
+        return self._path(given, single, [v_own, a_own, j], [a_own, j, s])
 
     def _path(
         self, given: Sequence[Array], single: bool, first: Sequence[Array], second: Sequence[Array]
     ) -> AlongPath:
         """Return results along a path with given derivatives of the inputs."""
-        found = self._run(self._rates, given, *first, *second)
-        at = 0 if single else slice(None)
-        return AlongPath(*(self._results(found[f"{self._of}{o}"])[at] for o in ("", "_dot", "_ddot")))
+        found, at = self._run(self._rates, given, *first, *second), 0 if single else slice(None)
+        return AlongPath(*(self._own(self._of, found[self._of + o])[at] for o in ("", "_dot", "_ddot")))
 
     @property
     def _size(self) -> int:
@@ -260,28 +257,19 @@ class SecondDerivatives:
     def _spread(self, name: str, given: ArrayLike, samples: int, of: str = "") -> Array:
         """Return changes of an input as its program reads them, shape (T, n)."""
         own, _ = as_batch(given, self._width(of or name), f"direction of {name}" if not of else name)
-        own = everywhere(own, samples)
-        if (of or name) == "tau":
+        return self._over_joints(of or name, everywhere(own, samples))
+
+    def _over_joints(self, name: str, own: Array) -> Array:
+        """Return a quantity over these coordinates as programs read it, zero at other joints."""
+        if name == "tau":
             return own
-        out = np.zeros((samples, self.robot.nv))
+        out = np.zeros((len(own), self.robot.nv))
         out[:, self._joints] = own
         return out
 
-    def _of_input(self, name: str, found: Array) -> Array:
-        """Return derivatives over an input."""
+    def _own(self, name: str, found: Array) -> Array:
+        """Return a quantity that a program found over these coordinates."""
         return found if name == "tau" else found[:, self._joints]
-
-    def _on_results(self, weights: Array) -> Array:
-        """Return weights as a program reads them."""
-        if self._of == "tau":
-            return weights
-        out = np.zeros((len(weights), self.robot.nv))
-        out[:, self._joints] = weights
-        return out
-
-    def _results(self, found: Array) -> Array:
-        """Return results of a program."""
-        return found if self._of == "tau" else found[:, self._joints]
 
     def _run(self, prepared: Prepared, given: Sequence[Array], *more: Array) -> dict[str, Array]:
         """Run a program, and check its guards and that the motion follows the motors."""
