@@ -18,7 +18,7 @@ from .adjoint import Bars, ClosedAdjoint
 from .alike import programs_alike
 from .blocks import Factored, condition_of
 from .gradient import Gradient, MeasureBars, MeasureGradients
-from .kept import Kept, check_held, has_undriven, kept_by_name
+from .kept import Kept, check_held, check_motors_kept, kept_by_name
 from .model_sweeps import ModelSweeps
 from .samples import Samples, samples_of, wrench_columns
 from .slot_changes import slots_over_parameters
@@ -188,14 +188,7 @@ class DesignGradients:
             HybridynError: As `idm`.
         """
         without_losses(self._effects, "the mass matrix does not take")
-        u = self.robot.motor_v
-        if has_undriven(self.robot) or any(len(m.motors) > m.mobility for m in self.robot.modules):
-            raise ModelError(
-                "the mass matrix has gradients where every motion has one motor: a motion of this robot has "
-                "none, or several; take 'ddm'", element="motors",
-            )  # fmt: skip
-        if [*self._kept.freedoms] != [*u] or self._kept.links:
-            raise ModelError("the mass matrix is one over motors: leave 'keep' to them", element="keep")
+        check_motors_kept(self.robot, self._kept)
         rest = np.zeros((*np.shape(q)[:-1], self.robot.nv))
         at = self._state(q, rest, as_rates(self.robot, rest), parameters)
         factors = self._factors(at)

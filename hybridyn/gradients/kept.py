@@ -109,3 +109,18 @@ def check_held(robot: HybridRobot, kept: Kept) -> None:
             "where motions have no motor, efforts have gradients at accelerations of the motors: name all "
             "motors in 'keep', too, or take 'ddm'", element="keep",
         )  # fmt: skip
+
+
+def check_motors_kept(robot: HybridRobot, kept: Kept) -> None:
+    """Check that the motors, one for each motion, are what stays, as the mass matrix needs.
+
+    Raises:
+        ModelError: They are not, or something else stays.
+    """
+    if has_undriven(robot) or any(len(m.motors) > m.mobility for m in robot.modules):
+        raise ModelError(
+            "the mass matrix has gradients where every motion has one motor: a motion of this robot has "
+            "none, or several; take 'ddm'", element="motors",
+        )  # fmt: skip
+    if [*kept.freedoms] != [*robot.motor_v] or kept.links:
+        raise ModelError("the mass matrix is one over motors: leave 'keep' to them", element="keep")

@@ -251,8 +251,7 @@ class SecondDerivatives:
 
     def _spread_all(self, direction: Sequence[ArrayLike], samples: int) -> list[Array]:
         """Return a direction as programs read it."""
-        pairs = zip(self._inputs, three(direction), strict=True)
-        return [self._spread(name, one, samples) for name, one in pairs]
+        return [self._spread(*one, samples) for one in zip(self._inputs, three(direction), strict=True)]
 
     def _spread(self, name: str, given: ArrayLike, samples: int, of: str = "") -> Array:
         """Return changes of an input as its program reads them, shape (T, n)."""
