@@ -182,9 +182,9 @@ def read_once() -> None:
     made: dict[object, Any] = {}
 
     def known(path: Any, *, xacro_args: Any = None, **asked: Any) -> Any:
-        if xacro_args or not os.path.realpath(path).startswith(str(ROOT / "urdf")):
+        if xacro_args or not os.path.realpath(path).startswith(str(ROOT / "urdf") + os.sep):
             return read(path, xacro_args=xacro_args, **asked)
-        key = os.fspath(path), repr(asked), *xacro.share_dirs()
+        key = os.getcwd(), os.fspath(path), repr(asked), *xacro.share_dirs()
         if key not in made:
             made[key] = read(path, **asked)
         return made[key]
@@ -205,7 +205,7 @@ def kept(expand: Callable[..., Any]) -> Callable[..., Any]:
     from hybridyn.description.urdf import xacro
 
     def expanded(file: str, arguments: Mapping[str, object], packages: Sequence[Any]) -> Any:
-        if not os.path.realpath(file).startswith(str(ROOT / "urdf")):
+        if not os.path.realpath(file).startswith(str(ROOT / "urdf") + os.sep):
             return expand(file, arguments, packages)
         given = sorted((key, str(value)) for key, value in arguments.items())
         asked = (os.path.abspath(file), given, packages, xacro.share_dirs())

@@ -17,7 +17,7 @@ from ..spatial import Array, Index
 PROVEN = 1e-10
 #: What the barrier may leave of the part: beyond, differences of lengths lose the digits of forces.
 BARRIER = 1e-8
-#: Force of a joint at its limit, over the largest.
+#: Power of a joint at its limit along the motion, over the largest.
 AT_LIMIT = 1e-6
 #: Steps of Newton's method on the joints at their limits, each of which squares the error.
 POLISHES = 4
@@ -33,7 +33,7 @@ HOLDS = float(np.finfo(float).eps)
 TOUCHES = 1e-12
 #: Growth of a multiplier, as a logarithm, by which a bracket of it is sought.
 GROWS = 10.0
-#: Sweeps over the balls, of which one is needed where a single ball slips.
+#: Sweeps over the balls: one ball needs one, several near their common edge need more and are refused.
 MOST_SWEEPS = 200
 #: Bound of a ball's effort, over the largest effort, below which it has no direction.
 POINTLESS = 1e-14
@@ -47,7 +47,8 @@ def least_part_of_cones(
     A barrier method: with x = (z, t), each joint has y = efforts + B x, and holds it with less than the part
     t if |y| < half t (limits that differ by direction shift y by their middle). Newton's method finds the
     least of sharpness t - sum of log (half^2 t^2 - |y|^2). It tells which joints are at their limits, whose
-    forces are a motion; Newton's method on these, as equations, gives the last digits.
+    forces are a motion; Newton's method on these, as equations, gives the last digits. Efforts count per what
+    their joint can hold; where that differs by more than some 10^4 in one loop, most programs are refused.
 
     Args:
         efforts: Shape (k,), not all zero.
@@ -65,24 +66,31 @@ def least_part_of_cones(
     owner = np.empty(len(efforts), int)  # number of the joint of each freedom
     for number, at in enumerate([*balls, *single[:, None]]):
         owner[at] = number
-    size, most = float(np.abs(efforts).max()), float(np.maximum(forward, backward).max())
-    middle, half = (backward - forward) / (2 * most), (backward + forward) / (2 * most)
-    r = np.zeros(owner.max() + 1)
-    r[owner] = half
-    given, B = efforts / size, np.column_stack([null / np.abs(null).max(), -middle])
-    x, force = _polished(given, B, r, owner, *_centred(given, B, r, owner, half - np.abs(middle)))
+    half, joints = (backward + forward) / 2, owner.max() + 1
+    size, r = float(np.max(np.abs(efforts) / half)), np.ones(joints)  # all per what a joint can hold
+    middle, given = (backward - forward) / 2 / half, efforts / half / size
+    B = np.column_stack([np.linalg.qr(null / half[:, None])[0], -middle])
+    try:
+        x, force = _polished(given, B, r, owner, *_centred(given, B, r, owner, 1.0 - np.abs(middle)))
+    except np.linalg.LinAlgError as error:
+        raise ActuationError(
+            f"what joints at rest hold was not found: those of one loop hold {half.min():.3g} to "
+            f"{half.max():.3g}, which differ too much"
+        ) from error
     y = given + B[:, :-1] @ x[:-1]
-    motion = force - B[:, :-1] @ np.linalg.lstsq(B[:, :-1], force)[0]  # no power of efforts that move nothing
+    motion = force - B[:, :-1] @ (B[:, :-1].T @ force)  # no power of efforts that move nothing
     lengths = np.sqrt(np.bincount(owner, motion**2))
-    part = float(np.max(np.sqrt(np.bincount(owner, (y - middle * x[-1]) ** 2)) / r))
-    resists = float(middle @ motion + r @ lengths)
+    part = float(np.max(np.sqrt(np.bincount(owner, (y - middle * x[-1]) ** 2))))
+    resists = float(middle @ motion + lengths.sum())
     if not part * resists <= given @ motion * (1 + PROVEN):
         raise ActuationError(
-            f"what joints at rest hold was not found: the part {part * size / most:.12g} is proven to "
-            f"{given @ motion / resists * size / most:.12g}"
+            f"what joints at rest hold was not found: the part {part * size:.12g} is proven to "
+            f"{given @ motion / resists * size:.12g}"
         )
+    rates = motion / half
+    lengths = np.sqrt(np.bincount(owner, rates**2))
     counts = (lengths > PROVEN * lengths.max())[owner]
-    return size * y, part * size / most, np.where(counts, -motion / lengths[owner], 0.0)
+    return size * half * y, part * size, np.where(counts, -rates / np.where(counts, lengths[owner], 1.0), 0.0)
 
 
 def _centred(given: Array, B: Array, r: Array, owner: Index, least: Array) -> tuple[Array, Array]:

@@ -19,6 +19,7 @@ from ..errors import ActuationError
 from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
 from .backward import reactions_of
+from .cones import POINTLESS
 from .direct import states_before
 from .direct_recursion import accelerate, articulate
 from .holding import Held, Hold
@@ -208,7 +209,9 @@ def directions_from_rest(free: Free, signs: Array) -> Array:
     a = without + free.G[columns][:, rest] @ efforts[rest]
     size, way = np.abs(a), np.sign(a)
     for at in hold.balls:  # friction opposes each motion, with digits that small accelerations lack
-        size[at], way[at] = np.linalg.norm(a[at]), -efforts[rest[at]] / np.linalg.norm(efforts[rest[at]])
+        push, size[at] = efforts[rest[at]], np.linalg.norm(a[at])
+        known = np.linalg.norm(push) > POINTLESS * np.abs(efforts).max() and forward[rest[at[0]]] > 0.0
+        way[at] = -push / np.linalg.norm(push) if known else a[at] / np.where(size[at], size[at], 1.0)
     begins = size > STARTS * np.abs(without).max(initial=0.0)
     # Where friction is just exceeded, accelerations are rounding: the motion that needs most is released.
     out[rest] = np.where(begins, way, 0.0) if begins.any() else now.held.motion

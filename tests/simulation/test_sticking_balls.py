@@ -30,12 +30,12 @@ AXIS = np.array([0.6, 0.8, 0.0])
 ACROSS = np.cross([0.0, 0.0, 1.0], AXIS)
 
 
-def rods(slope: float, *kinds: str, up: float = 1.0) -> hybridyn.HybridRobot:
+def rods(slope: float, *kinds: str, up: float = 1.0, center: float = LENGTH / 2) -> hybridyn.HybridRobot:
     """Rods of 2 kg on each other's ends, on ground that falls across `AXIS`; they hang where up is -1."""
     gravity = G * (np.sin(slope) * ACROSS - up * np.array([0.0, 0.0, np.cos(slope)]))
     names = ["ground", *(f"rod{i}" for i in range(len(kinds)))]
     links = [Link("ground", 1.0, np.zeros(3), np.eye(3))]
-    links += [Link(n, 2.0, np.array([0, 0, LENGTH / 2]), np.diag([0.05, 0.05, 0.04])) for n in names[1:]]
+    links += [Link(n, 2.0, np.array([0, 0, center]), np.diag([0.05, 0.05, 0.04])) for n in names[1:]]
     end = np.eye(4)
     end[2, 3] = LENGTH
     joints = [
@@ -71,6 +71,18 @@ def test_a_rod_that_swings_on_a_cup_moves_and_rests_as_on_a_hinge(end: float) ->
         assert run.v[-1].any() == (end < 4)
     assert abs(angles[0] - angles[1]) < SAME
     assert abs(angles[0]) > 1e-4
+
+
+def test_a_ball_without_force_turns_as_without_friction() -> None:
+    """It holds no moment, and its friction has no direction of its own."""
+    robot, turn = rods(0.0, "spherical", up=0.0, center=0.0), {"rod0": np.array([0, 0, 0, 0.3, 0.1, 0])}
+    rates = [
+        simulate(robot, robot.home, np.zeros(3), (0, 0.1), effects=["default", *law], wrenches=turn,
+                 stiction=bool(law)).v[-1]
+        for law in ([LoadFriction({"cup0": RUB})], [])
+    ]  # fmt: skip
+    assert rates[0].any()
+    assert np.abs(rates[0] - rates[1]).max() < SAME
 
 
 def coupled(kind: str) -> hybridyn.HybridRobot:
@@ -126,6 +138,23 @@ def test_what_balls_hold_together_is_the_largest_power_of_a_motion_over_what_res
             assert np.linalg.norm(begun[at]) < level[at[0]] * (1 + 1e-11)
             moved = float(np.linalg.norm(a[at]))
             assert moved < 1e-9 or np.abs(begun[at] + level[at[0]] * a[at] / moved).max() < 1e-6
+
+
+@pytest.mark.parametrize("least", [1e-4, 0.0])
+def test_balls_of_which_one_holds_far_less_hold_what_the_other_lets_them(least: float) -> None:
+    """In one motion the part is the power of the load over what resists it."""
+    rng, balls = np.random.default_rng(5), [np.array([0, 1, 2]), np.array([3, 4, 5])]
+    for _ in range(10):
+        way, level = rng.normal(size=6), np.repeat([least, 1.0], 3)
+        hold = Hold(np.outer(way, way), balls)
+        got = hold.share(10 * way / (way @ way), level, level)
+        lengths = np.array([np.linalg.norm(way[at]) for at in balls])
+        assert abs(got.ratio * (least * lengths[0] + lengths[1]) - 10.0) < 10 * EDGE
+        for at, length in zip(balls, lengths, strict=True):
+            assert np.linalg.norm(got.efforts[at]) < got.ratio * level[at[0]] * (1 + EDGE) + EDGE
+            turned = np.abs(got.motion[at] + way[at] / length).max()
+            assert turned < 1e-3  # rounding of power over the least that a joint is taken to hold
+        assert abs(got.efforts @ way - 10.0) < EDGE
 
 
 def test_the_direction_of_a_ball_is_that_of_its_rate_and_next_to_rest_in_part_the_earlier_one() -> None:
