@@ -48,7 +48,7 @@ def least_part_of_cones(
     t if |y| < half t (limits that differ by direction shift y by their middle). Newton's method finds the
     least of sharpness t - sum of log (half^2 t^2 - |y|^2). It tells which joints are at their limits, whose
     forces are a motion; Newton's method on these, as equations, gives the last digits. Efforts count per what
-    their joint can hold; where that differs by more than some 10^4 in one loop, most programs are refused.
+    their joint can hold; where that differs by more than some 10^3 in one loop, some programs are refused.
 
     Args:
         efforts: Shape (k,), not all zero.
