@@ -44,11 +44,9 @@ def least_part_of_cones(
 ) -> tuple[Array, float, Array]:
     """Compute the efforts, among efforts + null z, that are the least part of what joints can hold.
 
-    A barrier method: with x = (z, t), each joint has y = efforts + B x, and holds it with less than the part
-    t if |y| < half t (limits that differ by direction shift y by their middle). Newton's method finds the
-    least of sharpness t - sum of log (half^2 t^2 - |y|^2). It tells which joints are at their limits, whose
-    forces are a motion; Newton's method on these, as equations, gives the last digits. Efforts count per what
-    their joint can hold; where that differs by more than some 10^3 in one loop, some programs are refused.
+    Efforts count per what their joint can hold: with x = (z, t), each joint has y = efforts + B x, and holds
+    it with less than the part t if |y| < t (limits that differ by direction shift y by their middle). Where
+    what joints of one loop hold differs by more than some 10^3, some programs are refused.
 
     Args:
         efforts: Shape (k,), not all zero.
@@ -62,89 +60,107 @@ def least_part_of_cones(
     Raises:
         ActuationError: The part is not proven.
     """
-    single = np.setdiff1d(np.arange(len(efforts)), np.concatenate([*balls]))
-    owner = np.empty(len(efforts), int)  # number of the joint of each freedom
-    for number, at in enumerate([*balls, *single[:, None]]):
-        owner[at] = number
-    half, joints = (backward + forward) / 2, owner.max() + 1
-    size, r = float(np.max(np.abs(efforts) / half)), np.ones(joints)  # all per what a joint can hold
+    owner, half = _owners(len(efforts), balls), (backward + forward) / 2
+    size = float(np.max(np.abs(efforts) / half))  # all per what a joint can hold
     middle, given = (backward - forward) / 2 / half, efforts / half / size
     B = np.column_stack([np.linalg.qr(null / half[:, None])[0], -middle])
     try:
-        x, force = _polished(given, B, r, owner, *_centred(given, B, r, owner, 1.0 - np.abs(middle)))
+        x, force = _polished(given, B, owner, *_centred(given, B, owner, 1.0 - np.abs(middle)))
     except np.linalg.LinAlgError as error:
-        raise ActuationError(
-            f"what joints at rest hold was not found: those of one loop hold {half.min():.3g} to "
-            f"{half.max():.3g}, which differ too much"
+        raise _not_found(
+            f"joints of one loop differ too much: {half.min():.3g} to {half.max():.3g}"
         ) from error
     y = given + B[:, :-1] @ x[:-1]
     motion = force - B[:, :-1] @ (B[:, :-1].T @ force)  # no power of efforts that move nothing
-    lengths = np.sqrt(np.bincount(owner, motion**2))
-    part = float(np.max(np.sqrt(np.bincount(owner, (y - middle * x[-1]) ** 2))))
-    resists = float(middle @ motion + lengths.sum())
+    part = float(_lengths(owner, y - middle * x[-1]).max())
+    resists = float(middle @ motion + _lengths(owner, motion).sum())
     if not part * resists <= given @ motion * (1 + PROVEN):
-        raise ActuationError(
-            f"what joints at rest hold was not found: the part {part * size:.12g} is proven to "
-            f"{given @ motion / resists * size:.12g}"
-        )
-    rates = motion / half
-    lengths = np.sqrt(np.bincount(owner, rates**2))
+        proven = given @ motion / resists * size
+        raise _not_found(f"the part {part * size:.12g} is proven to {proven:.12g}")
+    return size * half * y, part * size, -_unit_vectors(owner, motion / half)
+
+
+def _not_found(why: str) -> ActuationError:
+    """Return the error of a part that is not proven."""
+    return ActuationError(f"what joints at rest hold was not found: {why}")
+
+
+def _owners(size: int, balls: Sequence[Index]) -> Index:
+    """Return the number of the joint of each freedom, shape (size,)."""
+    single = np.setdiff1d(np.arange(size), np.concatenate([*balls]))
+    out = np.empty(size, int)
+    for number, at in enumerate([*balls, *single[:, None]]):
+        out[at] = number
+    return out
+
+
+def _lengths(owner: Index, x: Array) -> Array:
+    """Return the length of the vector of each joint."""
+    out: Array = np.sqrt(np.bincount(owner, x**2))
+    return out
+
+
+def _unit_vectors(owner: Index, x: Array) -> Array:
+    """Return the direction of the vector of each joint; zero where it is rounding beside the largest."""
+    lengths = _lengths(owner, x)
     counts = (lengths > PROVEN * lengths.max())[owner]
-    return size * half * y, part * size, np.where(counts, -rates / np.where(counts, lengths[owner], 1.0), 0.0)
+    return np.where(counts, x / np.where(counts, lengths[owner], 1.0), 0.0)
 
 
-def _centred(given: Array, B: Array, r: Array, owner: Index, least: Array) -> tuple[Array, Array]:
+def _centred(given: Array, B: Array, owner: Index, least: Array) -> tuple[Array, Array]:
     """Return x = (z, t) where the barrier is sharp, and the force of each joint there, per y.
+
+    Newton's method finds the least of sharpness t - sum of log (t^2 - |y|^2), which tells the joints at their
+    limits, whose forces are a motion; `_polished`, on these as equations, gives the last digits.
 
     Args:
         given, B: y = given + B x, shapes (k,), (k, m + 1).
-        r: Largest length of y per t, shape (joints,).
         owner: Number of the joint of each freedom, shape (k,).
         least: The smaller limit of each freedom, shape (k,).
     """
     x = np.zeros(B.shape[1])
-    x[-1] = 2.0 * np.max(np.sqrt(np.bincount(owner, given**2))[owner] / least)
+    x[-1] = 2.0 * np.max(_lengths(owner, given)[owner] / least)
     sharpness = 1.0 / x[-1]
     for _ in range(MOST_STEPS):
-        y, s = given + B @ x, r * x[-1]
-        length = np.sqrt(np.bincount(owner, y**2))
-        room = (s - length) * (s + length)
-        each = np.zeros((len(r), len(x)))  # slope of the barrier of each joint
+        y, t = given + B @ x, x[-1]
+        length = _lengths(owner, y)
+        room = (t - length) * (t + length)
+        each = np.zeros((len(room), len(x)))  # slope of the barrier of each joint
         np.add.at(each, owner, (2.0 * y / room[owner])[:, None] * B)
-        each[:, -1] -= 2.0 * r * s / room
+        each[:, -1] -= 2.0 * t / room
         H, slope = (B.T * (2.0 / room)[owner]) @ B + each.T @ each, each.sum(axis=0)
-        H[-1, -1] -= np.sum(2.0 * r**2 / room)
+        H[-1, -1] -= np.sum(2.0 / room)
         slope[-1] += sharpness
         step = -np.linalg.solve(H, slope)
         decrement = float(np.sqrt(max(-slope @ step, 0.0)))
-        if decrement < CENTRED and 2 * len(r) <= BARRIER * sharpness * x[-1]:
+        if decrement < CENTRED and 2 * len(room) <= BARRIER * sharpness * t:
             break
         sharpness *= SHARPER if decrement < CENTRED else 1.0
         x = x + step / (1.0 if decrement < CENTRED else 1.0 + decrement)
     return x, 2.0 / (sharpness * room)
 
 
-def _polished(given: Array, B: Array, r: Array, owner: Index, x: Array, force: Array) -> tuple[Array, Array]:
+def _polished(given: Array, B: Array, owner: Index, x: Array, force: Array) -> tuple[Array, Array]:
     """Return x = (z, t) where joints with forces are at their limits, and the forces, shape (k,).
 
-    It solves |y|^2 = r^2 t^2 of these joints, and that their forces hold each other but for that of t.
+    It solves |y|^2 = t^2 of these joints, and that their forces hold each other but for that of t.
 
     Args:
-        given, B, r, owner: As in `_centred`.
+        given, B, owner: As in `_centred`.
         x, force: Where that ends.
     """
-    lengths = force * np.sqrt(np.bincount(owner, (given + B @ x) ** 2))
+    lengths = force * _lengths(owner, given + B @ x)
     at, ahead = lengths > AT_LIMIT * lengths.max(), np.append(np.zeros(len(x) - 1), 1.0)
     while True:
         found, mu = x, np.where(at, force, 0.0)
         for _ in range(POLISHES):
-            y, s = given + B @ found, r * found[-1]
-            slopes = np.zeros((len(r), len(x)))
+            y, t = given + B @ found, found[-1]
+            slopes = np.zeros((len(mu), len(x)))
             np.add.at(slopes, owner, y[:, None] * B)
-            slopes[:, -1] -= r * s
+            slopes[:, -1] -= t
             bend = (B.T * mu[owner]) @ B
-            bend[-1, -1] -= np.sum(mu * r**2)
-            J, off = slopes[at], (np.bincount(owner, y**2) - s**2)[at] / 2
+            bend[-1, -1] -= np.sum(mu)
+            J, off = slopes[at], (np.bincount(owner, y**2) - t**2)[at] / 2
             system = np.block([[bend, J.T], [J, np.zeros((len(J), len(J)))]])
             step = np.linalg.lstsq(system, -np.append(ahead + slopes.T @ mu, off))[0]
             found = found + step[: len(x)]
