@@ -14,7 +14,7 @@ from ..effects.choice import Choice, Effects, choose, times
 from ..errors import ActuationError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions, as_rates, one_of, same_samples
+from ..structure.samples import as_accelerations, as_positions, as_rates, one_of, same_samples
 from .actuation import Sharing
 from .backward import MotionOfModules, backward
 from .forward import forward
@@ -126,7 +126,7 @@ def inverse_model(
     """Compute the result of `idm` as a batch, together with the closure residuals of the states."""
     on = choose(robot, effects)
     q = as_positions(robot, q, base_given=on.base is None)[0]
-    v, a = as_rates(robot, v)[0], as_rates(robot, a, "a", "acceleration")[0]
+    v, a = as_rates(robot, v)[0], as_accelerations(robot, a)[0]
     same_samples(q=q, v=v, a=a)
     one_of("on_singular", on_singular, "raise", "least-norm")
     one_of("passive", passive, "given", "solved")

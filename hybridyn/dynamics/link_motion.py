@@ -11,7 +11,7 @@ from ..errors import TrajectoryError
 from ..linkage.motion import Motion
 from ..spatial import Array, cross, quaternion_from_rotation, rotate, rotation_from_quaternion
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions, as_rates, same_samples
+from ..structure.samples import as_accelerations, as_positions, as_rates, same_samples
 
 
 class LinkMotion(NamedTuple):
@@ -63,7 +63,7 @@ def kinematics(
     """
     q, single = as_positions(robot, q)
     v = as_rates(robot, v)[0]
-    accelerations = np.zeros_like(v) if a is None else as_rates(robot, a, "a", "acceleration")[0]
+    accelerations = np.zeros_like(v) if a is None else as_accelerations(robot, a)[0]
     same_samples(**{"q": q, "v": v} | ({} if a is None else {"a": accelerations}))
     wanted = named_links(robot, links)
     return motions_of(robot, body_motions(robot, q, v, accelerations), wanted, single)

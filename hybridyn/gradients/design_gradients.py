@@ -13,7 +13,7 @@ from ..errors import ModelError
 from ..spatial import Array
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_batch, as_efforts, as_positions, as_rates
+from ..structure.samples import as_accelerations, as_batch, as_efforts, as_positions, as_rates
 from .adjoint import Bars, ClosedAdjoint
 from .alike import programs_alike
 from .blocks import Factored, condition_of
@@ -162,7 +162,7 @@ class DesignGradients:
         Raises:
             HybridynError: As `idm`.
         """
-        at = self._state(q, v, as_rates(self.robot, a, "a"), parameters)
+        at = self._state(q, v, as_accelerations(self.robot, a), parameters)
         T, nv = len(at.q), self.robot.nv
         many, factors = at.repeated(nv), self._factors(at)
         unknown = self._closed.undetermined(factors)
@@ -190,7 +190,7 @@ class DesignGradients:
         without_losses(self._effects, "the mass matrix does not take")
         check_motors_kept(self.robot, self._kept)
         rest = np.zeros((*np.shape(q)[:-1], self.robot.nv))
-        at = self._state(q, rest, as_rates(self.robot, rest), parameters)
+        at = self._state(q, rest, as_accelerations(self.robot, rest), parameters)
         factors = self._factors(at)
         M, over = self._models.mass_matrix(at, factors)
         first = 0 if at.single else slice(None)
@@ -217,7 +217,7 @@ class DesignGradients:
             HybridynError: As `idm`.
         """
         q, v, a = motion
-        at = self._state(q, v, as_rates(self.robot, a, "a"), parameters, wrenches)
+        at = self._state(q, v, as_accelerations(self.robot, a), parameters, wrenches)
         factors = self._factors(at)
         closing, over = self._closed.closing(factors, at.numbers)
         rows, tau = [over], np.zeros((len(at.q), len(self.robot.motors)))
@@ -242,7 +242,7 @@ class DesignGradients:
         q, v, x, p, wrenches = given
         if name == "idm":
             check_held(self.robot, self._kept)
-        third = as_rates(self.robot, x, "a") if name == "idm" else as_efforts(self.robot, x)
+        third = as_accelerations(self.robot, x) if name == "idm" else as_efforts(self.robot, x)
         at = self._state(q, v, third, p, wrenches)
         factors, first = self._factors(at), 0 if at.single else slice(None)
         if weights is None:

@@ -13,7 +13,7 @@ from ..effects.choice import Choice
 from ..errors import TrajectoryError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_efforts, as_positions, as_rates, same_samples
+from ..structure.samples import as_accelerations, as_efforts, as_positions, as_rates, same_samples
 from ..threads import one_thread
 from .base_parameters import BaseParameters, base_parameters, triangular
 from .regressor import done_together, effort_rows
@@ -108,7 +108,7 @@ def _parts(robot: HybridRobot, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
     """Yield the samples of the chunks in parts of bounded size, after checks of shapes and numbers."""
     for q, v, a, tau in chunks:
         q = as_positions(robot, q)[0]
-        v, a = as_rates(robot, v)[0], as_rates(robot, a, "a", "acceleration")[0]
+        v, a = as_rates(robot, v)[0], as_accelerations(robot, a)[0]
         tau = as_efforts(robot, tau)[0]
         same_samples(q=q, v=v, a=a, tau=tau)
         for first in range(0, len(q), AT_ONCE):

@@ -27,7 +27,7 @@ from ..linkage.motion import Motion
 from ..spatial import Array, Index, cross, motion_matrix, rotate_back
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions, as_rates, same_samples
+from ..structure.samples import as_accelerations, as_positions, as_rates, same_samples
 from .inertial import wrench_matrix
 from .parameters import standard_parameters
 from .standard import StandardParameters
@@ -96,7 +96,7 @@ def regressor(
     """
     parameters = standard_parameters(robot, effects=effects, symmetric=symmetric)
     q, single = as_positions(robot, q)
-    v, a = as_rates(robot, v)[0], as_rates(robot, a, "a", "acceleration")[0]
+    v, a = as_rates(robot, v)[0], as_accelerations(robot, a)[0]
     same_samples(q=q, v=v, a=a)
     Y = effort_rows(robot, parameters, q, v, a)
     return Regressor(Y[0] if single else Y, parameters.names, parameters.values.copy())

@@ -151,20 +151,29 @@ def as_positions(
     return out, single
 
 
-def as_rates(
-    robot: HybridRobot, array: ArrayLike, name: str = "v", quantity: str = "velocity"
-) -> tuple[Array, bool]:
-    """Return rates or accelerations as an array of shape (T, nv), and whether the input was a single sample.
+def as_rates(robot: HybridRobot, array: ArrayLike, name: str = "v") -> tuple[Array, bool]:
+    """Return rates as an array of shape (T, nv), and whether the input was a single sample.
 
     Args:
         array: Rates, shape (nv,) or (T, nv), or a table with named columns (`tables/named_columns.py`).
         name: Name of the array in error messages.
-        quantity: "velocity" or "acceleration": the columns of a table.
 
     Raises:
         TrajectoryError: As for `as_batch`, or columns of a table are missing or unknown.
     """
-    return as_batch(from_table(robot, array, quantity), robot.nv, name)
+    return as_batch(from_table(robot, array, "velocity"), robot.nv, name)
+
+
+def as_accelerations(robot: HybridRobot, array: ArrayLike) -> tuple[Array, bool]:
+    """Return accelerations as an array of shape (T, nv), and whether the input was a single sample.
+
+    Args:
+        array: Accelerations, shape (nv,) or (T, nv), or a table with named columns.
+
+    Raises:
+        TrajectoryError: As for `as_rates`.
+    """
+    return as_batch(from_table(robot, array, "acceleration"), robot.nv, "a")
 
 
 def as_efforts(robot: HybridRobot, array: ArrayLike) -> tuple[Array, bool]:

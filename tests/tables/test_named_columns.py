@@ -61,6 +61,21 @@ def test_one_table_is_position_rate_and_acceleration(robot: HybridRobot, state: 
     same_bits(on.kinematics(table, table, table), on.kinematics(*state))
 
 
+def test_derivatives_read_accelerations_of_a_table(
+    robot: HybridRobot, state: State, interpreted: None
+) -> None:
+    """They are the third argument, beside the rates of the same table."""
+    table, direction = table_of(robot, state), [np.ones(robot.nv)] * 3
+    second = hybridyn.SecondDerivatives(robot)
+    for one, wanted in zip(
+        second.along(table, table, table, direction), second.along(*state, direction), strict=True
+    ):
+        same_bits(one, wanted)
+    gradients = hybridyn.DesignGradients(robot, ["upper_length"])
+    same_bits(gradients.idm(table, table, table).over, gradients.idm(*state).over)
+    same_bits(gradients.motion(table, table, table), gradients.motion(*state))
+
+
 class Row:
     """What a row of pandas' frames has: names of its entries, and the entries by name."""
 

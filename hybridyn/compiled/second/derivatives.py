@@ -13,7 +13,7 @@ from ...errors import ModelError
 from ...spatial import Array
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
-from ...structure.samples import as_batch, as_efforts, as_positions, as_rates, same_samples
+from ...structure.samples import as_accelerations, as_batch, as_efforts, as_positions, as_rates, same_samples
 from ..programs.derivatives.coordinates import check_coordinates
 from ..programs.designs import DesignsInSlots
 from ..programs.general import GENERAL
@@ -241,7 +241,7 @@ class SecondDerivatives:
         self, q: ArrayLike, v: ArrayLike, x: ArrayLike, parameters: ArrayLike | None
     ) -> tuple[list[Array], bool]:
         """Return checked arguments, and whether they are a single sample."""
-        third = as_rates(self.robot, x, "a") if self._of == "tau" else as_efforts(self.robot, x)
+        third = as_accelerations(self.robot, x) if self._of == "tau" else as_efforts(self.robot, x)
         pairs = [as_positions(self.robot, q), as_rates(self.robot, v), third]
         same_samples(**dict(zip(self._inputs, (array for array, _ in pairs), strict=True)))
         given, single = [array for array, _ in pairs], pairs[0][1]

@@ -30,7 +30,7 @@ from ....dynamics.reactions import Reactions
 from ....dynamics.state_checks import checked_state
 from ....errors import HybridynError
 from ....spatial import Array, Mask
-from ....structure.samples import as_rates, one_of, same_samples
+from ....structure.samples import as_accelerations, one_of, same_samples
 from ...code.scalars import GUARD_LIMIT
 from ...library.calls import Library, Numbers
 from ..general import WIDTH, motion_of, named, samples_of
@@ -162,7 +162,7 @@ class Quantities:
     def reactions(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[Numbers, Reactions]:
         """Compute motor efforts and `Reactions`, like `hybridyn.idm` with `reactions=True`."""
         positions, rates, single = checked_state(self.robot, q, v)
-        states = positions, rates, as_rates(self.robot, a, "a", "acceleration")[0]
+        states = positions, rates, as_accelerations(self.robot, a)[0]
         same_samples(q=positions, a=states[2])
         alone = left_out(self.robot, self.effects, str(self.dtype))
         if not alone and len(positions) and (library := self._transmitting) is not None:
