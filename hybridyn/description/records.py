@@ -444,8 +444,14 @@ class Description:
 
     def with_springs(self, springs: Iterable[StatedSpring]) -> Description:
         """Return the description with other springs, in one table in place of all others."""
-        others = (effect for effect in self.effects if effect[0] != "spring")
-        return replace(self, effects=(*others, spring_effect(springs)))
+        return self.with_effect(*spring_effect(springs))
+
+    def with_effect(self, name: str, values: dict[str, Any]) -> Description:
+        """Return the description with other numbers of an effect, in its place, or last."""
+        names = [own for own, _ in self.effects]
+        at = names.index(name) if name in names else len(names)
+        left = (effect for effect in self.effects[at:] if effect[0] != name)
+        return replace(self, effects=(*self.effects[:at], (name, values), *left))
 
     @property
     def load_friction(self) -> tuple[StatedLoadFriction, ...]:
@@ -458,19 +464,10 @@ class Description:
             for joint in joints
         )
 
-    def with_load_friction(
-        self, stated: Iterable[StatedLoadFriction], others: Mapping[str, Any] | None = None
-    ) -> Description:
-        """Return the description with other coefficients of load friction.
-
-        Args:
-            stated: Those of each joint.
-            others: The other numbers of the effect; those of the description by default.
-        """
+    def with_load_friction(self, stated: Iterable[StatedLoadFriction]) -> Description:
+        """Return the description with other coefficients of load friction of each joint."""
         joints = [*stated]
         found = next((values for name, values in self.effects if name == "load_friction"), {})
-        if others is None:
-            others = {name: value for name, value in found.items() if name not in LOAD_FRICTION}
         values = {word: {x.name: getattr(x, word) for x in joints} for word in LOAD_FRICTION}
         tables = {  # a zero stays where one is stated; numbers of a trace are not compared
             word: {
@@ -480,8 +477,7 @@ class Description:
             }
             for word, table in values.items()
         }
-        left = (effect for effect in self.effects if effect[0] != "load_friction")
-        return replace(self, effects=(*left, ("load_friction", tables | dict(others))))
+        return self.with_effect("load_friction", found | tables)
 
     @property
     def gears(self) -> tuple[StatedGear, ...]:
@@ -493,24 +489,13 @@ class Description:
             for motor, efficiency in values.get("efficiency", {}).items()
         )
 
-    def with_gears(
-        self, stated: Iterable[StatedGear], others: Mapping[str, Any] | None = None
-    ) -> Description:
-        """Return the description with other gears.
-
-        Args:
-            stated: The numbers of each motor.
-            others: The other numbers of the effect, and "back" if that is stated; those of the description by
-                default.
-        """
-        motors = [*stated]
-        if others is None:
-            others = next((values for name, values in self.effects if name == "gear_efficiency"), {})
-        tables = dict(others) | {"efficiency": {x.name: x.efficiency for x in motors}}
-        if "back" in others:
-            tables["back"] = {x.name: x.back for x in motors}
-        left = (effect for effect in self.effects if effect[0] != "gear_efficiency")
-        return replace(self, effects=(*left, ("gear_efficiency", tables)))
+    def with_gears(self, stated: Iterable[StatedGear]) -> Description:
+        """Return the description with other numbers of the gear of each motor; "back" where it is stated."""
+        gears = [*stated]
+        found = next((values for name, values in self.effects if name == "gear_efficiency"), {})
+        words = [word for word in ("efficiency", "back") if word in found]
+        tables = {word: {x.name: getattr(x, word) for x in gears} for word in words}
+        return self.with_effect("gear_efficiency", found | tables)
 
     @property
     def root(self) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...description.records import LOAD_FRICTION, StatedGear, StatedLoadFriction, StatedSpring
+from ...description.records import LOAD_FRICTION, StatedSpring
 from ...effects.choice import Effects
 from ...effects.gears import OnGears, on_gears
 from ...effects.joints import JointEffect, OnJoints, placed
@@ -61,23 +61,27 @@ def with_stated_effects(robot: HybridRobot, effects: Effects) -> HybridRobot:
     Raises:
         ModelError: Several springs act on a joint.
     """
+    description = robot.description
     if effects.loaded is not None:
         law = effects.loaded.effect
-        own = [
-            StatedLoadFriction(joint, *(float(table.get(joint, 0.0)) for table in coefficients(law).values()))
-            for joint in sorted(law.joints)
-        ]
-        if tuple(own) != robot.description.load_friction:
-            others = {"static": dict(law.static), "speed": dict(law.speed), "width": law.width}
-            robot = replace(robot, description=robot.description.with_load_friction(own, others))
+        numbers: dict[str, Any] = {
+            word: {joint: float(x) for joint, x in table.items()}
+            for word, table in {**coefficients(law), "static": law.static, "speed": law.speed}.items()
+        }
+        description = description.with_effect("load_friction", numbers | {"width": law.width})
     if effects.gears is not None:
         gear = effects.gears.effect
-        found = [
-            StatedGear(motor, float(x), float((gear.back or {}).get(motor, 2 - 1 / x)))
-            for motor, x in gear.efficiency.items()
-        ]
-        more: dict[str, Any] = {"width": gear.width} | ({} if gear.back is None else {"back": {}})
-        robot = replace(robot, description=robot.description.with_gears(found, more))
+        numbers = {
+            "efficiency": {motor: float(x) for motor, x in gear.efficiency.items()},
+            "width": gear.width,
+        }
+        if gear.back is not None:
+            numbers["back"] = {
+                motor: float(gear.back.get(motor, 2 - 1 / x)) for motor, x in gear.efficiency.items()
+            }
+        description = description.with_effect("gear_efficiency", numbers)
+    if description is not robot.description:
+        robot = replace(robot, description=description)
     springs = [
         StatedSpring(joint, *values[:2])
         for law in effects.joints
