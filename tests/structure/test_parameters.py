@@ -11,10 +11,11 @@ import pytest
 
 from hybridyn import HybridRobot, assemble, idm, load
 from hybridyn.compiled.equations.arguments import Traced, expressed
+from hybridyn.compiled.equations.coefficients import at_robot
 from hybridyn.compiled.programs.sources import asked_for
 from hybridyn.description.records import Description
 from hybridyn.description.shipped import shipped_file
-from hybridyn.effects import Payload, Spring, with_effects
+from hybridyn.effects import GearEfficiency, LoadFriction, Payload, Spring, with_effects
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters, _angles
@@ -224,6 +225,40 @@ def test_the_file_is_read_once_for_each_design(monkeypatch: pytest.MonkeyPatch) 
     found = parameters.slot_values(np.array([[0.27]]))
     monkeypatch.setattr("hybridyn.structure.parameters.xacro.read", None)
     np.testing.assert_array_equal(parameters.slot_values(np.array([[0.27], [0.27]])), found[[0, 0]])
+
+
+#: Losses of the five-bar: the side-car's table, not all of its numbers and not by name, or what is asked for.
+LOSSES: dict[str, tuple[str, Any]] = {
+    "gears, asked for": ("", GearEfficiency({"m1_right_drive": 0.8})),
+    "load friction, asked for": ("", LoadFriction({"m1_right_drive": 0.02, "m1_left_elbow": 0.01})),
+    "gears of the file": (
+        "[effects.gear_efficiency]\nefficiency = {m1_right_drive = 0.8}\n",
+        "gear_efficiency",
+    ),
+    "load friction of the file": (
+        "[effects.load_friction]\nradial = {m1_right_drive = 0.02, m1_left_elbow = 0.01}\n",
+        "load_friction",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LOSSES)
+def test_models_over_an_argument_of_xacro_have_losses(case: str, tmp_path: Path) -> None:
+    """No argument states them; designs have those of the model."""
+    (table, asked), file = LOSSES[case], Path(shipped_file("five_bar") or "")
+    if table:
+        file = Path(shutil.copytree(file.parent, tmp_path / "urdf")) / file.name
+        side_car = tmp_path / "models" / "five_bar" / "model.toml"
+        side_car.parent.mkdir(parents=True)
+        side_car.write_text(table)
+    robot, on, parameters = asked_for(load(file), ["default", asked], ["upper_length"], "float64")
+    found = parameters.slot_values(np.array([[0.27]]))[0]
+    fresh = load(file, xacro_args={"upper_length": "0.27"})
+    np.testing.assert_array_equal(found, values_of(fresh.description, parameters.slots))
+    design = robot.with_parameters({"upper_length": 0.27})
+    q, v, a = assemble(fresh, motors=dict.fromkeys(fresh.motors, (0.1, 0.2, 0.3)))
+    wanted = idm(fresh, q, v, a, effects=["default", asked])
+    np.testing.assert_array_equal(idm(design, q, v, a, effects=at_robot(on, design)), wanted)
 
 
 def with_three_motors(folder: Path, drives: str, elbows: str) -> Path:

@@ -21,6 +21,8 @@ from .slots import Slot, differences, values_of
 PROBES = (1.013, 0.991)
 #: Added to arguments that are zero.
 PROBE_OF_ZERO = 1e-3
+#: Effects that no argument changes: side-cars state them, or the effects that are asked for.
+LOSSES = ("load_friction", "gear_efficiency")
 #: So many designs are remembered at most: gradients ask for the same ones again, for each of their results.
 REMEMBERED = 1000
 
@@ -161,7 +163,13 @@ class XacroArguments:
         """
         origin, chosen = self._origin, map(text_of, values)
         arguments = {**origin.xacro_args, **dict(zip(self.names, chosen, strict=True))}
-        return read(origin.file, motors=origin.motors, xacro_args=arguments, package_dirs=origin.package_dirs)
+        found = read(
+            origin.file, motors=origin.motors, xacro_args=arguments, package_dirs=origin.package_dirs
+        )
+        for name, numbers in self._description.effects:
+            if name in LOSSES:
+                found = found.with_effect(name, numbers)
+        return found
 
     def _changes(self, values: Array) -> list[Slot]:
         """Return the numbers that change with other values."""
