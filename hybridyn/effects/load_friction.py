@@ -10,6 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ..description.records import LOAD_FRICTION
 from ..errors import ModelError
 from ..joints.kinds import JointKind
 from ..spatial import Array, Index
@@ -187,7 +188,7 @@ def _square(x: Array | Sequence[Any]) -> Any:
 
 def coefficients(effect: LoadFriction) -> dict[str, Numbers]:
     """Return the tables of a law's friction coefficients, by their names."""
-    return {word: getattr(effect, word) for word in ("radial", "axial", "tilt", "normal")}
+    return {word: getattr(effect, word) for word in LOAD_FRICTION}
 
 
 def on_loads(effect: LoadFriction, robot: HybridRobot) -> OnLoads | None:
