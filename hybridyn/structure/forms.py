@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from functools import cache
 from types import UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -18,12 +19,19 @@ def check_form(effect: Any) -> None:
     Raises:
         ModelError: One has another form; the message names effect, argument and form.
     """
-    hints = get_type_hints(type(effect))
+    kind: Any = type(effect)
+    hints = _hints(kind)
     for name in (field.name for field in fields(effect) if field.init) if is_dataclass(effect) else ():
         value, hint = getattr(effect, name), hints[name]
         if not _fits(value, hint):
             form = "be a number" if hint is float else f"have the form {_example(hint)}"
             raise ModelError(f"{effect.name}: {name} must {form}, not {value!r:.80}", element=name)
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Return the annotations of a class."""
+    return get_type_hints(kind)
 
 
 def _fits(value: Any, hint: Any) -> bool:
