@@ -210,8 +210,9 @@ def directions_from_rest(free: Free, signs: Array) -> Array:
     size, way = np.abs(a), np.sign(a)
     for at in hold.balls:  # friction opposes each motion, with digits that small accelerations lack
         push, size[at] = efforts[rest[at]], np.linalg.norm(a[at])
-        known = np.linalg.norm(push) > POINTLESS * np.abs(efforts).max() and forward[rest[at[0]]] > 0.0
-        way[at] = -push / np.linalg.norm(push) if known else a[at] / np.where(size[at], size[at], 1.0)
+        pushed = np.linalg.norm(push)
+        known = pushed > POINTLESS * np.abs(efforts).max() and forward[rest[at[0]]] > 0.0
+        way[at] = -push / pushed if known else a[at] / np.where(size[at], size[at], 1.0)
     begins = size > STARTS * np.abs(without).max(initial=0.0)
     # Where friction is just exceeded, accelerations are rounding: the motion that needs most is released.
     out[rest] = np.where(begins, way, 0.0) if begins.any() else now.held.motion
@@ -225,8 +226,7 @@ def carried(free: Free, stuck: Index, x: Array) -> Array:
         stuck: Numbers of these joints.
         x: Their rates or displacements.
     """
-    columns = free.law.columns[stuck]
-    out: Array = free.G[:, stuck] @ (Hold(free.G[columns][:, stuck]).inverse @ x)
+    out: Array = free.G[:, stuck] @ (free.hold(stuck).inverse @ x)
     return out
 
 

@@ -122,9 +122,8 @@ class Sticking:
         for at in self._dry.vectors:
             size, across = np.linalg.norm(v[at]), np.linalg.norm(v[at] - v[at] @ signs[at] * signs[at])
             moves = signs[at].any() and across > STANDING * self._fastest * self._unit[at[0]]
-            if (
-                moves and way[at[0]] <= TURNED * size
-            ):  # else it would be braked across its rate, again and again
+            # Else it would be braked across its rate, again and again.
+            if moves and way[at[0]] <= TURNED * size:
                 slides[at], now[at] = True, v[at] / size
         return self._settled(reached, np.where(slides, now, 0.0))
 
