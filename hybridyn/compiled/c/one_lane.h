@@ -1,4 +1,5 @@
-/* The arithmetic of `walk.h` for one row at a time, whose programs hold copies of legs in the lanes of vectors. */
+/* The arithmetic of `newton.h` and `walk.h` for one row at a time, whose programs hold copies of legs in the lanes of
+   vectors. */
 #undef V
 #undef M
 #undef W

@@ -11,9 +11,11 @@ def steps_in_c(programs: list[Program], scalar: Scalar) -> bool:
     return scalar.name == "float64" and scalar.lanes > 1 and {"lift", "ddm"} <= {p.name for p in programs}
 
 
-#: What `laws.h`, `lift.h` and `steps.h` need of every library, and the size of their memory.
+#: What `laws.h`, `lift.h` and `steps.h` need of every library.
 STEPS = "#define STAGES 8\n#define LAST_STEP 1e-12\n#define LAW(name) law->name\n#define DDM ddm_single_at"
+#: The C of the steps, in order.
 NEEDED = "laws.h", "one_lane.h", "newton.h", "lift.h", "steps.h"
+#: The size of their memory.
 STEPS_WORK = "EXPORT Long steps_work = sizeof(Work);"
 
 
