@@ -11,7 +11,7 @@ the second half reads of the first one is passed on, and nothing is computed twi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -68,7 +68,7 @@ def twice(function: ca.Function, over: Entries, needed: Entries, used: Entries, 
     whole = folded(x, zero, [*early, *late])
     early, late = whole[: len(early)], whole[len(early) :]
     known, given = [*x, *_some(moved, over)], [*_some(bar, needed), *_some(bar_moved, used)]
-    first, second, passed, symbols = cut(known, given, early, late)
+    first, second, passed, symbols = cut(known, early, late)
     found = {s.element_hash() for s in ca.symvar(ca.vertcat(*second))}
     read = [[i for i, c in enumerate(columns) if _reads(c, found)] for columns in (x, moved)]
     inputs = [*(x[i] for i in read[0]), *(moved[i] for i in read[1]), *given, symbols]
@@ -116,76 +116,19 @@ def _reads(column: ca.SX, used: set[int]) -> bool:
     return any(s.element_hash() in used for s in ca.symvar(column))
 
 
-class Halves(NamedTuple):
-    """Expressions cut where later inputs enter, with common terms once.
-
-    Attributes:
-        early: Those of the earlier inputs alone.
-        late: Those of all inputs, in which symbols stand for what is passed on.
-        passed: What is passed on, expressions of the earlier inputs.
-        symbols: The symbols.
-    """
-
-    early: Columns
-    late: Columns
-    passed: ca.SX
-    symbols: ca.SX
-
-
-class _Value(NamedTuple):
-    """A number of a function.
-
-    Attributes:
-        value: Its expression.
-        number: By which it can be passed on; None for inputs and constants.
-        late: Whether it depends on later inputs.
-    """
-
-    value: ca.SX
-    number: int | None
-    late: bool
-
-
-def cut(known: Columns, given: Columns, early: Columns, late: Columns) -> Halves:
-    """Cut expressions where later inputs enter.
+def cut(known: Columns, early: Columns, late: Columns) -> tuple[Columns, Columns, ca.SX, ca.SX]:
+    """Cut expressions where later inputs enter, with common terms once.
 
     Args:
         known: Symbols of the earlier inputs.
-        given: Symbols of the later inputs.
-        early: Expressions of the earlier inputs alone.
-        late: Expressions of all.
+        early: Expressions of these alone.
+        late: Expressions of all inputs.
+
+    Returns:
+        Both, the later ones with symbols for what is passed on; what is passed on, expressions of the
+        earlier inputs; and these symbols.
     """
-    columns = [*known, *given]
-    whole = ca.Function("whole", columns, ca.cse([*early, *late]))
-    outputs = [[ca.SX(0.0)] * whole.nnz_out(i) for i in range(whole.n_out())]
-    work, passed = dict[int, _Value](), dict[int, tuple[ca.SX, ca.SX]]()
-
-    def later(x: _Value) -> ca.SX:
-        """Return a number as the second half reads it."""
-        if x.late or x.number is None:
-            return x.value
-        return passed.setdefault(x.number, (x.value, ca.SX.sym(f"p{x.number}")))[1]
-
-    for k in range(whole.n_instructions()):
-        code, out = whole.instruction_id(k), whole.instruction_output(k)
-        read: list[int] = whole.instruction_input(k)
-        if code == ca.OP_OUTPUT:
-            x = work[read[0]]
-            outputs[out[0]][out[1]] = later(x) if out[0] >= len(early) else x.value
-        elif code == ca.OP_INPUT:
-            work[out[0]] = _Value(columns[read[0]][read[1]], None, read[0] >= len(known))
-        elif code == ca.OP_CONST:
-            work[out[0]] = _Value(ca.SX(whole.instruction_constant(k)), None, False)
-        else:
-            is_late = any(work[i].late for i in read)
-            values: list[Any] = [later(work[i]) if is_late else work[i].value for i in read]
-            apply = ca.SX.binary if len(values) == 2 else ca.SX.unary
-            work[out[0]] = _Value(apply(code, *values), k, is_late)
-    ends = [_column(entries) for entries in outputs]
-    numbers, symbols = (_column([pair[i] for pair in passed.values()]) for i in (0, 1))
-    return Halves(ends[: len(early)], ends[len(early) :], numbers, symbols)
-
-
-def _column(entries: Columns) -> ca.SX:
-    """Return scalars as one column."""
-    return ca.vertcat(*entries) if entries else ca.SX(0, 1)
+    whole = ca.cse([*early, *late])
+    late, symbols, passed = ca.extract_parametric(whole[len(early) :], known, {})
+    none = ca.SX(0, 1)
+    return whole[: len(early)], late, ca.vertcat(none, *passed), ca.vertcat(none, *symbols)
