@@ -20,7 +20,6 @@ from ..program import (
     SharedPlace,
     Source,
     Worst,
-    stored,
 )
 from ..programs.writer import Writer
 
@@ -59,20 +58,16 @@ class Mirrored(Writer):
             outputs: Further outputs, last.
             read: Results whose outputs have changes; None for all.
         """
+        self._input = [(x, k) for x, size in program.inputs for k in range(size)]
+        self._output = [(x, k) for x, size in program.outputs for k in range(size)]
         own = [(x, size) for x, size in program.inputs if x not in zero]
         changes = [(f"{x}{o}", size) for o in ORDERS[:orders] for x, size in program.inputs if x in moving]
-        of = {x: range(at, at + size) for x, size, at in stored(program.outputs)}
-        changing = [x for x, at in of.items() if read is None or any(k in read for k in at)]
-        results = [*program.outputs, *((f"{x}{o}", len(of[x])) for o in ORDERS[:orders] for x in changing)]
-        self._output = {k: (x, k - at.start) for x, at in of.items() for k in at}
+        changing = {x for k, (x, _) in enumerate(self._output) if read is None or k in read}
+        changed = [(x, size) for x, size in program.outputs if x in changing]
+        results = [*program.outputs, *((f"{x}{o}", size) for o in ORDERS[:orders] for x, size in changed)]
         super().__init__(name, [*own, *changes, *inputs], [*results, *outputs])
         self._of, self._zero = program, set(zero)
-        _, _, self._shared, self._own = program.sizes
-        self.shared(orders * program.shared)
-        self._own *= orders + 1
-        names = [name for name, size in program.inputs for _ in range(size)]
-        first = {name: at for name, _, at in stored(program.inputs)}
-        self._input = [(name, k - first[name]) for k, name in enumerate(names)]
+        self._shared, self._own = (orders + 1) * program.shared, (orders + 1) * program.own
 
     def at(self, end: Place, order: int = 0) -> Place:
         """Return the place of a source's or target's numbers, or of their changes of an order."""
@@ -98,9 +93,7 @@ class Mirrored(Writer):
     def _given(self, end: GivenPlace, order: int) -> Source:
         """Return where a program's inputs, or their changes, are read; a source reads of one input."""
         which = [self._input[k] for k in end.index.ravel().tolist()]
-        if not which or (which[0][0] in self._zero and order == 0):
-            return Constants(np.zeros(end.index.shape))
-        name = which[0][0] + ("", *ORDERS)[order]
+        name = which[0][0] + ("", *ORDERS)[order] if which else ""
         if name not in self.given:
             return Constants(np.zeros(end.index.shape))
         return self.from_given(name, np.array([k for _, k in which]).reshape(end.index.shape))
@@ -110,13 +103,19 @@ class Mirrored(Writer):
         ends = [end.index.ravel().tolist() if isinstance(end, GivenPlace) else [] for end in call.sources]
         return tuple(n for n, at in enumerate(ends) if at and self._input[at[0]][0] in self._zero)
 
+    def as_it_is(self, call: Call) -> None:
+        """Add a call whose numbers do not change."""
+        kernel = self._of.kernels[call.kernel]
+        at = self.kernel(("as it is", call.kernel), kernel.function, kernel.part)
+        self.call(at, call.copies, [self.at(x) for x in call.sources], [self.at(x) for x in call.targets])
+
     def rest(self, order: int) -> None:
         """Set all changes of an order to zero: those of numbers that do not change are not computed."""
         size = self._of.shared
         if size:
             self.start(Shared(order * size, size), np.zeros(size))
         starts = {x: self.results.get(x + ORDERS[order - 1]) for x, _ in self._of.outputs}
-        found = [(starts[x], k) for x, k in self._output.values()]
+        found = [(starts[x], k) for x, k in self._output]
         index = np.array([at + k for at, k in found if at is not None], dtype=int)
         if len(index):
             zeros = ca.Function("rest", [], [ca.SX.zeros(len(index))])

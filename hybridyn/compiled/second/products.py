@@ -103,8 +103,7 @@ def _forwards(w: Mirrored, program: Program, step: Start | ActiveCall, read: set
         return None
     call, kernel = step.call, program.kernels[step.call.kernel]
     if not step.matters:
-        as_it_is = w.kernel(("as it is", call.kernel), kernel.function, kernel.part)
-        w.call(as_it_is, call.copies, [w.at(x) for x in call.sources], [w.at(x) for x in call.targets])
+        w.as_it_is(call)
         return None
     pairs = zip(call.targets, step.needed, strict=True)
     used = tuple(own if _is_read(x, call.copies, read) else () for x, own in pairs)

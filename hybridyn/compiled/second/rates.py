@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import casadi as ca
 
@@ -41,18 +42,17 @@ def rate_program(program: Program, name: str, over: Sequence[str], zero: Sequenc
 
 def _add(w: Mirrored, program: Program, step: ActiveCall) -> None:
     """Add a call with the derivatives of its numbers."""
-    call, kernel = step.call, program.kernels[step.call.kernel]
+    call, function = step.call, program.kernels[step.call.kernel].function
+    if not step.matters:
+        w.as_it_is(call)
+        return
     zero = w.zeros(call)
     key = call.kernel, step.over, step.needed, zero
-    function = kernel.function
-    orders = [0]
-    if step.matters:
-        function, orders = w.once(("rates", key), _along, kernel.function, step, zero), [1, 2]
-    of = [x for x, own in zip(call.sources, step.over, strict=True) if own] if step.matters else []
-    ends = [x for x, own in zip(call.targets, step.needed, strict=True) if own] if step.matters else []
-    sources = [*(w.at(x) for x in call.sources), *(w.at(x, order) for order in orders for x in of)]
-    targets = [*(w.at(x) for x in call.targets), *(w.at(x, order) for order in orders for x in ends)]
-    at = w.kernel(key, function, PART if step.matters else kernel.part)
+    of = [x for x, own in zip(call.sources, step.over, strict=True) if own]
+    ends = [x for x, own in zip(call.targets, step.needed, strict=True) if own]
+    sources = [*(w.at(x) for x in call.sources), *(w.at(x, order) for order in (1, 2) for x in of)]
+    targets = [*(w.at(x) for x in call.targets), *(w.at(x, order) for order in (1, 2) for x in ends)]
+    at = w.kernel(("rates", key), partial(_along, function, step, zero), PART)
     w.call(at, call.copies, sources, targets)
 
 
