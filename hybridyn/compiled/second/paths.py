@@ -17,6 +17,8 @@ import numpy as np
 
 from ...joints.displacement import bending, rate
 from ...joints.kinds import JointKind
+from ...linkage.joints import TreeJoint
+from ...linkage.tree import Tree
 from ...symbols import Expression
 from ..equations.arguments import ChosenNumbers
 from ..equations.expressions import pack, symbols
@@ -88,12 +90,9 @@ def _add_model(request: Request, w: Writer, model: str) -> None:
 
 def _moved(kinds: Sequence[JointKind]) -> ca.Function:
     """Return the function of positions after a displacement."""
-    (q_col, q), (d_col, d) = (symbols(x, sum(getattr(k, x) for k in kinds)) for x in ("nq", "nv"))
-    ends, i, j = [], 0, 0
-    for kind in kinds:
-        ends.append(moved(kind, q[i : i + kind.nq], d[j : j + kind.nv]))
-        i, j = i + kind.nq, j + kind.nv
-    return ca.Function("moved", [q_col, d_col], [pack(*ends)])
+    tree = Tree([TreeJoint("", kind) for kind in kinds])
+    (q_col, q), (d_col, d) = symbols("q", tree.nq), symbols("d", tree.nv)
+    return ca.Function("moved", [q_col, d_col], [pack(tree.by_joint(moved, [q], [d]))])
 
 
 def moved(kind: JointKind, q: Expression, delta: Expression) -> Expression:
