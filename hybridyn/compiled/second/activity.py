@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Index
-from ..program import Call, Program, Source, Start, Target, Worst, stored
+from ..program import Call, Program, Source, Start, Target, stored
 
 #: The entries of each source or target of a call that matter, in its copies alike.
 Entries = tuple[tuple[int, ...], ...]
@@ -98,8 +98,8 @@ def pattern(f: ca.Function, n: int, s: int) -> Any:
 
 
 def _numbers(end: Source | Target, copies: int) -> list[list[Number]]:
-    """Return for each entry of a source or target the numbers of its copies; none for constants."""
+    """Return for each entry of a source or target its copies; none for constants and the guard."""
     at: Index = end.at(copies)
-    if not end.memory or isinstance(end, Worst):
+    if not end.memory:
         return [[] for _ in range(at.shape[1])]
     return [[(end.memory, k) for k in column] for column in at.T.tolist()]
