@@ -2,43 +2,33 @@
 
 from __future__ import annotations
 
-import logging
-import os
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import partial
 from math import prod
-from threading import Thread
-from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ....effects.choice import Choice, choose, without_losses
-from ....errors import AT_SAMPLE, CompileError, ModelError, SingularityError, TrajectoryError
+from ....errors import AT_SAMPLE, ModelError, SingularityError, TrajectoryError
 from ....linkage.retraction import Retraction
 from ....spatial import Array
 from ....structure.robot import HybridRobot
-from ...code.library_source import Source, library_source
-from ...code.scalars import GUARD_LIMIT, Scalar
+from ...code.scalars import GUARD_LIMIT
 from ...comparing import States, compare_at_states, random_states
 from ...equations.guarded_elimination import TRUSTED_PIVOT
 from ...equations.request import Request, request
 from ...equations.states import any_accelerations
 from ...failures import as_compile_error
-from ...library.artifact import Artifact
-from ...library.building import best_lanes, find_compiler
 from ...library.cache import Built
 from ...library.calls import Library
-from ...library.current import build_beside
 from ...library.direct_calls import refuse
 from ...program import Program
+from ..built_beside import BuiltBeside
 from ..general import GENERAL, as_batches, general, named, samples_of
-from ..sources import robot_key
-from ..whole_robot import Interpreted
 from .coordinates import check_coordinates
 from .models import direct_derivatives, inverse_derivatives, motor_inverse_derivatives
 
-log = logging.getLogger("hybridyn.compiled")
 Jacobians = dict[str, Array]
 
 #: Builders of the programs, by model and by whether the motors are the coordinates.
@@ -56,11 +46,6 @@ DERIVATIVE_AGREES = 1e-6
 #: `TRUSTED_PIVOT`: they lose more digits than the model's result, whose errors cancel.
 DERIVATIVE_ROUNDED = 5e-16 / TRUSTED_PIVOT**2
 
-
-#: Statements for which the C compiler takes a second, about.
-STATEMENTS_A_SECOND = 1000
-
-
 #: Largest difference of a new library's derivatives from a quotient of differences, of its largest entry; and
 #: a factor on efforts, which would hide other terms, and on results, whose rounding hides smaller changes.
 DERIVATIVE_CHECKED, BESIDE = 1e-5, 1e-3
@@ -70,15 +55,14 @@ TIMES = np.linspace(-2e-5, 2e-5, 5)
 SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12e-5
 
 
-class Derivatives:
+class Derivatives(BuiltBeside):
     """The derivatives of one model of one robot, prepared once and evaluated often.
 
     Attributes:
         robot: The robot.
-        patience: Time of the C compiler from which another process builds, and CasADi computes meanwhile [s].
     """
 
-    patience: ClassVar[float] = 30.0
+    meanwhile = "CasADi computes it meanwhile, slowly"
 
     def __init__(
         self,
@@ -112,11 +96,9 @@ class Derivatives:
             )
         check_coordinates(robot, model, coordinates)
         self.robot, self._model, self._motors = robot, model, coordinates == "motors"
-        self._building: Thread | None = None
         self._at_once: Callable[..., int] = refuse
-        self.library: Library | None = None
         with as_compile_error(robot):
-            self._find_library()
+            self.find_library()
             about = self.program if self.library is None else self.library.programs[self._name]
         self._inputs, self._outputs = dict(about.inputs), dict(about.outputs)
         self._size, self._blocks = self._places()
@@ -137,40 +119,10 @@ class Derivatives:
         """Name of the program."""
         return f"{self._model}_motor_jacobian" if self._motors else f"{self._model}_jacobian"
 
-    def _find_library(self) -> None:
-        """Use the library from the cache, or build it; not without a compiler, or while it takes long."""
-        try:
-            find_compiler()
-        except CompileError:
-            return
-        scalar = Scalar("float64", best_lanes())
-        key = f"{self._name} {robot_key(self.robot, self._effects)} {scalar!r}"
-        artifact = Artifact(self.robot, key, partial(self._written, scalar), self._check)
-        if artifact.known() is not None or (seconds := seconds_of(artifact.source)) <= self.patience:
-            self._use(artifact.loaded(Library))
-            return
-        log.warning(
-            "robot '%s': the C compiler takes about %.0f s for '%s'; CasADi computes it meanwhile, slowly",
-            self.robot.description.name, seconds, self._name,
-        )  # fmt: skip
-        self._building = build_beside(artifact, self._use)
-
-    def _written(self, scalar: Scalar) -> Source:
-        """Generate the C source."""
-        return library_source([self.program], scalar)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave out what another process that builds the library does not need."""
-        return {name: x for name, x in vars(self).items() if name != "program"}
-
     def _use(self, library: Library) -> None:
         """Use a library from now on."""
-        self.library, self._at_once = library, library.programs[self._name].at_once or refuse
-
-    def wait_until_compiled(self) -> None:
-        """Wait until another process has built the library, if there is one."""
-        if self._building is not None:
-            self._building.join()
+        super()._use(library)
+        self._at_once = library.programs[self._name].at_once or refuse
 
     def _check(self, built: Built) -> None:
         """Compare a new library with the general path at random states, and a moment before and after them.
@@ -216,18 +168,11 @@ class Derivatives:
             robot, f"'{self._name}'", run, general, DERIVATIVE_CHECKED, states=states, told=False
         )
 
-    @cached_property
-    def program(self) -> Program:
-        """The model and its derivatives as a program."""
+    def _write(self) -> Program:
+        """Write the model and its derivatives as a program."""
         every = self._model == "idm" and not self._motors  # others go group by group (`models`)
         asked = request(self.robot, self._effects, contacts=every)
         return BUILDERS[self._model, self._motors](asked)
-
-    @cached_property
-    def _interpreted(self) -> Interpreted:
-        """The program, run by CasADi."""
-        with as_compile_error(self.robot):
-            return Interpreted([self.program])
 
     def allocate(self) -> Jacobians:
         """Return arrays that calls of one sample fill: this takes half of a small robot's time."""
@@ -304,9 +249,3 @@ class _Room(Jacobians):
     def __init__(self, owner: Derivatives, flat: Array) -> None:
         super().__init__(owner.split(flat))
         self.owner, self.flat = owner, flat
-
-
-def seconds_of(source: Source) -> float:
-    """Return about how long the C compiler takes on all cores [s]: the longest file, or its share of all."""
-    statements = [unit.count("\n") for unit in source.units.values()]
-    return max(max(statements), sum(statements) / (os.cpu_count() or 1)) / STATEMENTS_A_SECOND
