@@ -114,14 +114,13 @@ class SecondDerivatives:
             HybridynError: As the general path raises for a sample.
         """
         given, single = self._given(q, v, x, parameters)
-        return self._product(given, weights, self._spread_all(direction, len(given[0])), single=single)
+        spread = self._spread_all(direction, len(given[0]))
+        return self._product(given, self._weighted(weights, len(given[0])), spread, single=single)
 
     def _product(
-        self, given: Sequence[Array], weights: ArrayLike, spread: Sequence[Array], *, single: bool
+        self, given: Sequence[Array], weighted: Array, spread: Sequence[Array], *, single: bool
     ) -> Product:
-        """Return a product from checked arguments and a direction as the program reads it."""
-        rows, _ = as_batch(weights, self._size, "weights")
-        weighted = self._over_joints(self._of, everywhere(rows, len(given[0])))
+        """Return a product from checked arguments, with weights and a direction as the program reads them."""
         found, first = self._run(self._products, given, *spread, weighted), 0 if single else slice(None)
         slope, product = (
             {name: self._own(name, found[f"{of}_{what}"])[first] for name, of in self._inputs.items()}
@@ -156,9 +155,8 @@ class SecondDerivatives:
         T, sizes = len(given[0]), [self._width(name) for name in self._inputs]
         n = sum(sizes)
         many = [np.repeat(one, n, axis=0) for one in given]
-        rows, _ = as_batch(weights, self._size, "weights")
+        weighted = np.repeat(self._weighted(weights, T), n, axis=0)
         units = np.split(np.tile(np.eye(n), (T, 1)), np.cumsum(sizes)[:-1], axis=1)
-        weighted = np.repeat(everywhere(rows, T), n, axis=0)
         found = self._product(many, weighted, self._spread_all(units, n * T), single=False).product
         out = np.concatenate([*found.values()], axis=1).reshape(T, n, n)
         return out[0] if single else out
@@ -248,6 +246,11 @@ class SecondDerivatives:
         if self.parameters.size or parameters is not None:
             given.append(np.atleast_2d(self._designs.numbers(parameters, () if single else (len(given[0]),))))
         return given, single
+
+    def _weighted(self, weights: ArrayLike, samples: int) -> Array:
+        """Return weights of results as programs read them, for every sample."""
+        rows, _ = as_batch(weights, self._size, "weights")
+        return self._over_joints(self._of, everywhere(rows, samples))
 
     def _spread_all(self, direction: Sequence[ArrayLike], samples: int) -> list[Array]:
         """Return a direction as programs read it."""
