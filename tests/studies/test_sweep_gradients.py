@@ -74,6 +74,8 @@ def test_a_run_continues_with_the_same_models(folder: Path, monkeypatch: pytest.
     next(iter(sorted(Path("whole").glob("*.parquet"))[2:])).unlink()
     refused(lambda: hybridyn.sweep(study, "whole", jobs=1, resume=True), hybridyn.HybridynError, "gradient")
     assert hybridyn.sweep(study, "whole", jobs=1, resume=True, gradient=True).now == 1
+    monkeypatch.setattr(StudyGradients, "row", None)  # nothing is left to evaluate
+    assert hybridyn.sweep(study, "whole", jobs=1, resume=True, gradient=True).now == 0
     assert read_shards("whole").equals(whole)
 
 

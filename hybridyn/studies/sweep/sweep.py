@@ -150,11 +150,13 @@ def sweep(
     state = Swept(Path(output), len(designs))
     pace = CHUNK_SECONDS
     plan: DesignPlan | GradientPlan | None = None
-    if gradient:  # a run that continues needs the same models
-        along = StudyGradients(source)
-        pace = _try_some(source, designs, along.row)
-        plan, state.why_general = plan_of(along), "gradients are those of single designs"
-    elif not read_record(output).begun:
+    begun = read_record(output).begun
+    if gradient:
+        state.why_general = "gradients are those of single designs"
+        if not begun or gaps(state.folder, len(designs)):  # a run that continues needs the same models
+            along = StudyGradients(source)
+            pace, plan = _try_some(source, designs, along.row), plan_of(along)
+    elif not begun:
         pace = _try_some(source, designs, Designer(source))
         if compiled:
             plan, state.why_general = plan_for(source, designs, _tried(designs))
