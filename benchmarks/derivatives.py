@@ -169,13 +169,21 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
 def products(robot: HybridRobot, case: str, model: Model) -> list[Row]:
     """Count the operations of products of second derivatives, over those of the model; not timed."""
     out = []
-    for closing, over in ((), ""), (("close",), MOTORS):
-        program = second_program(robot, choose(robot, None), model, "product", motors=bool(closing))
-        own = sum(map(total, programs(robot, models=(model, *closing)).values()))
-        what = "the model and closing" if closing else "the model"
-        count = f"{total(program) / own:.3g} times the operations of {what}"
+    for motors, over, what in (False, "", "the model"), (True, MOTORS, "the model and closing"):
+        count = f"{cost_of_product(robot, model, motors=motors):.3g} times the operations of {what}"
         out.append(Row(case, f"{model} product{over}", OURS, count))
     return out
+
+
+def cost_of_product(robot: HybridRobot, model: Model, *, motors: bool) -> float:
+    """Return the operations of a product of second derivatives over those of the model.
+
+    Args:
+        motors: Whether the derivatives are over the motors; closing the loops belongs to the model then.
+    """
+    product = second_program(robot, choose(robot, None), model, "product", motors=motors)
+    own = programs(robot, models=(model, "close") if motors else (model,))
+    return total(product) / sum(map(total, own.values()))
 
 
 Peer = tuple[str, Setting, Blocks, Callable[[], object]]

@@ -11,16 +11,14 @@ import pinocchio as pin
 import pytest
 
 import hybridyn
-from benchmarks.operations import total
+from benchmarks.derivatives import cost_of_product
 from hybridyn import effects as fx
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.programs.whole_robot import Interpreted, programs
 from hybridyn.compiled.second.paths import moved
-from hybridyn.compiled.second.programs import second_program
-from hybridyn.effects.choice import choose
 from hybridyn.joints.kinds import JointKind
 from hybridyn.spatial import Array, numpy_on_symbols
 from hybridyn.structure.building import build_robot
+from hybridyn.studies.compare.methods import Model
 from tests.compiled.test_derivatives import near_a_lost_pivot
 from tests.oracle import Oracle
 from tests.oracle.arithmetic import Long
@@ -30,6 +28,7 @@ from tests.robots.shipped import shipped
 from tests.support.comparing import close_to, refused, same_bits
 from tests.support.files import save
 from tests.support.samples import slow
+from tests.support.written_out import Interpreted
 
 #: Of the largest term: differences of sixth order in long double leave 1e-12.
 ORACLE = 1e-9
@@ -41,6 +40,8 @@ DIFFERENCES, STEP = 1e-6, 3e-3
 FINE = np.longdouble(1e-3)
 FIRST = np.array([-1, 9, -45, 0, 45, -9, 1], dtype=np.longdouble) / 60 / FINE
 SECOND = np.array([2, -27, 270, -490, 270, -27, 2], dtype=np.longdouble) / 180 / FINE**2
+#: Weights of the differences of fourth order on five samples, over the step and over its square.
+SLOPE, BEND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
 #: Most operations of a product, as a multiple of the model.
 COST = 8.0
 
@@ -152,23 +153,21 @@ def test_products_against_differences_of_slopes(kind: str, interpreted: None) ->
     """Along motions of the motors that `assemble` closes; the slopes are those of the Jacobians."""
     robot = driven(kind, 2)
     random, n = np.random.default_rng(4), len(robot.motors)
-    at = [robot.q_slices[robot.joint_index[name]].start for name in robot.motors]
     d, start = random.normal(size=(3, n)), random.normal(size=(2, n))
     second = hybridyn.SecondDerivatives(robot, coordinates="motors")
     weights, step = random.normal(size=n), STEP / 10
 
     def found(s: float) -> tuple[Array, Array]:
         """Return slope and product at a place of the path."""
-        levels = (robot.home[at] + s * d[0], start[0] + s * d[1], start[1] + s * d[2])
-        motors = {name: tuple(x[i : i + 1] for x in levels) for i, name in enumerate(robot.motors)}
-        q, v, a = (x[0] for x in hybridyn.assemble(robot, motors=motors, guess=robot.home))
+        levels = (robot.home[robot.motor_q] + s * d[0], start[0] + s * d[1], start[1] + s * d[2])
+        q, v, a = hybridyn.assemble(robot, motors=levels, guess=robot.home)
         whole = second.product(q, v, a, weights, d)
         J = hybridyn.idm_jacobian(robot, q, v, a, coordinates="motors")
         close_to([*whole.slope.values()], [weights @ block for block in J.values()], DIFFERENCES)
         return tuple(np.concatenate([*x.values()]) for x in whole[1:])  # type: ignore[return-value]
 
     slopes = np.array([found(k * step)[0] for k in range(-2, 3)])
-    close_to(found(0.0)[1], np.array([1, -8, 0, 8, -1]) @ slopes / (12 * step), DIFFERENCES)
+    close_to(found(0.0)[1], SLOPE @ slopes / step, DIFFERENCES)
 
 
 @pytest.mark.parametrize("name", [slow("rps3"), slow("gough_stewart"), "five_bar"])
@@ -176,14 +175,14 @@ def test_turning_joints_move_as_in_pinocchio(name: str, interpreted: None) -> No
     """On a floating base: differences of the written model along `integrate` and straight rates."""
     robot = build_robot(shipped(name), base="floating")
     q, v, a, _ = (x[0] for x in random_states(robot, 1))
-    random, model = np.random.default_rng(2), Interpreted([*programs(robot, models=("idm",)).values()])
+    random, model = np.random.default_rng(2), Interpreted(robot, ("idm",))
     d = random.normal(size=(3, robot.nv))
     steps = STEP * np.arange(-2, 3)
     rows = [(pin.integrate(robot.model, q, s * d[0]), v + s * d[1], a + s * d[2]) for s in steps]
     (tau,), _ = model.batch("idm", *map(np.array, zip(*rows, strict=True)))
     found = hybridyn.SecondDerivatives(robot).along(q, v, a, d)
-    close_to(found.second, np.array([-1, 16, -30, 16, -1]) @ tau / (12 * STEP**2), DIFFERENCES)
-    close_to(found.first, np.array([1, -8, 0, 8, -1]) @ tau / (12 * STEP), DIFFERENCES)
+    close_to(found.second, BEND @ tau / STEP**2, DIFFERENCES)
+    close_to(found.first, SLOPE @ tau / STEP, DIFFERENCES)
 
 
 @pytest.mark.parametrize(
@@ -232,26 +231,17 @@ def test_rates_in_time_of_elastic_drives(interpreted: None) -> None:
     t = STEP * np.arange(-2, 3)
     c = np.random.default_rng(1).normal(size=(6, 2)) * 0.2
     levels = [np.array([np.polynomial.Polynomial(c[:, i]).deriv(k)(t) for i in range(2)]).T for k in range(5)]
-    motors = {name: tuple(x[:, i] for x in levels[:3]) for i, name in enumerate(robot.motors)}
-    q, v, a = hybridyn.assemble(robot, motors=motors)
+    q, v, a = hybridyn.assemble(robot, motors=tuple(levels[:3]))
     tau = hybridyn.idm(robot, q, v, a)
     second = hybridyn.SecondDerivatives(robot, coordinates="motors")
     found = second.rates(q[2], v[2], a[2], levels[3][2], levels[4][2])
     close_to(found.value, tau[2], ROUNDING)
-    close_to(found.first, np.array([1, -8, 0, 8, -1]) @ tau / (12 * STEP), DIFFERENCES)
-    close_to(found.second, np.array([-1, 16, -30, 16, -1]) @ tau / (12 * STEP**2), DIFFERENCES)
+    close_to(found.first, SLOPE @ tau / STEP, DIFFERENCES)
+    close_to(found.second, BEND @ tau / STEP**2, DIFFERENCES)
     joints = hybridyn.SecondDerivatives(robot)
-    jerk = np.array([1, -8, 0, 8, -1]) @ a / (12 * STEP)
-    snap = np.array([-1, 16, -30, 16, -1]) @ a / (12 * STEP**2)
+    jerk = SLOPE @ a / STEP
+    snap = BEND @ a / STEP**2
     close_to(joints.rates(q[2], v[2], a[2], jerk, snap).second, found.second, DIFFERENCES)
-
-
-def cost(robot: hybridyn.HybridRobot, model: str, coordinates: str) -> float:
-    """Return the operations of a product over those of the model, with closing over motors."""
-    motors = coordinates == "motors"
-    product = second_program(robot, choose(robot, None), model, "product", motors=motors)
-    of = programs(robot, models=(model, "close") if motors else (model,))
-    return total(product) / sum(map(total, of.values()))
 
 
 @pytest.mark.parametrize(
@@ -261,8 +251,9 @@ def cost(robot: hybridyn.HybridRobot, model: str, coordinates: str) -> float:
     ("model", "coordinates"),
     [("ddm", "joints"), ("idm", "motors"), slow("idm", "joints"), slow("ddm", "motors")],
 )
-def test_a_product_costs_at_most_eight_models(name: str, model: str, coordinates: str) -> None:
-    assert cost(build_robot(shipped(name)), model, coordinates) <= COST
+def test_a_product_costs_at_most_eight_models(name: str, model: Model, coordinates: str) -> None:
+    motors = coordinates == "motors"
+    assert cost_of_product(build_robot(shipped(name)), model, motors=motors) <= COST
 
 
 @pytest.mark.slow
@@ -298,13 +289,10 @@ def test_smooth_effects_are_among_the_forces(law: str, interpreted: None) -> Non
     second = hybridyn.SecondDerivatives(robot, effects=on, coordinates="motors")
     d = np.random.default_rng(3).normal(size=(3, 2))
     found = second.along(q, v, a, d)
-    u, at = robot.motor_v, [robot.q_slices[robot.joint_index[name]].start for name in robot.motors]
-    steps = STEP / 3 * np.arange(-2, 3)
-    levels = [x[np.newaxis] + steps[:, None] * one for x, one in zip((q[at], v[u], a[u]), d, strict=True)]
-    motors = {name: tuple(x[:, i] for x in levels) for i, name in enumerate(robot.motors)}
-    tau = hybridyn.idm(robot, *hybridyn.assemble(robot, motors=motors, guess=q), effects=on)
-    wanted = np.array([-1, 16, -30, 16, -1]) @ tau / (12 * (STEP / 3) ** 2)
-    close_to(found.second, wanted, 10 * DIFFERENCES)
+    at, step = (q[robot.motor_q], v[robot.motor_v], a[robot.motor_v]), STEP / 3
+    levels = tuple(x + step * np.arange(-2, 3)[:, None] * one for x, one in zip(at, d, strict=True))
+    tau = hybridyn.idm(robot, *hybridyn.assemble(robot, motors=levels, guess=q), effects=on)
+    close_to(found.second, BEND @ tau / step**2, 10 * DIFFERENCES)
     plain = hybridyn.SecondDerivatives(robot, coordinates="motors").along(q, v, a, d)
     assert law in ("rotor_inertia", "spring", "viscous_friction") or (
         np.abs(plain.second - found.second).max() > 1e-6 * np.abs(found.second).max()
