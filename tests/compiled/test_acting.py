@@ -13,7 +13,6 @@ from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.exporting import export
 from hybridyn.compiled.programs.designs import changed
-from hybridyn.compiled.programs.whole_robot import Interpreted, programs
 from hybridyn.effects import Bushings, GravityCompensation, GroundContact, LineSprings
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters
@@ -23,6 +22,7 @@ from tests.oracle import Base
 from tests.robots.mechanisms import KINDS, random_mechanism
 from tests.support.comparing import close_to, refused
 from tests.support.samples import slow
+from tests.support.written_out import Interpreted
 
 #: Of the largest: rounding, times the condition of the motions.
 SAME = 1e-10
@@ -77,7 +77,7 @@ def test_forces_are_those_of_the_general_path(kind: str, base: Base) -> None:
     rng = np.random.default_rng(0)
     links = [*rng.permutation(taking(robot))[:4]]
     effects = ["default", *laws(links[:2])]
-    models = Interpreted([*programs(robot, effects, models=("idm", "ddm"), wrenches=links).values()])
+    models = Interpreted(robot, ("idm", "ddm"), effects, wrenches=links)
     q, v, tau = moving_states(robot, STATES)
     given = rng.normal(size=(STATES, len(links), 6))
     acting: Any = {"effects": effects, "wrenches": {link: given[:, i] for i, link in enumerate(links)}}
@@ -141,8 +141,7 @@ def test_forces_follow_parameters() -> None:
     effects = ["default", *laws(links)]
     names = ["mass:m1_left_upper", "centre:m1_left_upper", "position:m1_tool_mount"]
     parameters = Parameters(robot.description, names)
-    made = programs(robot, effects, models=("idm", "ddm"), wrenches=links, parameters=parameters.slots)
-    models = Interpreted([*made.values()])
+    models = Interpreted(robot, ("idm", "ddm"), effects, wrenches=links, parameters=parameters.slots)
     slots = parameters.slot_values((1.1 * parameters.nominal + 0.02)[None])[0]
     other = changed(robot, parameters, slots)
     q, v, tau = moving_states(other, STATES)

@@ -14,7 +14,6 @@ from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.settling import far_from_solution, largest_over
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.program import Call
-from hybridyn.compiled.programs import whole_robot
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.effects import GearEfficiency, GravityCompensation, LoadFriction, choose
 from hybridyn.errors import ActuationError, ModelError, SingularityError
@@ -190,9 +189,7 @@ def test_wrenches_on_outputs_load_the_joints_of_legs() -> None:
     effects = ["default", LoadFriction(normal=dict.fromkeys(robot.motors, 0.05), width=0.05)]
     q, v, a, tau = random_states(robot, 2)
     wrench = 20 * rng.normal(size=(2, 6))
-    library = whole_robot.Interpreted(
-        [*programs(robot, effects, models=("idm", "ddm"), wrenches=["m1_platform"]).values()]
-    )
+    library = Interpreted(robot, ("idm", "ddm"), effects, wrenches=["m1_platform"])
     for model, last in (("ddm", tau), ("idm", a)):
         (found,), guard = library.batch(model, q, v, last, wrench)
         wanted = getattr(hybridyn, model)(

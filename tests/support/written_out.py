@@ -10,6 +10,10 @@ class Interpreted(whole_robot.Interpreted):
     """Models of a robot that CasADi runs."""
 
     def __init__(
-        self, robot: HybridRobot, models: tuple[str, ...] = ("idm", "ddm", "kinematics"), effects: Any = None
+        self,
+        robot: HybridRobot,
+        models: tuple[str, ...] = ("idm", "ddm", "kinematics"),
+        effects: Any = None,
+        **asked: Any,
     ) -> None:
-        super().__init__([*whole_robot.programs(robot, effects, models=models).values()])
+        super().__init__([*whole_robot.programs(robot, effects, models=models, **asked).values()])
