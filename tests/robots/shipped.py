@@ -1,6 +1,9 @@
 """The shipped robots as records, and states of them that the oracle has closed."""
 
+import shutil
+from collections.abc import Mapping
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
@@ -23,6 +26,22 @@ def shipped(name: str, **arguments: str) -> Description:
     """Read a shipped robot, with arguments of its xacro file."""
     path = ROOT / "urdf" / f"{name}.urdf.xacro"
     return read(path, xacro_args=arguments)
+
+
+def changed_copy(name: str, folder: Path, changes: Mapping[str, tuple[str, str]]) -> Path:
+    """Copy a shipped robot with other text in some of its files, and give its file.
+
+    Args:
+        folder: Where its folder "urdf" is written.
+        changes: File in "urdf" to a text that stands in it, and what replaces this text.
+    """
+    copy = folder / "urdf"
+    shutil.copytree(ROOT / "urdf", copy)
+    for file, (before, after) in changes.items():
+        text = (copy / file).read_text()
+        assert before in text, f"{file} lacks {before}"
+        (copy / file).write_text(text.replace(before, after))
+    return copy / f"{name}.urdf.xacro"
 
 
 def states_near_home(description: Description, base: Base, seed: int, count: int) -> States:

@@ -1,7 +1,6 @@
 """Chosen numbers of a description as parameters: names, slots, and the numbers of modules that follow."""
 
 import dataclasses
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,12 @@ from hybridyn.compiled.equations.arguments import Traced, expressed
 from hybridyn.compiled.equations.coefficients import at_robot
 from hybridyn.compiled.programs.sources import asked_for
 from hybridyn.description.records import Description
-from hybridyn.description.shipped import shipped_file
 from hybridyn.effects import GearEfficiency, LoadFriction, Payload, Spring, with_effects
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.entries import Parameters, _angles
 from hybridyn.structure.parameters.slots import Slot, differences, values_of, with_values
-from tests.robots.shipped import shipped
+from tests.robots.shipped import changed_copy, shipped
 from tests.support.comparing import refused
 from tests.support.files import save
 from tests.support.samples import slow
@@ -245,9 +243,8 @@ LOSSES: dict[str, tuple[str, Any]] = {
 @pytest.mark.parametrize("case", LOSSES)
 def test_models_over_an_argument_of_xacro_have_losses(case: str, tmp_path: Path) -> None:
     """No argument states them; designs have those of the model."""
-    (table, asked), file = LOSSES[case], Path(shipped_file("five_bar") or "")
+    (table, asked), file = LOSSES[case], changed_copy("five_bar", tmp_path, {})
     if table:
-        file = Path(shutil.copytree(file.parent, tmp_path / "urdf")) / file.name
         side_car = tmp_path / "models" / "five_bar" / "model.toml"
         side_car.parent.mkdir(parents=True)
         side_car.write_text(table)
@@ -263,13 +260,11 @@ def test_models_over_an_argument_of_xacro_have_losses(case: str, tmp_path: Path)
 
 def with_three_motors(folder: Path, drives: str, elbows: str) -> Path:
     """Copy the five-bar with other effort limits of its drives and of its hinges, and give its file."""
-    shutil.copytree(Path(shipped_file("five_bar") or "").parent, folder / "urdf")
-    modules = folder / "urdf" / "modules"
-    for name, before, limit in (("five_bar", "${torque}", drives), ("joints", "0", elbows)):
-        file, stated = modules / f"{name}.xacro", f'effort="{before}"'
-        assert stated in file.read_text()
-        file.write_text(file.read_text().replace(stated, f'effort="{limit}"'))
-    return folder / "urdf" / "five_bar.urdf.xacro"
+    changes = {
+        "modules/five_bar.xacro": ('effort="${torque}"', f'effort="{drives}"'),
+        "modules/joints.xacro": ('effort="0"', f'effort="{elbows}"'),
+    }
+    return changed_copy("five_bar", folder, changes)
 
 
 #: Motors of the five-bar, of which two would do.

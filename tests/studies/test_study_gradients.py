@@ -1,19 +1,18 @@
 """Gradients of a study's measures, against differences of the measures themselves."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.description.shipped import shipped_file
 from hybridyn.errors import HybridynError, ModelError
 from hybridyn.spatial import Array
 from hybridyn.studies.sweep.evaluation import Designer
 from hybridyn.studies.sweep.gradients import StudyGradients
 from hybridyn.studies.sweep.measures import OF_MOTORS
 from hybridyn.studies.sweep.reading import read_study
+from tests.robots.shipped import changed_copy
 from tests.structure.test_parameters import THREE, with_three_motors
 
 #: Agreement with a quotient of differences of order four: its rounding, 1e-13 over steps of 1e-3, counts.
@@ -59,13 +58,10 @@ def study(folder: Path, measures: str, text: str = STUDY, pushed: tuple[str, ...
 
 def test_gradients_of_measures_are_those_of_the_measures(tmp_path: Path) -> None:
     """Limits of the motors follow the parameters, too, and wrenches act on two links."""
-    shutil.copytree(Path(shipped_file("five_bar") or "").parent, tmp_path / "urdf")
-    module = tmp_path / "urdf" / "modules" / "five_bar.xacro"
     before = 'lower="-1.2" upper="1.2" effort="${torque}" velocity="${speed}"'
     limits = 'lower="${-9 * upper_length}" upper="${7 * upper_length}" effort="${50 * upper_length}"'
-    assert before in module.read_text()
     after = limits + ' velocity="${33 * upper_length}"'
-    module.write_text(module.read_text().replace(before, after))
+    changed_copy("five_bar", tmp_path, {"modules/five_bar.xacro": (before, after)})
     text = STUDY.replace('"five_bar"', '"urdf/five_bar.urdf.xacro"')
     of = study(tmp_path, ALL, text, ("m1_tool", "m1_left_upper"))
     along = NUMBERS * [1.0, -1.0, 0.5]
@@ -97,12 +93,10 @@ trajectory = "loop.csv"
 
 def with_tip(folder: Path, name: str, z: str) -> None:
     """Copy the five-bar, with a link without mass on its tool."""
-    shutil.copytree(Path(shipped_file("five_bar") or "").parent, folder / "urdf")
-    file = folder / "urdf" / "five_bar.urdf.xacro"
     tip = f"""<xacro:property name="m" value="$(arg upper_mass)"/><link name="{name}"/>
     <joint name="tip_mount" type="fixed"><parent link="m1_tool"/><child link="{name}"/>
     <origin xyz="0 0 {z}"/></joint></robot>"""
-    file.write_text(file.read_text().replace("</robot>", tip))
+    changed_copy("five_bar", folder, {"five_bar.urdf.xacro": ("</robot>", tip)})
 
 
 def test_a_design_of_another_structure_has_its_own_models(tmp_path: Path) -> None:
