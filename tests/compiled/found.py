@@ -7,6 +7,9 @@ import numpy as np
 
 from hybridyn.compiled.failures import difference
 
+SOLVED = 1e-8  # solved with rows of condition up to some thousands, which nothing guards in the oracle
+CLOSED = 1e-11  # largest residual [m, rad]
+
 
 @dataclass
 class Found:

@@ -4,7 +4,6 @@ import contextlib
 import ctypes
 import os
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import patch
 
@@ -19,13 +18,11 @@ from hybridyn.compiled.programs.given_control import given_motion
 from hybridyn.compiled.programs.whole_robot import programs
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.robot import joint_position
-from tests.compiled.found import Found
-from tests.compiled.test_export import called, compiler
-from tests.compiled.test_given import Task
+from tests.compiled.found import CLOSED, SOLVED, Found
+from tests.compiled.test_export import compiler
+from tests.compiled.test_given import Stepper, Task
 
 TICKS = 8
-SOLVED = 1e-8  # solved with rows of condition up to some thousands
-CLOSED = 1e-11  # [m, rad]
 #: What is given of a link, by the freedoms of its module.
 GIVEN = {1: ("x", "y", "z"), 2: ("x y", "x z", "y z"), 3: ("x y z",), 6: ("",)}
 
@@ -42,9 +39,9 @@ def compare_steps(robot: hybridyn.HybridRobot, q: np.ndarray, seed: int, case: s
         told = compiler("-O0", "-fPIC", "-shared", source, "-o", library, "-lm")
         loaded = ctypes.CDLL(str(library))
     assert told == ""
-    from_motors(robot, loaded.m_idm_from_motors, q, case, found)
+    from_motors(Stepper(robot, loaded.m_idm_from_motors), q, case, found)
     if task:
-        from_given(task, loaded.m_idm_from_given, q, case, found)
+        from_given(Stepper(robot, loaded.m_idm_from_given), task, q, case, found)
 
 
 def task_of(robot: hybridyn.HybridRobot, seed: int) -> Task | None:
@@ -64,27 +61,26 @@ def task_of(robot: hybridyn.HybridRobot, seed: int) -> Task | None:
     return None
 
 
-def from_motors(
-    robot: hybridyn.HybridRobot, step: Callable[..., float], q: np.ndarray, case: str, found: Found
-) -> None:
+def from_motors(step: Stepper, q: np.ndarray, case: str, found: Found) -> None:
     """Compare ticks from positions of motors and rates of what they do not tell."""
+    robot = step.robot
     read = rates_read(programs(robot, models=("close",))["close"])
     rng, last = np.random.default_rng(5), q.copy()
     position = np.array([float(joint_position(robot, q, x)) for x in robot.motors])
     for _ in range(TICKS):
         position = position + 0.01 * robot.unit[robot.motor_v] * rng.normal(size=len(position))
         given = last, position, *rng.normal(size=(2, robot.nv)) * robot.unit * (read > 0)
-        state = ticked(robot, step, given, "step", case, found)
+        state = ticked(step, given, "step", case, found)
         last = last if state is None else state[0]
 
 
-def from_given(task: Task, step: Callable[..., float], q: np.ndarray, case: str, found: Found) -> None:
+def from_given(step: Stepper, task: Task, q: np.ndarray, case: str, found: Found) -> None:
     """Compare ticks from coordinates of a link; where no rod spins, their motion, too."""
-    robot, rng, last = task.robot, np.random.default_rng(6), q.copy()
+    robot, rng, last = step.robot, np.random.default_rng(6), q.copy()
     spins = any(idle_motions(m.mechanism, m.motor_columns) for m in robot.modules)
     for _ in range(TICKS):
         levels = task.next(rng, last)
-        state = ticked(robot, step, (last, *levels), "given step", case, found)
+        state = ticked(step, (last, *levels), "given step", case, found)
         if state is None:
             continue
         if not spins:
@@ -93,20 +89,17 @@ def from_given(task: Task, step: Callable[..., float], q: np.ndarray, case: str,
         last = state[0]
 
 
-def ticked(
-    robot: hybridyn.HybridRobot, step: Callable[..., float], given: States, what: str, case: str, found: Found
-) -> States | None:
+def ticked(step: Stepper, given: States, what: str, case: str, found: Found) -> States | None:
     """Run a tick; compare its efforts at the motion that it found, whose loops must be closed."""
-    out = np.zeros(robot.nq), np.zeros(robot.nv), np.zeros(robot.nv), np.zeros(len(robot.motors))
-    if not called(step, *given, *out, np.zeros(1_000_000)) <= GUARD_LIMIT:
+    guard, (*state, tau) = step(*given)
+    if not guard <= GUARD_LIMIT:
         found.count[f"{what}s not trusted"] += 1
         return None
-    *state, tau = out
     try:
-        wanted = hybridyn.idm(robot, *state)
+        wanted = hybridyn.idm(step.robot, *state)
     except hybridyn.HybridynError as error:
         found.wrong.append(f"{case}: {what}: {error}")
         return None
     found.compare(what, case, tau, wanted, SOLVED)
-    found.add(f"{what} closes", case, Manifold(robot).residual(state[0])[0], CLOSED)
+    found.add(f"{what} closes", case, Manifold(step.robot).residual(state[0])[0], CLOSED)
     return tuple(state)

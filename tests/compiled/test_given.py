@@ -1,9 +1,9 @@
 """The exported control step from poses: its C gives the general path's motion and efforts, or refuses."""
 
 import ctypes
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +36,10 @@ class Stepper:
     """A control step in C."""
 
     robot: HybridRobot
-    function: Callable[..., float]
+    function: Any
+
+    def __post_init__(self) -> None:
+        self.function.restype, self.function.argtypes = ctypes.c_double, [ctypes.c_void_p] * 9
 
     def __call__(self, *given: Array) -> tuple[float, Filled]:
         """Return the guard, and q, v, a and efforts: from the last posture, what is given, and its rates."""
@@ -51,9 +54,7 @@ def stepper(robot: HybridRobot, folder: Path, *given: str) -> Stepper:
     """Export a robot's control step, build it, and load it."""
     export(robot, folder / "made", name="m", given=given)
     assert compiler(*STRICT, "-shared", "-fPIC", "-o", folder / "m.so", folder / "made" / "m.c", "-lm") == ""
-    function = ctypes.CDLL(str(folder / "m.so")).m_idm_from_given
-    function.restype, function.argtypes = ctypes.c_double, [ctypes.c_void_p] * 9
-    return Stepper(robot, function)
+    return Stepper(robot, ctypes.CDLL(str(folder / "m.so")).m_idm_from_given)
 
 
 class Task:
