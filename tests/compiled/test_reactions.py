@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.compiled.comparing import random_states
+from hybridyn.compiled.comparing import SAMPLES
 from hybridyn.compiled.compiling import interpreted_model
 from hybridyn.compiled.equations.request import request
+from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.programs.reactions import reactions_program
 from hybridyn.compiled.programs.unpacking import computed_alone, reactions_in
 from hybridyn.compiled.programs.whole_robot import Interpreted
@@ -30,7 +31,7 @@ BASES = ("fixed", "moving", "floating")
 
 def balanced(robot: HybridRobot, effects: Any = None) -> list[np.ndarray]:
     """Return q, v and a of random efforts."""
-    q, v, tau, _ = random_states(robot, 1, idle=False)
+    q, v, tau = moving_states(robot, SAMPLES, 1, idle=False)
     return [q, v, hybridyn.ddm(robot, q, v, tau, effects=effects)]
 
 

@@ -15,7 +15,7 @@ from ....effects.choice import Effects, choose
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...code.scalars import Scalar
-from ...comparing import States, compare_at_states, random_states, trusted_nowhere
+from ...comparing import SAMPLES, States, compare_at_states, trusted_nowhere
 from ...library.artifact import Artifact
 from ...library.building import best_lanes
 from ...library.cache import Built
@@ -35,7 +35,7 @@ def left_out(robot: HybridRobot, on: Effects, dtype: str) -> str:
     if None in (on.gravity, on.leg_inertia, on.velocity):
         return "without the effects that are on by default"
     names = [*on.losses, *(law.name for law in on.links)]
-    names += [law.name for law in (on.limits, on.base) if law is not None]
+    names += [] if on.limits is None else [on.limits.name]
     return f"with the effect '{names[0]}'" if names else computed_alone(robot)
 
 
@@ -84,7 +84,9 @@ def _check(robot: HybridRobot, built: Built) -> None:
 
     def states(seed: int) -> States:
         """Draw q, v and tau, and the accelerations that follow."""
-        q, v, tau, _ = random_states(robot, seed, idle=False)
+        from ...equations.states import moving_states
+
+        q, v, tau = moving_states(robot, SAMPLES, seed, idle=False)
         return q, v, ddm(robot, q, v, tau), tau
 
     def run(q: Array, v: Array, a: Array, tau: Array) -> tuple[list[Numbers], Array]:
