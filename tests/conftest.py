@@ -172,6 +172,11 @@ def built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module_builder, "Mechanism", mechanism.Mechanism)
 
 
+def is_shipped(file: Any) -> bool:
+    """Tell whether a file lies among those of the shipped robots."""
+    return os.path.realpath(file).startswith(str(ROOT / "urdf") + os.sep)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def read_once() -> None:
     """Read each shipped robot once a worker: many tests load the same ones, whose descriptions are frozen."""
@@ -182,7 +187,7 @@ def read_once() -> None:
     made: dict[object, Any] = {}
 
     def known(path: Any, *, xacro_args: Any = None, **asked: Any) -> Any:
-        if xacro_args or not os.path.realpath(path).startswith(str(ROOT / "urdf") + os.sep):
+        if xacro_args or not is_shipped(path):
             return read(path, xacro_args=xacro_args, **asked)
         key = os.getcwd(), os.fspath(path), repr(asked), *xacro.share_dirs()
         if key not in made:
@@ -205,7 +210,7 @@ def kept(expand: Callable[..., Any]) -> Callable[..., Any]:
     from hybridyn.description.urdf import xacro
 
     def expanded(file: str, arguments: Mapping[str, object], packages: Sequence[Any]) -> Any:
-        if not os.path.realpath(file).startswith(str(ROOT / "urdf") + os.sep):
+        if not is_shipped(file):
             return expand(file, arguments, packages)
         given = sorted((key, str(value)) for key, value in arguments.items())
         asked = (os.path.abspath(file), given, packages, xacro.share_dirs())
