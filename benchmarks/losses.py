@@ -47,8 +47,8 @@ def measure(case: str, samples: int = 1_000, rounds: int = 20) -> list[Row]:
     models = {name: hybridyn.compile(robot, on, wait=True) for name, on in laws.items()}
     q, v, a = one.states(robot, samples)
     tau = models["none"].idm(q, v, a)
-    sweeps = friction_sweeps(robot, choose(robot, laws["load friction"]), "float64")
-    steps = {"load friction": float(NEWTON if len(robot.modules) == 1 else sweeps)}
+    rubs, one_module = choose(robot, laws["load friction"]), len(robot.modules) == 1
+    steps = {"load friction": NEWTON if one_module else friction_sweeps(robot, rubs, "float64")}
     rows: list[Row] = []
     for model, last in (("idm", a), ("ddm", tau)):
         calls = [partial(getattr(compiled, model), q, v, last) for compiled in models.values()]
@@ -60,7 +60,7 @@ def measure(case: str, samples: int = 1_000, rounds: int = 20) -> list[Row]:
             few = slice(0, 4)
             exact = getattr(hybridyn, model)(robot, q[few], v[few], last[few], effects=on)
             error = float(np.abs(call()[few] - exact).max() / np.abs(exact).max())
-            iterations = steps.get(name, 0.0) if model == "ddm" else 0.0  # motors balance it
+            iterations = float(steps.get(name, 0)) if model == "ddm" else 0.0  # motors balance it
             rows.append(Row(
                 case, model, name, batch=samples, error=error, us=1e6 * time / samples, value=time / times[0],
                 operations=count / counted[0], iterations=iterations,

@@ -46,7 +46,8 @@ motor's largest effort, and the part of the compiled model's operations that the
 GROWN = """\
 Compiled models of which every joint with a motor rubs in proportion to its load, or has a gear that loses a
 tenth, over models without: operations, and times of batches in one run. Iterations are steps of Newton's
-method in each sample, of `ddm` over several modules sweeps. Errors are those against the general path.
+method in each sample, of `ddm` over several modules sweeps; `idm` needs none where the motor of each joint
+balances its friction. Errors are those against the general path.
 """
 
 SINGULAR = """\
