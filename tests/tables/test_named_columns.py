@@ -7,7 +7,9 @@ import pytest
 
 import hybridyn
 from hybridyn import HybridRobot, TrajectoryError
+from hybridyn.compiled.compiling import interpreted_model
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.effects import LoadFriction
 from hybridyn.structure.building import build_robot
 from tests.robots.mechanisms import random_mechanism
 from tests.support.comparing import ROUNDING, SOLVED, close_to, refused, same_bits
@@ -86,6 +88,21 @@ class Row:
 
     def __getitem__(self, name: str) -> float:
         return float(self._entries[name])
+
+
+def test_reactions_that_the_general_path_computes(robot: HybridRobot, state: State) -> None:
+    """Compiled models leave those with load friction to it."""
+    effects = ["default", LoadFriction(radial={robot.joints[0]: 1e-3}, width=0.05)]
+    compiled, joints = interpreted_model(robot, effects, "idm"), [*enumerate(robot.joints)]
+    tables = [Table((name, x[:, i]) for i, name in reversed(joints)) for x in state]
+    rows = [Row(table, 3) for table in tables]
+    for given, asked in ((tables, state), (rows, [x[3] for x in state])):
+        tau, found = compiled.idm(*given, reactions=True)
+        wanted_tau, wanted = hybridyn.idm(robot, *asked, effects=effects, reactions=True)
+        same_bits(tau, wanted_tau)
+        for name, wrench in wanted.joints.items():
+            same_bits(found.joints[name], wrench)
+    assert compiled.handed_over == {"reactions (with the effect 'load_friction')": SAMPLES + 1}
 
 
 def test_a_row_of_a_table_is_one_sample(robot: HybridRobot, state: State) -> None:

@@ -171,7 +171,7 @@ class Quantities:
             if (good & (guard <= GUARD_LIMIT)).all():
                 return (tau[0], found.sample(0)) if single else (tau, found)
         self._handed.hand_over("reactions", len(positions), alone)
-        given = (np.asarray(x, dtype=float) for x in (q, v, a))
+        given = (x[0] if single else x for x in states)
         return idm(self.robot, *given, effects=self.effects, reactions=True)
 
     @cached_property
