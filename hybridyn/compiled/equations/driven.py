@@ -18,7 +18,7 @@ from .module_plan import ModulePlan
 from .motor_balance import motor_efforts
 from .options import Options
 from .rubbing import answers_of, answers_of_core, pushed_by
-from .rubbing_joints import Rubbing, with_arguments
+from .rubbing_joints import Rubbing, of_core, with_arguments
 from .rubbing_legs import read_legs
 from .settling import settle
 from .stages import GivenColumns
@@ -112,7 +112,7 @@ class Driven:
         for j in felt:
             tau[:, j] = self.efforts(needed[:, j])[0]
             left[:, j] = minus(needed[:, j], dot(self.columns, tau[:, j]))
-        own = [one for one in rubbing if one.joint in plan.parts.links]
+        own = of_core(rubbing, plan.parts)
         rows = [answers_of_core(core, plan, own, motion[0], outputs, left)]
         for leg, answers in legs:
             each = answers.taken_of(tau[[motors.index(int(leg.tree_v[k])) for k in leg.among(motors)]])

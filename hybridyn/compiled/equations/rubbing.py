@@ -19,7 +19,7 @@ from .core import Core
 from .expressions import numbers, plain, zeros
 from .guarded_elimination import Triangular
 from .module_plan import ModulePlan
-from .rubbing_joints import Rubbing, rows_of_terms
+from .rubbing_joints import Rubbing, of_core, rows_of_terms
 from .rubbing_legs import LegAnswers
 
 
@@ -35,11 +35,10 @@ def pushed_by(
     """
     own, out = plan.parts.tree_v, zeros(6 + core.chain.nv, len(rubbing))
     place = {int(col): k for k, col in enumerate(own)}
-    for j, one in enumerate(rubbing):
-        if one.joint in plan.parts.links:
-            at = [place[col] for col in one.cols]
-            effort = one.effort(np.array([v[plan.parts.v[k]] for k in at], dtype=object))
-            out[[6 + k for k in at], j] = -effort
+    for j, one in enumerate(of_core(rubbing, plan.parts)):
+        at = [place[col] for col in one.cols]
+        effort = one.effort(np.array([v[plan.parts.v[k]] for k in at], dtype=object))
+        out[[6 + k for k in at], j] = -effort
     for leg in legs:
         rows = core.chain.columns_of(leg.platform + 1)
         out[:6, leg.at], out[np.ix_(rows, leg.at)] = leg.pushes, -leg.pushes

@@ -139,6 +139,11 @@ def with_arguments(rubbing: Sequence[Rubbing], column: ca.SX | None) -> tuple[Ru
     return tuple(one._replace(terms=tuple(map(filled_in, one.terms))) for one in rubbing)
 
 
+def of_core(rubbing: Sequence[Rubbing], parts: Parts) -> list[Rubbing]:
+    """Return the joints of the core that rub, which come before those of the legs."""
+    return [one for one in rubbing if one.joint in parts.links]
+
+
 def of_legs(rubbing: Sequence[Rubbing], parts: Parts) -> list[list[tuple[Rubbing, ...]]]:
     """Return the joints of each leg that rub, by group."""
     return [

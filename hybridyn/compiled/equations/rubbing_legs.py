@@ -21,7 +21,7 @@ from .expressions import zeros
 from .leg_groups import Leg
 from .legs import WrittenLeg
 from .parts import Parts
-from .rubbing_joints import Rubbing, of_legs
+from .rubbing_joints import Rubbing, of_core, of_legs
 from .stages import GivenColumns
 
 
@@ -125,7 +125,7 @@ def read_legs(
         forces: The number of columns of `LegAnswers.per_force`, by group.
     """
     out = list[tuple[Leg, LegAnswers]]()
-    at = sum(one.joint in parts.links for one in rubbing)
+    at = len(of_core(rubbing, parts))
     for n, (group, each) in enumerate(zip(parts.groups, of_legs(rubbing, parts), strict=True)):
         if not each[0]:
             continue

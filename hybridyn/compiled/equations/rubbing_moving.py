@@ -27,7 +27,7 @@ from .factors import Handed
 from .module_plan import ModulePlan
 from .rigid import classical
 from .rubbing import seen_from, through_closures
-from .rubbing_joints import Rubbing
+from .rubbing_joints import of_core
 from .rubbing_legs import LegAnswers
 from .stages import GivenColumns
 
@@ -148,7 +148,7 @@ class MovedModule:
                 p = plus(p, dot(of_bias, output.bias))
             own = [zeros(0)] + [
                 dot(plain(term.part), turning.get(one.joint + 1, zeros(6)))
-                for one in self._of_core
+                for one in of_core(options.rubbing, self.plan.parts)
                 for term in one.terms
             ]
             own.append(zeros(len(p) - sum(map(len, own))))
@@ -181,15 +181,11 @@ class MovedModule:
                 at += 6
         return out
 
-    @property
-    def _of_core(self) -> list[Rubbing]:
-        """The joints of the core that rub."""
-        return [one for one in self.options.rubbing if one.joint in self.plan.parts.links]
-
     @cached_property
     def _taken(self) -> TakenByLaw:
         """What the law takes from wrenches."""
-        chain, rubbing, M = self.core.chain, self._of_core, self.form[0]
+        chain, M = self.core.chain, self.form[0]
+        rubbing = of_core(self.options.rubbing, self.plan.parts)
         through = through_closures(self.core, self.plan, rubbing)
         of_s, of_biases = dot(through, M[6:]), [zeros(len(through), 6) for _ in self.outputs]
         at = 0
