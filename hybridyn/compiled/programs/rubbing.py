@@ -10,6 +10,8 @@ rho x at most. Below 1 there is one solution, and the last N is nearer than rho 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,7 +23,7 @@ from ..equations.rubbing import answers_of
 from ..equations.rubbing_joints import Rubbing, argued, rows_of_terms, with_arguments
 from ..equations.settling import far_from_solution, friction_of, largest_over, settle, weights
 from ..equations.sweeps_needed import friction_sweeps
-from ..program import Add, Shared, Source, Target, Worst
+from ..program import Add, Shared, Target, Worst
 from .module_calls import ModuleCalls
 from .writer import Writer
 
@@ -49,13 +51,19 @@ def settle_frictions(request: Request, w: Writer, modules: Sequence[ModuleCalls]
 
 def _settle_alone(w: Writer, calls: ModuleCalls, eps: float) -> None:
     """Add the call that settles the frictions of a module that no other feels."""
-    given = _Given(calls, {name: calls.ports[name] for name in ("answers", "p_0") if name in calls.ports})
+    sources = _sources(calls, {})
+    calls.ports["n"] = w.shared(len(calls.options.rubbing))
+    function = partial(_settled_alone, calls, sources, eps)
+    kernel = w.kernel(("friction", "settle", id(calls.written)), function, "effects")
+    w.call(kernel, 1, [*sources.values()], [calls.ports["n"], Worst()])
+
+
+def _settled_alone(calls: ModuleCalls, sources: Mapping[str, Any], eps: float) -> ca.Function:
+    """Return the kernel that settles the frictions of a module that no other feels."""
+    given = _Given(calls, sources)
     rows = np.concatenate([given.values["p_0"][:, None], given.answers["of_z"]], axis=1)
     n, guard = settle(given.rubbing, answers_of(given.rubbing, rows), eps)
-    function = ca.Function("settle", given.columns, [pack(n), ca.SX(guard)])
-    calls.ports["n"] = w.shared(len(n))
-    kernel = w.kernel(("friction", "settle", id(calls.written)), function, "effects")
-    w.call(kernel, 1, [*given.sources.values()], [calls.ports["n"], Worst()])
+    return ca.Function("settle", given.columns, [pack(n), ca.SX(guard)])
 
 
 class FrictionSweeps:
@@ -157,37 +165,46 @@ class FrictionSweeps:
         filled: list[Target] = [target for target in targets if target.size]
         if not filled:
             return
-        names = [name for name in ("answers", "p_0") if name in calls.ports]
-        given = _Given(calls, {name: calls.ports[name] for name in names} | dict(known))
-        step = _Step(given.rubbing, given.answers, given.values)
-        function = ca.Function("friction", given.columns, [pack(x) for x in step.of(what) if len(x)])
-        key = ("friction", what, tuple(given.sources), id(calls.written))
-        self.w.call(self.w.kernel(key, function, "effects"), 1, [*given.sources.values()], filled)
+        sources = _sources(calls, known)
+        key = ("friction", what, tuple(sources), id(calls.written))
+        kernel = self.w.kernel(key, partial(_step_function, calls, sources, what), "effects")
+        self.w.call(kernel, 1, [*sources.values()], filled)
+
+
+def _sources(calls: ModuleCalls, known: Mapping[str, Shared]) -> dict[str, Any]:
+    """Return the sources of a step of one module by name: its answers, `known`, and its arguments."""
+    own: dict[str, Any] = {name: calls.ports[name] for name in ("answers", "p_0") if name in calls.ports}
+    more = {"parameters": calls.ports["parameters"]} if argued(calls.options.rubbing) else {}
+    return own | dict(known) | more
+
+
+def _step_function(calls: ModuleCalls, sources: Mapping[str, Any], what: str) -> ca.Function:
+    """Return the kernel of one step of a sweep in one module."""
+    given = _Given(calls, sources)
+    step = _Step(given.rubbing, given.answers, given.values)
+    return ca.Function("friction", given.columns, [pack(x) for x in step.of(what) if len(x)])
 
 
 class _Given:
     """What a step of one module is given, in symbols.
 
     Attributes:
-        sources: Sources by name.
-        columns: A column of symbols for each.
-        values: The same as arrays, by name.
+        columns: A column of symbols for each source.
+        values: The same as arrays, by name, without the arguments.
         answers: How the module answers, in symbols.
         rubbing: Its joints that rub.
     """
 
-    def __init__(self, calls: ModuleCalls, known: Mapping[str, Shared]) -> None:
-        """Take places by name, and the arguments of a module whose coefficients are among them."""
-        self.sources: dict[str, Source] = dict(known)
+    def __init__(self, calls: ModuleCalls, sources: Mapping[str, Any]) -> None:
+        """Take sources by name, the last of which are the arguments if coefficients are among them."""
         column, self.answers = calls.written.held.again("answers")
-        pairs = {name: symbols("x", place.size) for name, place in known.items()}
+        pairs = {name: symbols("x", place.size) for name, place in sources.items() if name != "parameters"}
         self.values = {name: values for name, (_, values) in pairs.items()}
         self.columns = [column if name == "answers" else x for name, (x, _) in pairs.items()]
         self.rubbing = calls.options.rubbing
-        if argued(self.rubbing):
+        if "parameters" in sources:
             size = sum(size for _, size in calls.request.parameter_inputs)
             self.columns.append(ca.SX.sym("parameters", size))
-            self.sources["parameters"] = calls.ports["parameters"]
             self.rubbing = with_arguments(self.rubbing, self.columns[-1])
 
 
