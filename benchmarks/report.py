@@ -25,6 +25,8 @@ Table = tuple[Sequence[str], list[list[str]]]
 WANTED = (1e-3, 1e-6, 1e-9)
 #: Number of modules at which memory is compared: the most that every peer was tried with.
 MODULES = 16
+#: Engines of the batches and types of their numbers; the first also tells what was not measured.
+BATCHED = (("hybridyn.warp", "float64"), ("hybridyn.warp", "float32"), ("mujoco_warp", "float32"))
 #: Cores for which the rate of a sweep is stated, and seconds of a day.
 CORES, DAY = 1000, 86400.0
 
@@ -177,26 +179,30 @@ def cold(results: Results) -> Table:
 
 
 def batches(_: Results) -> Table:
-    """List the most samples a second on a GPU, and how long NVRTC builds each model."""
+    """List the most samples a second on a GPU by engine and numbers, and how long NVRTC builds each model."""
     rows = list(csv.DictReader((RESULTS / "batches.csv").read_text().splitlines()))
-    best: dict[tuple[str, str], dict[str, str]] = {}
-    for row in sorted(
-        (r for r in rows if r["dtype"] == "float64" and r["per_second"]), key=lambda r: float(r["per_second"])
-    ):
-        best[row["engine"], row["robot"] + row["model"]] = row
+    best: dict[tuple[str, ...], dict[str, str]] = {}
+    for row in sorted((r for r in rows if r["per_second"]), key=lambda r: float(r["per_second"])):
+        best[row["robot"], row["model"], row["engine"], row["dtype"]] = row
     lines = []
-    for row in (row for row in rows if row["engine"] == "NVRTC"):
-        model = row["model"].partition("_")[0]
-        ours, host = (best.get((engine, row["robot"] + model)) for engine in ("hybridyn.warp", "compile"))
-        device = (
-            [ours["device"], ours["date"], number(float(ours["per_second"])), ours["samples"]]
-            if ours
-            else ["not measured", "", "", ""]
-        )
-        beside = number(float(host["per_second"])) if ours and host else ""
-        lines.append([row["robot"], model, *device, beside, number(float(row["seconds"])), row["date"]])
-    head = ["robot", "model", "device", "date", "samples a second", "of", "compile"]
-    return [*head, "NVRTC [s]", "date"], lines
+    for built in (row for row in rows if row["engine"] == "NVRTC"):
+        robot, model = built["robot"], built["model"].partition("_")[0]
+        host = best.get((robot, model, "compile", "float64"))
+        for engine, dtype in BATCHED:
+            one, first = best.get((robot, model, engine, dtype)), (engine, dtype) == BATCHED[0]
+            if one is None and not first:
+                continue
+            speed = (
+                [one["device"], one["date"], number(float(one["per_second"])), one["samples"]]
+                if one
+                else ["not measured", "", "", ""]
+            )
+            error = number(float(one["error"])) if one and one["error"] else ""
+            more = [number(float(host["per_second"])) if first and host else ""]
+            more += [number(float(built["seconds"])), built["date"]] if first else ["", ""]
+            lines.append([robot, model, engine, dtype, *speed, error, *more])
+    head = ["robot", "model", "engine", "numbers", "device", "date", "samples a second", "of", "open by [m]"]
+    return [*head, "compile", "NVRTC [s]", "date"], lines
 
 
 def derivatives(results: Results) -> Table:

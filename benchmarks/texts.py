@@ -62,11 +62,12 @@ is the size of the file that was compiled for the robot.
 """
 
 BATCHES = """\
-Models of `hybridyn.warp` in double precision: the most samples a second on a GPU, of how many, beside
-compiled models on the 16 cores of that machine (`step`: one core), and how long NVRTC builds a model for
-sm_80 and sm_90, which needs no GPU. `python -m benchmarks.batches` measures them, and MuJoCo Warp. The time
-on the card ended early: five_bar was measured up to 65,536 samples, the others with 1,024, which do not fill
-it.
+The most samples a second on a GPU, of how many: models of `hybridyn.warp` by the type of their numbers, and
+steps of MuJoCo Warp, whose samples are worlds and whose numbers have single precision, with the largest
+opening of a loop after them. Beside them compiled models on the 16 cores of that machine in double precision
+(`step`: one core), and how long NVRTC builds a model for sm_80 and sm_90, which needs no GPU. `python -m
+benchmarks.batches` measures them. The time on the card ended early: MuJoCo Warp was measured on five_bar
+alone.
 
 Rows in full: [batches.csv](results/batches.csv).
 """
