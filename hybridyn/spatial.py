@@ -118,6 +118,15 @@ def added(a: Array, b: Array) -> Array:
     return a + b
 
 
+def subtracted(a: Array, b: Array) -> Array:
+    """Compute a - b, as `added` computes a + b."""
+    if symbolic(a, b):
+        from .symbols import minus
+
+        return np.asarray(minus(a, b))
+    return a - b
+
+
 def _in_order(x: Array) -> bool:
     """Return whether the last axes of an array change first in memory."""
     return x.flags.c_contiguous or list(x.strides) == sorted(x.strides, reverse=True)
@@ -223,6 +232,12 @@ def wrench_to_base(R: Array, p: Array, W: Array) -> Array:
     """Compute X^T W: transform a wrench from the body frame to the base frame, shape (..., 6)."""
     f = rotate(R, W[..., :3])
     return np.concatenate([f, added(rotate(R, W[..., 3:]), cross(p, f))], axis=-1)
+
+
+def wrench_to_body(R: Array, p: Array, W: Array) -> Array:
+    """Compute X^-T W: transform a wrench from the base frame to a body at (R, p), shape (..., 6)."""
+    f = W[..., :3]
+    return np.concatenate([rotate_back(R, f), rotate_back(R, subtracted(W[..., 3:], cross(p, f)))], axis=-1)
 
 
 def motion_matrix(R: Array, p: Array) -> Array:

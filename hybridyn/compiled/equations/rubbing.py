@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...linkage.closures import TreeClosure
-from ...spatial import cross, wrench_to_base
-from ...symbols import Expression, dot, minus, plus
+from ...spatial import wrench_to_base, wrench_to_body
+from ...symbols import Expression, dot, plus
 from .chains import Chain, carried, carriers
 from .core import Core
 from .expressions import numbers, plain, zeros
@@ -95,8 +95,7 @@ def _in_base(chain: Chain, body: int, W: Expression) -> Expression:
 
 def seen_from(chain: Chain, body: int, W: Expression) -> Expression:
     """Transform a wrench from the base's frame to a body's."""
-    R, p = chain.R0[body], chain.p0[body]
-    return np.concatenate([dot(R.T, W[:3]), dot(R.T, minus(W[3:], cross(p, W[:3])))])
+    return wrench_to_body(chain.R0[body], chain.p0[body], W)
 
 
 def through_closures(core: Core, plan: ModulePlan, rubbing: Sequence[Rubbing]) -> Expression:

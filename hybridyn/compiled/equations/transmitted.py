@@ -49,14 +49,6 @@ def body_needs(body: Body, motion: Motion, g: Array) -> Expression:
     return np.concatenate([force, plus(moment, cross(com, force))])
 
 
-def seen_in(R: Expression, p: Expression, W: Expression) -> Expression:
-    """Transform wrenches, shape (6, k), from the base's frame to that of a body at R, p."""
-    columns = [
-        np.concatenate([dot(R.T, x[:3]), dot(R.T, minus(x[3:], cross(p, x[:3])))]) for x in np.asarray(W).T
-    ]
-    return np.stack(columns, axis=1) if columns else zeros(6, 0)
-
-
 class LoopForces(NamedTuple):
     """How a module's multipliers follow from forces along its joints.
 

@@ -17,7 +17,7 @@ from ...linkage.closure_rows import normals
 from ...linkage.closures import Closures
 from ...linkage.motion import Motion
 from ...linkage.tree import Tree
-from ...spatial import wrench_to_base
+from ...spatial import wrench_to_base, wrench_to_body
 from ...structure.module import Module
 from ...structure.robot import HybridRobot
 from ...symbols import Expression, dot, minus, plus, times
@@ -30,7 +30,6 @@ from ..equations.transmitted import (
     in_base,
     loop_forces,
     multipliers,
-    seen_in,
     sums_inwards,
     unit_wrenches,
 )
@@ -139,7 +138,7 @@ def _left(tree: Tree, own: Motion, total: Sequence[Expression], along: Expressio
     """Compute the forces along the joints that efforts do not give, shape (nv,)."""
     out = zeros(tree.nv)
     for i, at in enumerate(tree.v_slices):
-        wrench = seen_in(own.R[0, i + 1], own.p[0, i + 1], total[i + 1])[:, 0]
+        wrench = wrench_to_body(own.R[0, i + 1], own.p[0, i + 1], total[i + 1][:, 0])
         S = np.concatenate([numbers(tree.S_linear[at]), numbers(tree.S_angular[at])], axis=1)
         out[at] = dot(S, wrench)
     left: Expression = minus(out, along)
@@ -177,7 +176,7 @@ def _transmitted(
         )
     total = sums_inwards([joint.parent for joint in tree.joints], columns)
     joints = [
-        _as_moments(seen_in(own.R[0, i + 1], own.p[0, i + 1], total[i + 1]), length)
+        _as_moments(wrench_to_body(own.R[0, i + 1], own.p[0, i + 1], total[i + 1].T).T, length)
         for i in range(len(tree.joints))
     ]
     return joints, closed
