@@ -204,6 +204,16 @@ class Mechanism:
         """Mobility of the module, the paper's N_k."""
         return self.reduction.mobility
 
+    @property
+    def spanning_rank(self) -> int:
+        """Number of rows of `spanning_closures` that are independent."""
+        return self.spanning.nv - self.mobility
+
+    @property
+    def self_stresses(self) -> int:
+        """Number of rows of `spanning_closures` that others imply: sets of multipliers that move nothing."""
+        return self.spanning_closures.rows - self.spanning_rank
+
     @cached_property
     def author_closures(self) -> Closures:
         """The author's closures and couplings, on the whole tree."""

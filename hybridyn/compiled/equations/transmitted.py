@@ -66,17 +66,17 @@ class LoopForces(NamedTuple):
 def loop_forces(module: Module) -> LoopForces:
     """Choose the pivots of a module's closures over its spanning tree, at generic postures."""
     m = module.mechanism
-    closures, rank = m.spanning_closures, m.spanning.nv - m.mobility
+    closures, rank = m.spanning_closures, m.spanning_rank
     row_scale, col_scale = m.spanning_row_scale, m.spanning_col_scale
     if not closures.rows:
         return LoopForces(Pivots((), (), ()), (), 0)
     K = closures.matrix(m.spanning.sweep(generic_positions(module)))
     pivots = choose_pivots(K, rank, row_scale, col_scale)
-    if rank == closures.rows:
+    if not m.self_stresses:
         return LoopForces(pivots, (), 0)
     C = (K * row_scale[:, None] * col_scale)[:, :, list(pivots.cols)]
     factors = np.abs(np.linalg.qr(C)[1][:, range(rank), range(rank)])
-    return LoopForces(pivots, tuple(np.median(factors, axis=0).tolist()), closures.rows - rank)
+    return LoopForces(pivots, tuple(np.median(factors, axis=0).tolist()), m.self_stresses)
 
 
 @dataclass(frozen=True)

@@ -218,6 +218,6 @@ def dependent_pivots(modules: list[Module], K: Array, last: Sequence[int] = ()) 
         last: Freedoms that should stay independent if possible.
     """
     m = modules[0].mechanism
-    rank, unit = m.spanning.nv - m.mobility, m.spanning_col_scale.copy()
+    rank, unit = m.spanning_rank, m.spanning_col_scale.copy()
     unit[list(last)] *= LAST
     return choose_pivots(K, rank, m.spanning_row_scale, unit, SPARSE_SPANNING)

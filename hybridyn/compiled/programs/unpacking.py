@@ -16,23 +16,16 @@ def computed_alone(robot: HybridRobot) -> str:
     """Return why the general path alone computes a robot's reactions, or ""."""
     for module in robot.modules:
         m = module.mechanism
-        rows = m.spanning_closures.rows
         if m.reduction.rounded:
             return f"the redundant loops of module '{module.name}' are rounded"
-        if m.spec.wrists and rows > m.spanning.nv - m.mobility:
+        if m.spec.wrists and m.self_stresses:
             return f"module '{module.name}' has redundant loops and wrists that are cut"
     return ""
 
 
-def stresses_of(module: Module) -> int:
-    """Return the number of a module's self-stresses."""
-    m = module.mechanism
-    return m.spanning_closures.rows - (m.spanning.nv - m.mobility) if m.spanning_closures.rows else 0
-
-
 def sizes_of(module: Module) -> list[tuple[int, int]]:
     """Return the shape of each block of a module's numbers: its wrench, joints, closures and couplings."""
-    columns, spec = 1 + stresses_of(module), module.mechanism.spec
+    columns, spec = 1 + module.mechanism.self_stresses, module.mechanism.spec
     joints = [(6, columns)] * (len(module.joints) + len(spec.closures))
     return [(6, 1), *joints, *[(1, columns)] * len(spec.couplings)]
 
