@@ -106,8 +106,8 @@ def multipliers(
         eps: Rounding of one number.
     """
     row_scale, col_scale = (numbers(x) for x in scales)
-    K = _scaled(_scaled(K, row_scale).T, col_scale).T
-    needed = _scaled(left[:, None], col_scale)[:, 0]
+    K = scaled(scaled(K, row_scale).T, col_scale).T
+    needed = scaled(left[:, None], col_scale)[:, 0]
     rows, cols, stresses = [*how.pivots.rows], [*how.pivots.cols], zeros(len(K), how.stresses)
     if how.stresses:
         least, stresses, inverses = _least(K[:, cols], needed[cols], how)
@@ -122,10 +122,10 @@ def multipliers(
     open_by = minus(dot(K.T, least), needed)
     size = ca.sqrt(squares(needed)) + ca.sqrt(squares(least)) + np.finfo(float).tiny
     guard = squares(doubts) + squares(open_by) / (LEFT * eps * size) ** 2
-    return Multipliers(_scaled(least[:, None], row_scale)[:, 0], _scaled(stresses, row_scale), guard)
+    return Multipliers(scaled(least[:, None], row_scale)[:, 0], scaled(stresses, row_scale), guard)
 
 
-def _scaled(M: Expression, factors: Expression) -> Expression:
+def scaled(M: Expression, factors: Expression) -> Expression:
     """Multiply each row of a matrix by its factor."""
     rows = [times(factor, x) for factor, row in zip(factors, M, strict=True) for x in row]
     return filled(rows, *M.shape)

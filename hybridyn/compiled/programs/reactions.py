@@ -30,6 +30,7 @@ from ..equations.transmitted import (
     in_base,
     loop_forces,
     multipliers,
+    scaled,
     sums_inwards,
     unit_wrenches,
 )
@@ -184,7 +185,4 @@ def _transmitted(
 
 def _as_moments(columns: Expression, length: Expression) -> Expression:
     """Multiply the forces of self-stresses by the length of the module; the first column stays."""
-    out = columns.copy()
-    for i, size in enumerate(length):
-        out[i, 1:] = [times(x, size) for x in columns[i, 1:]]
-    return out
+    return np.concatenate([columns[:, :1], scaled(columns[:, 1:], length)], axis=1)
