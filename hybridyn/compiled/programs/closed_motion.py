@@ -20,7 +20,7 @@ from ...linkage.targets import COORDINATES
 from ...linkage.tree import Tree
 from ...structure.module_spec import ModuleSpec
 from ...symbols import Expression, dot
-from ..equations.expressions import filled, numbers, pack, symbols, zeros
+from ..equations.expressions import filled, pack, symbols
 from ..equations.request import Request
 from ..equations.rigid import links_of
 from .closing.rows import coordinate_rows
@@ -120,10 +120,8 @@ def _of_links(
     request: Request, prescribed: Sequence[PrescribedLink], q: ca.SX, fixed: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     """Return the coordinates of links, and their rotations where these are prescribed as a whole."""
-    robot = request.robot
-    bodies, still = function_of(kinematics_program(request)), ca.SX.zeros(robot.nv, 1)
-    arguments = [] if request.arguments is None else [request.arguments.column]  # type: ignore[union-attr]
-    found = bodies.call([q, still, still, *arguments])[0]
+    still = ca.SX.zeros(request.robot.nv, 1)
+    found = _bodies(request, q, still, still)
     rows, now = list[ca.SX](), list[ca.SX]()
     for one in prescribed:
         R, p = _seen_from(request, found, one)
@@ -138,6 +136,13 @@ def _of_links(
             else:
                 rows.append(pack([coordinate_rows(R, p)[0][COORDINATES.index(name)]]))
     return ca.vertcat(*rows), ca.vertcat(*now) if now else ca.SX(0, 1)
+
+
+def _bodies(request: Request, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
+    """Return the numbers of all bodies' motions (`kinematics_program`)."""
+    arguments = [] if request.arguments is None else [request.arguments.column]  # type: ignore[union-attr]
+    found: ca.SX = function_of(kinematics_program(request)).call([q, v, a, *arguments])[0]
+    return found
 
 
 def _seen_from(request: Request, found: ca.SX, one: PrescribedLink) -> tuple[Expression, Expression]:
@@ -156,10 +161,7 @@ def _moved(request: Request, found: ca.SX, link: str) -> Motion:
     """Return the motion of a link in the world, one sample, from the motions of all bodies."""
     body, R, p = request.places[link]
     motion = motion_of(filled([found[WIDTH * body + i] for i in range(WIDTH)], 1, WIDTH))
-    still = zeros(1, 3)
-    return motion.then(
-        Motion(numbers(np.asarray(R))[None], numbers(np.asarray(p))[None], still, still, still, still)
-    )
+    return motion.then(Motion.at_rest(1, np.asarray(R), np.asarray(p)))
 
 
 def link_motion(request: Request, link: str) -> ca.Function:
@@ -172,8 +174,7 @@ def link_motion(request: Request, link: str) -> ca.Function:
     robot, arguments = request.robot, request.arguments
     given = [ca.SX.sym(name, size) for name, size in (("q", robot.nq), ("v", robot.nv), ("a", robot.nv))]
     p = ca.SX(0, 1) if arguments is None else arguments.column  # type: ignore[union-attr]
-    found = function_of(kinematics_program(request)).call([*given, *([] if arguments is None else [p])])[0]
-    m = _moved(request, found, link)
+    m = _moved(request, _bodies(request, *given), link)
     rows = [x[0] for x in (m.p, m.p_dot, m.w, m.p_ddot, m.w_dot)]
     return ca.Function("link", [*given, p], [pack(*rows)])
 
