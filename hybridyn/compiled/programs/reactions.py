@@ -52,8 +52,9 @@ def reactions_program(request: Request) -> Program:
     outputs = [("root", 6), *((f"module_{k}", size) for k, size in enumerate(sizes))]
     w = Writer("reactions", inputs, outputs)
     bodies = [w.shared(WIDTH) for _ in robot.bodies.bodies]
-    received = [w.shared(6) for _ in robot.bodies.bodies]
-    sums = [w.start(place, np.zeros(6)) for place in received]
+    stood_on = {0, *(_base(robot, module) for module in robot.modules)} - {-1}
+    received = {body: w.shared(6) for body in sorted(stood_on)}
+    sums = {body: w.start(place, np.zeros(6)) for body, place in received.items()}
     unit_base(request, w)
     write_motions(request, w, bodies)
     for k in reversed(range(len(robot.modules))):
@@ -64,7 +65,7 @@ def reactions_program(request: Request) -> Program:
             _write_root(request, w, bodies[0], received[0], [result, w.result("root", np.arange(6))])
             continue
         at = robot.bodies.place[module.base][0]
-        carrying = [i for i, body in enumerate(own) if any(_base(robot, x) == body for x in robot.modules)]
+        carrying = [i for i, body in enumerate(own) if body in received]
         key = ("transmitted", id(module.mechanism), tuple(carrying))
         kernel = w.kernel(key, partial(_module, request, module, carrying), "reactions")
         sources: list[Source] = [w.from_given("q", module.q_index)]
