@@ -17,12 +17,13 @@ import numpy as np
 
 from ...linkage.closures import TreeClosure
 from ...linkage.motion import Motion
-from ...spatial import Array, wrench_to_base
+from ...spatial import Array, crf, wrench_to_base
 from ...structure.bodies import Body
 from ...structure.module import Module
 from ...symbols import Expression, cross, dot, minus, plus, times
 from .expressions import filled, numbers, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, Triangular, choose_pivots
+from .rigid import momentum, ten_expressions
 from .scales import squares
 from .states import generic_positions
 
@@ -42,11 +43,9 @@ def body_needs(body: Body, motion: Motion, g: Array) -> Expression:
     if body.massless:
         return zeros(6)
     w, w_dot, A = (dot(motion.R.T, x) for x in (motion.w, motion.w_dot, minus(motion.p_ddot, numbers(g))))
-    com, inertia = numbers(body.com), numbers(body.inertia)
-    at_centre = plus(plus(A, cross(w_dot, com)), cross(w, cross(w, com)))
-    force = dot(numbers(body.mass * np.eye(3)), at_centre)
-    moment = plus(dot(inertia, w_dot), cross(w, dot(inertia, w)))
-    return np.concatenate([force, plus(moment, cross(com, force))])
+    V, inertia = np.concatenate([zeros(3), w]), ten_expressions(body)  # seen by who moves with the origin
+    out: Expression = plus(momentum(inertia, np.concatenate([A, w_dot])), crf(V, momentum(inertia, V)))
+    return out
 
 
 class LoopForces(NamedTuple):
