@@ -15,10 +15,11 @@ from ...structure.module import Module
 from ...symbols import Expression, dot, is_zero, times
 from ..code.scalars import GUARD_LIMIT
 from .core import motions_of, write_core
-from .expressions import along, pack, symbols, zeros
+from .expressions import pack, symbols, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, choose_pivots, solve
 from .legs import write_leg
 from .module_plan import ModulePlan
+from .reflected import Reflected
 from .scales import Scale, squares, weighed
 from .states import generic_positions
 
@@ -130,29 +131,10 @@ def _least_norm(B: Expression, Q: Expression, share: Array, usual: float) -> tup
     """
     N, motors = B.shape
     A = np.array([[times(B[i, j], float(share[j])) for i in range(N)] for j in range(motors)], dtype=object)
-    reflections: list[tuple[Expression, Any]] = []
-    R = zeros(N, N)
-    for k in range(N):
-        norm = ca.sqrt(ca.SX(along(A[k:, k], A[k:, k])))  # of plain numbers, too, where B is constant
-        signed = ca.if_else(A[k, k] < 0, norm, -norm)
-        h = A[k:, k].copy()
-        h[0] = h[0] - signed
-        scale = -1.0 / (signed * h[0])  # 2 / h'h, h'h = -2 signed h_0
-        reflections.append((h, scale))
-        R[k, k] = signed
-        for j in range(k + 1, N):
-            factor = times(scale, along(h, A[k:, j]))
-            A[k:, j] = A[k:, j] - [times(factor, x) for x in h]
-            R[k, j] = A[k, j]
-    y = zeros(motors)
-    for i in range(N):  # R^T y = Q
-        y[i] = (Q[i] - (along(R[:i, i], y[:i]) if i else 0.0)) / R[i, i]
-    for k in reversed(range(N)):
-        h, scale = reflections[k]
-        factor = times(scale, along(h, y[k:]))
-        y[k:] = y[k:] - [times(factor, x) for x in h]
-    small = reduce(ca.fmin, map(ca.fabs, R.diagonal()), ca.SX(np.inf))
-    big = reduce(ca.fmax, map(ca.fabs, R.diagonal()), ca.SX(usual))
+    factors = Reflected.of(A)
+    y, pivots = factors.least(Q), factors.R.diagonal()
+    small = reduce(ca.fmin, map(ca.fabs, pivots), ca.SX(np.inf))
+    big = reduce(ca.fmax, map(ca.fabs, pivots), ca.SX(usual))
     tau = np.array([times(float(s), x) for s, x in zip(share, y, strict=True)], dtype=object)
     ratio = ca.if_else(big > 0, small / big, 0.0)  # fmax would ignore the NaN of 0 / 0
     return tau, 2.0 - ratio / TRUSTED_PIVOT

@@ -23,6 +23,7 @@ from ...structure.module import Module
 from ...symbols import Expression, cross, dot, minus, plus, times
 from .expressions import filled, numbers, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, Triangular, choose_pivots
+from .reflected import Reflected
 from .rigid import momentum, ten_expressions
 from .scales import squares
 from .states import generic_positions
@@ -109,8 +110,9 @@ def multipliers(
     needed = scaled(left[:, None], col_scale)[:, 0]
     rows, cols, stresses = [*how.pivots.rows], [*how.pivots.cols], zeros(len(K), how.stresses)
     if how.stresses:
-        least, stresses, inverses = _least(K[:, cols], needed[cols], how)
-        sizes = [*how.sizes]
+        reflected = Reflected.of(K[:, cols])
+        least, stresses = reflected.least(needed[cols]), reflected.unseen()
+        inverses, sizes = 1.0 / reflected.R.diagonal(), [*how.sizes]
     else:
         factors, least = Triangular.of(K, how.pivots), zeros(len(K))
         least[rows] = factors.solve_transposed(needed[cols][:, None])[:, 0]
@@ -134,36 +136,6 @@ def _scaled_sizes(pivots: Pivots, scales: tuple[Array, Array]) -> list[float]:
     """Return the usual sizes of pivots in scaled rows and columns."""
     each = zip(pivots.rows, pivots.cols, pivots.sizes, strict=True)
     return [size * float(scales[0][row] * scales[1][col]) for row, col, size in each]
-
-
-def _least(C: Expression, needed: Expression, how: LoopForces) -> tuple[Expression, Expression, Expression]:
-    """Solve C^T m = needed for the least m by Householder's reflections.
-
-    Returns:
-        m, shape (rows,); an orthonormal basis of what C^T takes to zero, shape (rows, stresses); and the
-        inverse of each factor on the diagonal of R.
-    """
-    W, (m, r) = C.copy(), C.shape
-    reflectors, inverses = list[Expression](), zeros(r)
-    for i in range(r):
-        below = W[i:, i]
-        length = ca.sqrt(squares(below))
-        first = ca.SX(below[0])
-        first = first + ca.if_else(first < 0, -length, length)
-        u = np.array([first, *below[1:]], dtype=object)
-        u = np.array([times(x, ca.sqrt(2.0 / squares(u))) for x in u], dtype=object)
-        reflectors.append(u)
-        W[i:, i:] = minus(W[i:, i:], np.outer(u, dot(u, W[i:, i:])))
-        inverses[i] = 1.0 / W[i, i]
-    y = zeros(m, 1 + how.stresses)
-    for i in range(r):
-        y[i, 0] = times(minus(needed[i], dot(W[:i, i], y[:i, 0]) if i else 0.0), inverses[i])
-    for k in range(how.stresses):
-        y[r + k, 1 + k] = 1.0
-    for i in reversed(range(r)):
-        u = reflectors[i]
-        y[i:] = minus(y[i:], np.outer(u, dot(u, y[i:])))
-    return y[:, 0], y[:, 1:], inverses
 
 
 def unit_wrenches(frames: tuple[Expression, ...], c: TreeClosure, about: Expression) -> Expression:
