@@ -183,18 +183,16 @@ def with_load_friction(
         ModelError: The motion does not determine a wrench on which friction depends.
         ActuationError: Joints may jam.
     """
-    on, law = loads.on, loads.on.loaded
+    law = loads.on.loaded
     if law is None:
         return loads
-    from .friction_response import responses  # which most robots need not, as the next
+    from .friction_response import answering  # which most robots need not, as the next
     from .load_friction import settle_moving
 
-    moved, D = a.copy(), law.directions(v)
-    modules = articulate(robot, states, loads, tau, None, passing=passing)
-    accelerate(robot, modules, v, moved)
-    start = reactions_of(robot, q, v, moved, tau, loads)
+    D = law.directions(v)
+    start, modules = answering(robot, law, D, states, q, v, a, tau, loads, passing=passing)
     length = max(module.mechanism.length for module in robot.modules)
-    friction = settle_moving(law, start, responses(robot, modules, on, law, D), length)
+    friction = settle_moving(law, start, modules, length)
     return replace(loads, joints=loads.joints + np.einsum("tij,tj->ti", D, friction))
 
 

@@ -20,11 +20,15 @@ import numpy as np
 from ..effects.choice import Effects
 from ..effects.load_friction import OnLoads
 from ..spatial import Array, Index, motion_matrix
+from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from .articulated_module import ArticulatedModule
+from .backward import reactions_of
+from .direct_recursion import accelerate, articulate
 from .inverse_recursion import output_jacobians
 from .joint_wrenches import heavy_bodies, joint_wrenches, needed_of_closures
-from .reactions import multipliers_of
+from .loads import Loads
+from .reactions import Reactions, multipliers_of
 
 
 class Response(NamedTuple):
@@ -50,20 +54,30 @@ class Response(NamedTuple):
     of_z: Array
 
 
-def responses(
-    robot: HybridRobot, modules: Sequence[ArticulatedModule], on: Effects, law: OnLoads, D: Array
-) -> list[Response]:
-    """Compute how every module answers.
+def answering(
+    robot: HybridRobot, law: OnLoads, D: Array, states: list[ModuleState], q: Array, v: Array, a: Array,
+    tau: Array, loads: Loads, *, passing: bool = False,
+) -> tuple[Reactions, list[Response]]:  # fmt: skip
+    """Compute the reactions of the direct model without load friction, and how every module answers to it.
 
     Args:
         robot: The robot.
-        modules: Its modules after `articulate`.
-        on: The effects that are computed.
         law: The law and its joints.
         D: Efforts per unit of each joint's friction, shape (T, nv, joints).
+        states: States of its modules before accelerations are known; they close the loops.
+        q, v, a: Shapes (T, nq), (T, nv), (T, nv); of accelerations, those of a moving base are read.
+        tau: Efforts behind the gears, shape (T, motors).
+        loads: External wrenches and effects.
+        passing: As in `articulate`.
+
+    Raises:
+        SingularityError: As `articulate`.
     """
+    moved, modules = a.copy(), articulate(robot, states, loads, tau, None, passing=passing)
+    accelerate(robot, modules, v, moved)
     owner = np.array([robot.module_of(name) for name in law.joints])
-    return [_response(x, on, law, np.flatnonzero(owner == k), D) for k, x in enumerate(modules)]
+    answers = [_response(x, loads.on, law, np.flatnonzero(owner == k), D) for k, x in enumerate(modules)]
+    return reactions_of(robot, q, v, moved, tau, loads), answers
 
 
 def _response(x: ArticulatedModule, on: Effects, law: OnLoads, joints: Index, D: Array) -> Response:

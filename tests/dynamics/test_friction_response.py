@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.dynamics import direct, direct_recursion, inverse, load_friction
+from hybridyn.dynamics import direct, direct_recursion, friction_response, inverse, load_friction
 from hybridyn.dynamics.backward import reactions_of
-from hybridyn.dynamics.direct_recursion import articulate
 from hybridyn.dynamics.forward import forward
 from hybridyn.dynamics.friction_bound import feedback
-from hybridyn.dynamics.friction_response import Response, answer, responses
+from hybridyn.dynamics.friction_response import Response, answer, answering
 from hybridyn.dynamics.load_friction import answers_one_by_one, settle
 from hybridyn.dynamics.loads import all_loads
 from hybridyn.effects.choice import choose
@@ -46,7 +45,7 @@ def written_out(case: Case) -> tuple[OnLoads, list[Response], Array]:
     assert on.loaded is not None
     loads, D = all_loads(robot, on, q, v, None, None), on.loaded.directions(v)
     states = forward(robot, q, v, None, on.gravity, classical=True, base=np.zeros_like(v))
-    modules = responses(robot, articulate(robot, states, loads, tau, None), on, on.loaded, D)
+    modules = answering(robot, on.loaded, D, states, q, v, np.zeros_like(v), tau, loads)[1]
 
     def wrenches(friction: Array) -> Array:
         under, a = replace(loads, joints=friction), np.zeros_like(v)
@@ -77,7 +76,8 @@ def test_the_contraction_settles_where_newton_s_method_does(monkeypatch: pytest.
     robot, law, (q, v, tau) = rubbing("legged", "floating")
     effects, calls = ["default", law], []
     count = direct_recursion.accelerate
-    monkeypatch.setattr(direct, "accelerate", lambda *given: (calls.append(1), count(*given)))
+    for file in (direct, friction_response):
+        monkeypatch.setattr(file, "accelerate", lambda *given: (calls.append(1), count(*given)))
     contracted = hybridyn.ddm(robot, q, v, tau, effects=effects)
     assert len(calls) == 2
     monkeypatch.setattr(load_friction, "SURE", 0.0)

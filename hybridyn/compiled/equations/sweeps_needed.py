@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...dynamics.backward import reactions_of
 from ...dynamics.direct import states_before
-from ...dynamics.direct_recursion import accelerate, articulate
-from ...dynamics.friction_response import answer, responses
+from ...dynamics.friction_response import answer, answering
 from ...dynamics.load_friction import wrenches_of
 from ...dynamics.loads import all_loads
 from ...effects.choice import Effects
@@ -48,11 +46,9 @@ def _needed(robot: HybridRobot, on: Effects, at: tuple[np.ndarray, ...], limit: 
     (q, v, tau), law = at, on.loaded
     assert law is not None
     loads, a = all_loads(robot, on, q, v, None, None), np.zeros_like(v)
-    modules = articulate(robot, states_before(robot, on, q, v, a), loads, tau, None)
-    accelerate(robot, modules, v, a)
-    w = wrenches_of(law, reactions_of(robot, q, v, a, tau, loads))
-    D = law.directions(SLIDING * v) * (1.0 + law.rise)
-    B = answer(responses(robot, modules, on, law, D), np.eye(len(law.joints))[None])
+    D, states = law.directions(SLIDING * v) * (1.0 + law.rise), states_before(robot, on, q, v, a)
+    start, modules = answering(robot, law, D, states, q, v, a, tau, loads)
+    w, B = wrenches_of(law, start), answer(modules, np.eye(len(law.joints))[None])
     L, n = law.between(np.arange(len(law.joints)), B)[0], law.sizes(w)
     ratio = float(np.abs(np.linalg.eigvals(L)).max())
     for sweeps in range(1, MOST):
