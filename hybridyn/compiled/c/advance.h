@@ -132,8 +132,8 @@ static M advanced(Work *w, M certain, int lone, M *reach) {
     return ANY(AND(good, NOT(sure))) ? AND(good, OR(sure, on_branch(w))) : good;
 }
 
-/* A part of the way to a row. */
-static M row_part(void *way, M *left, V done, V to) {
+/* A part of the way to a row; the next one is twice as long, or half as long where this one cannot be made. */
+static M row_part(void *way, M *left, V done, V to, V *times) {
     Work *const w = (Work *)way;
     const M last = LE(C(1), to);
     const V part = (to - done) / (C(1) - done);
@@ -150,6 +150,7 @@ static M row_part(void *way, M *left, V done, V to) {
     take(AND(good, last), (V *)&w->end, (V *)&w->now, NUMBERS(State));
     take(moved, (V *)&w->here, (V *)&w->now.at, NUMBERS(Posture));
     take(moved, w->there, w->settle.row.g, NG);
+    *times = SELECT(good, C(2), C(0.5));
     return good;
 }
 

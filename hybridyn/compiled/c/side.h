@@ -43,20 +43,35 @@ static S side_step(void *of, int k, int *left) {
     return w->guard = close_run(w->given, w->result, w->room);
 }
 
+/* How many times as long the next part of a walk is: as long as lets the rows turn by AIM of what is allowed, if they turn
+   evenly, but not shorter than half of SHORTEST; at most a half where this one, of some `length`, cannot be made. */
+static S times_as_long(S turn, S length, int good) {
+    const S most = good ? 2 : (S)0.5, least = (S)SHORTEST / 2 / length, times = turn * most <= (S)AIM ? most : (S)AIM / turn;
+    return least < most && !(least <= times) ? least : times < most ? times : most;
+}
+
 /* One part of the walk, in which Newton's method agrees. Ends where numbers are not finite. */
-static int side_part(void *of, int *left, S done, S to) {
-    const Limits limits = {(S)(LONGEST / CLOSED), (S)CONTRACTION, (S)SETTLED, 1, FEW_STEPS, 0};
+static int side_part(void *of, int *left, S done, S to, S *times) {
+    const Limits limits = {(S)(LONGEST / CLOSED), (S)CONTRACTION, (S)ROUGH, 1, FEW_STEPS, 0};
     Side *w = (Side *)of;
-    (void)done;
+    S turn = 1;
     for (int k = 0; k < NQ; k++) w->given[k] = w->here[k];
     for (int m = 0; m < SIDE; m++) place(w->given, m, to < 1 ? w->from[m] + to * w->way[m] : w->goal[m]);
-    if (iterated(side_step, w, 1, limits, 0)) {
-        const S turn = turned(w->start, w->here, w->result, w->room);
-        if (!(turn <= 1)) w->guard = turn;
-    }
+    const int there = iterated(side_step, w, 1, limits, 0);
+    if (there) turn = turned(w->start, w->here, w->result, w->room);
+    const int good = there && turn <= 1;
+    *times = times_as_long(turn, to - done, good);
+    if (turn != turn) w->guard = turn;
     *left = w->guard == w->guard;
-    for (int k = 0; w->guard <= 1 && k < NQ; k++) w->here[k] = w->result[k];
-    return w->guard <= 1;
+    for (int k = 0; good && k < NQ; k++) w->here[k] = w->result[k];
+    return good;
+}
+
+/* The last steps, before which the rates are those after them; gives the guard. */
+static S side_settled(Side *w) {
+    const Limits limits = {(S)(LONGEST / CLOSED), (S)CONTRACTION, (S)SETTLED, 1, FEW_STEPS, 0};
+    for (int k = 0; k < NQ; k++) w->given[k] = w->result[k];
+    return w->guard <= (S)SETTLED || iterated(side_step, w, 1, limits, 0) ? w->guard : (S)OTHER_BRANCH;
 }
 
 /* Gives the guard: OTHER_BRANCH where no way leads there. */
@@ -74,5 +89,6 @@ static S walk(const S *start, const S *goal, S *result, S *room) {
     }
     if (!(longest > 0)) return longest / longest; /* NaN: the way is not finite */
     if (longest < (S)SHORTEST) return (S)OTHER_BRANCH; /* a wild goal */
-    return walked(side_part, &w, 1, longest, longest) || w.guard != w.guard ? w.guard : (S)OTHER_BRANCH;
+    if (walked(side_part, &w, 1, longest, longest)) return side_settled(&w);
+    return w.guard != w.guard ? w.guard : (S)OTHER_BRANCH;
 }

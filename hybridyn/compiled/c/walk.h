@@ -8,11 +8,11 @@ INLINE S way_of(S from, S to, int angle) {
     return angle ? way - TURN * SCALAR(floor)(way / TURN + (S)0.5) : way;
 }
 
-/* Makes a part of the way, between 0 and 1; gives the lanes of `left` where it can be made, and takes out those that end. */
-typedef M Part(void *way, M *left, V done, V to);
+/* Makes a part of the way, between 0 and 1; gives the lanes of `left` where it can be made, and takes out those that end.
+   `times`: how many times as long the next part is; at most a half where this one cannot be made. */
+typedef M Part(void *way, M *left, V done, V to, V *times);
 
-/* Walk in parts, each twice as long as the last one that could be made, or half as long as one that could not. Gives the
-   lanes that come to the end. */
+/* Walk in parts. Gives the lanes that come to the end. */
 INLINE M walked(Part *part, void *way, M left, V first, V longest) {
     M whole = NOT(EVERY);
     V done = C(0), step = first;
@@ -21,11 +21,12 @@ INLINE M walked(Part *part, void *way, M left, V first, V longest) {
         const M last = LE(C(1) - done, step);
         const V to = SELECT(last, C(1), done + step);
         step = SELECT(last, C(1) - done, step);
-        const M good = part(way, &left, done, to);
+        V times = C(0);
+        const M good = part(way, &left, done, to, &times);
         whole = OR(whole, AND(good, last));
         left = AND(left, AND(NOT(whole), OR(good, LT(C(SHORTEST), step))));
         done = SELECT(good, to, done);
-        step = SELECT(good, C(2) * step, C(0.5) * step);
+        step = times * step;
     }
     return whole;
 }
