@@ -30,6 +30,7 @@ from .identification.excitation import Excitation, excitation
 from .identification.identify import identify
 from .identification.regressor import Regressor, regressor
 from .identification.result import Identification
+from .learning.creating import torch
 from .loading import from_pinocchio, load
 from .simulation.events import Event, near_singularity
 from .simulation.simulate import simulate
@@ -105,6 +106,7 @@ __all__ = [
     "regressor",
     "simulate",
     "sweep",
+    "torch",
     "warp",
     "with_effects",
 ]

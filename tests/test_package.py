@@ -30,7 +30,7 @@ FLOORS = (
     {"assembly", "manifold", "effects"},
     {"dynamics", "loading"},
     {"compiled", "conversion"},
-    {"simulation", "streams", "gradients"},
+    {"simulation", "streams", "gradients", "learning"},
     {"scenes", "view", "ros"},
     {"studies", "identification", "warp_batch"},
     {"figures"},

@@ -23,6 +23,7 @@ import hybridyn
 import hybridyn.effects
 from hybridyn.cli import COMMANDS, commands, main
 from hybridyn.description.side_cars.tables import ModelFile
+from hybridyn.learning.robot import LearningRobot
 from hybridyn.scenes.scene_file import Scene
 from hybridyn.simulation.result import SimulationResult
 from hybridyn.studies.check.finding import Finding
@@ -45,6 +46,7 @@ RETURNED = {
     "hybridyn.check()[]": Finding,
     "hybridyn.simulate()": SimulationResult,
     "hybridyn.sweep()": Swept,
+    "hybridyn.torch()": LearningRobot,
     "hybridyn.warp()": Batch,
 }
 #: A scene of it.

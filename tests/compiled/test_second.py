@@ -244,6 +244,37 @@ def test_rates_in_time_of_elastic_drives(interpreted: None) -> None:
     close_to(joints.rates(q[2], v[2], a[2], jerk, snap).second, found.second, DIFFERENCES)
 
 
+def test_closed_motions_bend_as_differences_do(interpreted: None) -> None:
+    """Of q, v and a over the motors' motion along a line, by the general path."""
+    robot = build_robot(shipped("five_bar"))
+    random = np.random.default_rng(2)
+    at, d = 0.3 * random.normal(size=(3, 2)), random.normal(size=(3, 2))
+    steps = STEP / 3 * np.arange(-2, 3)
+    lines = tuple(x + steps[:, None] * one for x, one in zip(at, d, strict=True))
+    rows = np.concatenate(hybridyn.assemble(robot, motors=lines), axis=1)
+    q, v, a = np.split(rows[2], [robot.nq, robot.nq + robot.nv])
+    second = hybridyn.SecondDerivatives(robot, "close", coordinates="motors")
+    weights = random.normal(size=len(rows[2]))
+    found = second.product(q, v, a, weights, d)
+    close_to(found.value, rows[2], ROUNDING)
+    slopes = np.concatenate([found.slope[name] for name in "qva"])
+    close_to(slopes @ d.ravel(), weights @ second.along(q, v, a, d).first, ROUNDING)
+    bend = weights @ (np.array([-1, 16, -30, 16, -1]) @ rows) / (12 * (STEP / 3) ** 2)
+    close_to(np.concatenate([found.product[name] for name in "qva"]) @ d.ravel(), bend, 10 * DIFFERENCES)
+    moving = build_robot(shipped("five_bar"), base="moving")
+    refusals: list[tuple[Callable[[], object], str]] = [
+        (
+            lambda: hybridyn.SecondDerivatives(robot, "close"),
+            "'close' need coordinates='motors', not 'joints'",
+        ),
+        (lambda: hybridyn.SecondDerivatives(moving, "close", coordinates="motors"), "is prescribed. Load"),
+        (lambda: second.rates(q, v, a, at[0], at[0]), "rates in time are those of efforts"),
+    ]
+    for call, words in refusals:
+        refused(call, hybridyn.ModelError, words)
+    refused(lambda: second.product(q, v + 0.1, a, weights, d), hybridyn.TrajectoryError, "v differs by")
+
+
 @pytest.mark.parametrize(
     "name", ["five_bar", *map(slow, ("gough_stewart", "delta", "rps3", "tanev", "lx4", "snake"))]
 )

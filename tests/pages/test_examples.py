@@ -13,7 +13,7 @@ from tests.support.extras import needs
 from tests.support.samples import slow
 
 #: Extras of examples that take long, most of them for a compiler.
-LONG = {"compile": "compiled", "CompiledRobot": "compiled", "sweep": "sweep", "warp": "gpu"}
+LONG = {"compile": "compiled", "CompiledRobot": "compiled", "sweep": "sweep", "warp": "gpu", "torch": "torch"}
 NAMES = sorted({*hybridyn.__all__} - {"__version__"})
 
 

@@ -12,6 +12,7 @@ from ...errors import AT_SAMPLE, SingularityError, TrajectoryError
 from ...spatial import Array
 from ..code.scalars import GUARD_LIMIT
 from ..programs.designs import DesignsInSlots
+from ..programs.general import GENERAL
 
 #: Largest difference of rates and accelerations from those that the motors cause, of the largest or of one:
 #: above rounding, and that of tables with seven digits.
@@ -86,7 +87,8 @@ def check_trusted(designs: DesignsInSlots, model: str, given: dict[str, Array], 
     if not len(bad):
         return
     t = int(bad[0])
-    designs.general(model, given, bad)
+    if model in GENERAL:
+        designs.general(model, given, bad)
     raise SingularityError(
         f"second derivatives of '{model}' are not to be trusted{AT_SAMPLE}: a pivot of the compiled model "
         f"nearly vanishes (guard {guard[t]:.1e}, limit {GUARD_LIMIT:g}). Move away from that posture",

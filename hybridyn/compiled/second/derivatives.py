@@ -1,4 +1,4 @@
-"""`hybridyn.SecondDerivatives`: second derivatives of both models, over joints or over motors, and rates."""
+"""`hybridyn.SecondDerivatives`: second derivatives of both models and of closed motions, and rates."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from ...spatial import Array
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ...structure.samples import as_accelerations, as_batch, as_efforts, as_positions, as_rates, same_samples
-from ..programs.derivatives.coordinates import check_coordinates
+from ..programs.derivatives.coordinates import check_closing, check_coordinates
 from ..programs.designs import DesignsInSlots
-from ..programs.general import GENERAL
 from ..programs.sources import asked_for
 from .asking import AlongPath, Product, check_following, check_trusted, everywhere, three
+from .paths import MOTION
 from .prepared import Prepared
 from .programs import RESULT, inputs_of, name_of, second_program
 from .smooth import check_smooth
+
+#: Quantities that are not over the coordinates.
+WHOLE = ("tau", MOTION)
 
 
 class SecondDerivatives:
@@ -29,8 +32,10 @@ class SecondDerivatives:
 
     Over joints they are those of the model's equations over all freedoms; they hold along motions that keep
     the loops closed, as `hybridyn.idm_jacobian` does. Positions move as by Pinocchio's `integrate`. Over
-    motors all joints follow the motors, such that the loops stay closed. Without a C compiler, and until a
-    library is built that takes it long, CasADi runs the programs.
+    motors all joints follow the motors, such that the loops stay closed. Those of "close" are of the motion
+    of all joints over the motors': results are q as it stands, v and a, one after the other, and joints that
+    no motor moves stay as they are. Without a C compiler, and until a library is built that takes it long,
+    CasADi runs the programs.
 
     Attributes:
         robot: The robot.
@@ -60,9 +65,10 @@ class SecondDerivatives:
 
         Args:
             robot: The robot.
-            model: "idm" or "ddm".
+            model: "idm", "ddm" or "close".
             effects: Effects to include, as for `hybridyn.idm`.
-            coordinates: "joints" or "motors", as for `hybridyn.idm_jacobian`.
+            coordinates: "joints" or "motors", as for `hybridyn.idm_jacobian`; "motors" for "close", whose
+                base may float.
             parameters: Numbers of the robot that calls may change, as for `hybridyn.compile`.
             threads: Number of threads that share a batch.
 
@@ -70,12 +76,12 @@ class SecondDerivatives:
             ModelError: `model` or `coordinates` is unknown or not possible for this robot, `threads` is less
                 than one, a parameter is unknown, or an effect has no second derivative.
         """
-        if model not in GENERAL:
-            raise ModelError(f"there are second derivatives of 'idm' and 'ddm', not of '{model}'")
+        if model not in RESULT:
+            raise ModelError(f"there are second derivatives of 'idm', 'ddm' and 'close', not of '{model}'")
         if threads < 1:
             raise ModelError(f"threads must be at least 1, not {threads}")
         check_smooth(robot, effects)
-        check_coordinates(robot, model, coordinates)
+        (check_closing if model == "close" else check_coordinates)(robot, model, coordinates)
         self.robot, self._effects, self.parameters = asked_for(robot, effects, parameters, "float64")
         self._designs, self.threads = DesignsInSlots(self.robot, self._effects, self.parameters), threads
         self._model, self._motors = model, coordinates == "motors"
@@ -100,7 +106,7 @@ class SecondDerivatives:
             x: Accelerations, shape (nv,) or (T, nv), [m/s^2, rad/s^2]; for "ddm" efforts, shape (motors,) or
                 (T, motors), [N or N m].
             weights: Weights of the results, shape (n,) or (T, n): motors for efforts, nv for accelerations,
-                over motors those of the motors.
+                over motors those of the motors; nq + 2 nv for "close".
             direction: Changes of q, along its freedoms, of v and of x, shapes ([T,] nv) and, of efforts,
                 ([T,] motors); over motors, changes of their positions, rates and accelerations or efforts,
                 shapes ([T,] motors).
@@ -229,6 +235,8 @@ class SecondDerivatives:
     @property
     def _size(self) -> int:
         """Number of results."""
+        if self._model == "close":
+            return self.robot.nq + 2 * self.robot.nv
         return len(self.robot.motors) if self._of == "tau" or self._motors else self.robot.nv
 
     def _width(self, name: str) -> int:
@@ -239,7 +247,7 @@ class SecondDerivatives:
         self, q: ArrayLike, v: ArrayLike, x: ArrayLike, parameters: ArrayLike | None
     ) -> tuple[list[Array], bool]:
         """Return checked arguments, and whether they are a single sample."""
-        third = as_accelerations(self.robot, x) if self._of == "tau" else as_efforts(self.robot, x)
+        third = (as_efforts if self._model == "ddm" else as_accelerations)(self.robot, x)
         pairs = [as_positions(self.robot, q), as_rates(self.robot, v), third]
         same_samples(**dict(zip(self._inputs, (array for array, _ in pairs), strict=True)))
         given, single = [array for array, _ in pairs], pairs[0][1]
@@ -263,7 +271,7 @@ class SecondDerivatives:
 
     def _over_joints(self, name: str, own: Array) -> Array:
         """Return a quantity over these coordinates as programs read it, zero at other joints."""
-        if name == "tau":
+        if name in WHOLE:
             return own
         out = np.zeros((len(own), self.robot.nv))
         out[:, self._joints] = own
@@ -271,13 +279,16 @@ class SecondDerivatives:
 
     def _own(self, name: str, found: Array) -> Array:
         """Return a quantity that a program found over these coordinates."""
-        return found if name == "tau" else found[:, self._joints]
+        return found if name in WHOLE else found[:, self._joints]
 
     def _run(self, prepared: Prepared, given: Sequence[Array], *more: Array) -> dict[str, Array]:
         """Run a program, and check its guards and that the motion follows the motors."""
         found, guard = prepared.run(*given, *more, threads=self.threads)
         arrays = dict(zip((*self._inputs, "parameters"), given, strict=False))
         check_trusted(self._designs, self._model, arrays, guard)
+        if self._model == "close":
+            parts = np.split(found[MOTION], np.cumsum([self.robot.nq, self.robot.nv]), axis=1)
+            found = found | dict(zip("qva", parts, strict=True))
         for name in ("v", "a") if self._motors else ():
             if name in arrays:
                 check_following(name, arrays[name], found[name])

@@ -1,5 +1,7 @@
 """Models whose posture is moved: programs of q, a displacement "delta", rates, accelerations or efforts.
 
+"close" is the motion of all joints that follow the motors, without a model behind it.
+
 Over joints the posture is q moved by delta, joint by joint as Pinocchio's `integrate` does. Over motors all
 joints follow the motors' entries of delta, rates and accelerations, such that loops stay closed:
 
@@ -36,6 +38,8 @@ from ..programs.writer import Writer
 NEAR, DELTA = "near", "delta"
 #: The same of rates and accelerations of motors.
 V_NEAR, A_NEAR = "v_near", "a_near"
+#: The output of "close".
+MOTION = "motion"
 
 
 def along_joints(request: Request, model: str) -> Program:
@@ -56,21 +60,43 @@ def along_motors(request: Request, model: str) -> Program:
     """
     direct = model == "ddm"
     w = _begun(request, model, {"q": NEAR, "v": V_NEAR} | ({} if direct else {"a": A_NEAR}))
+    _follow(request, w, {name: (name, 0) for name in "qva"[: 3 - direct]})
+    _add_model(request, w, model)
+    return w.program()
+
+
+def along_closing(request: Request) -> Program:
+    """Build the program of the motion of all joints that follow the motors, one output: q, v and a.
+
+    Inputs are "near", "delta", "v_near" and "a_near". Joints that no motor moves, as a floating base, do as
+    their own entries say.
+    """
+    nq, nv = request.robot.nq, request.robot.nv
+    inputs = [(NEAR, nq), (DELTA, nv), (V_NEAR, nv), (A_NEAR, nv)]
+    w = Writer("close", inputs, [(MOTION, nq + 2 * nv)])
+    _follow(request, w, {"q": (MOTION, 0), "v": (MOTION, nq), "a": (MOTION, nq + nv)})
+    return w.program()
+
+
+def _follow(request: Request, w: Writer, places: Mapping[str, tuple[str, int]]) -> None:
+    """Add the calls by which all joints follow the motors.
+
+    Args:
+        places: Output of the positions, the rates and, if wanted, the accelerations, and where they begin.
+    """
     numbers_of = request.arguments.column if isinstance(request.arguments, ChosenNumbers) else None
-    modules, closed = request.robot.modules, GUARD_CLOSED[request.dtype]
+    modules, closed, direct = request.robot.modules, GUARD_CLOSED[request.dtype], "a" not in places
     for key, numbers, kernel in loop_kernels(request, freedoms_of(request.robot, request.robot.motors)):
         q, v = (
             np.array([getattr(modules[k], x) for k in numbers], dtype=int) for x in ("q_index", "v_index")
         )
         function, table = _followed(kernel, closed, direct)
-        names = ("v", "a")[: 2 - direct]
         sources = [w.from_given(NEAR, q), w.from_given(DELTA, v)]
         sources += [w.from_given(x, v) for x in (V_NEAR, A_NEAR)[: 2 - direct]]
-        targets: list[Target] = [w.result("q", q), *(w.result(x, v) for x in names), Worst()]
+        ends = [(place, at + (q if name == "q" else v)) for name, (place, at) in places.items()]
+        targets: list[Target] = [*(w.result(*end) for end in ends), Worst()]
         of = w.kernel(("followed", key), function, "closures")
         w.call(of, len(numbers), [*sources, w.numbers(table, numbers_of)], targets)
-    _add_model(request, w, model)
-    return w.program()
 
 
 def _begun(request: Request, model: str, renamed: Mapping[str, str]) -> Writer:

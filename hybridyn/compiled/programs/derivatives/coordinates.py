@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from ....description.names import counted
 from ....errors import ModelError
+from ....structure.module import Module
 from ....structure.robot import HybridRobot
 from ...equations.idle.motion import idle_motions
 
@@ -28,8 +31,31 @@ def check_coordinates(robot: HybridRobot, model: str, coordinates: str) -> None:
     mend = "Use coordinates='joints'"
     if robot.base != "fixed":
         raise ModelError(f"derivatives over motors need a fixed base; this one is '{robot.base}'. {mend}")
-    for module in robot.modules:
-        motors = [robot.motors[i] for i in module.motor_index]
+    _check_independent(robot.modules, mend)
+
+
+def check_closing(robot: HybridRobot, model: str, coordinates: str) -> None:
+    """Refuse what has no derivatives of the motion of all joints over the motors'.
+
+    Raises:
+        ModelError: The coordinates are not "motors", the base has a prescribed motion, or a module with loops
+            has not as many motors as freedoms, as in `check_coordinates`.
+    """
+    if coordinates != "motors":
+        raise ModelError(f"derivatives of '{model}' need coordinates='motors', not {coordinates!r}")
+    if robot.base == "moving":
+        raise ModelError(
+            f"derivatives of '{model}' need a base that is fixed or floating; the motion of this one is "
+            "prescribed. Load the robot with base='floating'"
+        )
+    looped = [module for module in robot.modules if module.mechanism.spanning_closures.rows]
+    _check_independent(looped, "Name its motors with motors=[...]")
+
+
+def _check_independent(modules: Iterable[Module], mend: str) -> None:
+    """Refuse modules of which the motors are not the independent coordinates."""
+    for module in modules:
+        motors = module.motors
         locked = [name for i, name in enumerate(motors) if i not in module.moving_motors]
         if locked:
             raise ModelError(

@@ -1,0 +1,50 @@
+"""`hybridyn.torch` and `hybridyn.jax`: the models of a robot for a learning framework."""
+
+from __future__ import annotations
+
+from ..compiled import SecondDerivatives, compile
+from ..effects.choice import Choice
+from ..errors import required
+from ..structure.robot import HybridRobot
+from .framework import Framework
+from .robot import LearningRobot
+
+
+def torch(robot: HybridRobot, effects: Choice = None, *, threads: int = 1) -> LearningRobot:
+    """Prepare a robot's models for PyTorch: its tensors come and go, and have gradients through closed loops.
+
+    Values are those of `hybridyn.compile`. `backward`, double `backward`, forward mode and the transforms of
+    `torch.func` work. Tensors are of type float64 and on the processor.
+
+    Args:
+        robot: The robot.
+        effects: Effects to include, as for `hybridyn.idm`; those with a second derivative, see
+            `hybridyn.SecondDerivatives`.
+        threads: Number of threads that share a batch.
+
+    Returns:
+        The models; see `LearningRobot`.
+
+    Raises:
+        HybridynError: PyTorch is not installed.
+        ModelError: An effect has no second derivative, or is not available in compiled models.
+        CompileError: As `hybridyn.compile` raises.
+
+    Example:
+        >>> import torch
+        >>> model = hybridyn.torch(hybridyn.load("five_bar"))
+        >>> position = torch.tensor([0.1, 0.2], dtype=torch.float64, requires_grad=True)
+        >>> tau = model.idm(*model.close(position))
+        >>> torch.autograd.grad(tau[0], position)[0].numpy().round(3)
+        array([ 2.881, -0.276])
+    """
+    required("torch", "torch", "hybridyn.torch")
+    from .torch_arrays import TORCH  # it imports PyTorch, which takes seconds
+
+    return _of_framework(robot, effects, threads, TORCH)
+
+
+def _of_framework(robot: HybridRobot, effects: Choice, threads: int, framework: Framework) -> LearningRobot:
+    """Return the models of a robot for a framework."""
+    SecondDerivatives(robot, effects=effects)  # refuses effects with kinks
+    return LearningRobot(compile(robot, effects, threads=threads), framework)

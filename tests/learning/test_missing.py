@@ -1,0 +1,26 @@
+"""Learning frameworks are asked for by name, and not before."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+
+import hybridyn
+from tests.support.comparing import refused
+
+
+@pytest.mark.parametrize("function", [hybridyn.torch])
+def test_a_framework_that_is_not_installed_is_named(
+    function: Callable[..., object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = function.__name__
+    monkeypatch.setitem(sys.modules, name, None)
+    words = rf"hybridyn.{name} needs {name}: install it with `pip install -e '.\[{name}\]'`"
+    refused(lambda: function(hybridyn.load("five_bar")), hybridyn.HybridynError, words)
+
+
+def test_nothing_of_a_framework_is_imported_before_it_is_asked_for() -> None:
+    code = "import sys, hybridyn; hybridyn.torch; print({'torch', 'jax'} & {*sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
