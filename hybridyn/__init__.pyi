@@ -32,6 +32,7 @@ from .identification.regressor import Regressor, regressor
 from .identification.result import Identification
 from .learning.creating import torch
 from .loading import from_pinocchio, load
+from .optimal_control.casadi_model import casadi_model
 from .simulation.events import Event, near_singularity
 from .simulation.simulate import simulate
 from .structure.robot import HybridRobot
@@ -74,6 +75,7 @@ __all__ = [
     "assemblies",
     "base_parameters",
     "bias",
+    "casadi_model",
     "centre_of_mass",
     "check",
     "closure_residual",

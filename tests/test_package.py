@@ -30,7 +30,7 @@ FLOORS = (
     {"assembly", "manifold", "effects"},
     {"dynamics", "loading"},
     {"compiled", "conversion"},
-    {"simulation", "streams", "gradients", "learning"},
+    {"simulation", "streams", "gradients", "learning", "optimal_control"},
     {"scenes", "view", "ros"},
     {"studies", "identification", "warp_batch"},
     {"figures"},

@@ -41,7 +41,7 @@ TOLD_IN_ORDER = {"tutorial.md", "extending.md"}
 LONG = {
     "cost.md", "scenes.md", "compiled.md", "view-and-plot.md", "units-and-conventions.md", "tables.md",
     "quantities.md", "optimisation.md", "batches.md", "losses.md", "second-order.md",
-    "learning.md",
+    "learning.md", "optimal-control.md",
 }  # fmt: skip
 #: Extras that the Python of a page needs.
 EXTRAS = {"optimisation.md": "search", "batches.md": "gpu", "losses.md": "plot", "learning.md": "torch"}
