@@ -20,13 +20,13 @@ def run(
     **of_c: Any,
 ) -> int:  # fmt: skip
     """Write a robot in another format, its models as C, or its tree for ROS."""
-    only_c = any(of_c[name] for name in ("name", "float32", "parameters", "wrenches", "given"))
+    only_c = any(of_c[name] for name in ("name", "float32", "parameters", "wrenches", "given", "acados"))
     only_c |= of_c["effects"] != ("default",)
     refuse(
         (as_c and as_ros, "--c and --ros exclude each other"),
         (
             as_ros and only_c,
-            "--name, --float32, --parameters, --wrenches, --given and --effects belong to --c",
+            "--name, --float32, --parameters, --wrenches, --given, --acados and --effects belong to --c",
         ),
         (
             (as_c or as_ros) and tightness != TIGHTNESS,
@@ -50,7 +50,8 @@ def run(
     refuse(
         (
             only_c or of_c["map_joints"],
-            "--name, --float32, --map, --parameters, --wrenches, --given and --effects belong to --c",
+            "--name, --float32, --map, --parameters, --wrenches, --given, --acados and --effects belong to "
+            "--c",
         ),
         (
             load != read,
@@ -92,6 +93,7 @@ def _export(
     parameters: Sequence[str] | None,
     wrenches: Sequence[str] | None,
     given: Sequence[str] | None,
+    acados: bool,
     effects: tuple[str, ...],
 ) -> None:
     """Write the robot's models as C."""
@@ -105,5 +107,5 @@ def _export(
         "wrenches": wrenches or (),
         "given": given or (),
     }
-    for path in export(load(), output, effects, name=name, dtype=dtype, **chosen):
+    for path in export(load(), output, effects, name=name, dtype=dtype, acados=acados, **chosen):
         click.echo(str(path), err=True)

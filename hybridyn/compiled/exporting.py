@@ -19,6 +19,7 @@ from .programs.sources import asked_for
 from .verifying import verify
 
 try:
+    from .acados import acados_text, motor_programs
     from .code.plain_c import WRITTEN, plain_source, prototype
     from .equations.request import request
     from .export_reference import SAMPLES, test_text
@@ -48,6 +49,7 @@ def export(
     parameters: Sequence[str] = (),
     wrenches: Sequence[str] = (),
     given: Sequence[str] = (),
+    acados: bool = False,
 ) -> list[Path]:
     """Write a robot's models as C source for other programs.
 
@@ -62,15 +64,18 @@ def export(
         wrenches: Links on which wrenches are arguments of the models of forces, as of feet that stand.
         given: Columns as in tables from which the control step `idm_from_given` takes its motion: LINK/pose,
             LINK@OTHER/pose/x, JOINT/position, ... Freedoms that they leave move least from the last tick.
+        acados: Whether the direct model over the motors is written with two orders of derivatives, too, as
+            functions that acados calls; for a fixed base and in double precision.
 
     Returns:
         Paths of the written files.
 
     Raises:
-        ModelError: A parameter is unknown, or together with `map_joints` or `given`; no wrench can act on a
-            link; what is given cannot be met in C, or `dtype` is not "float64" with it; an
-            effect is not available in compiled models, `dtype` is invalid, `name` is not a C identifier, no
-            joint moves, or a file of the same name exists that hybridyn did not write.
+        ModelError: A parameter is unknown, or together with `map_joints`, `given` or `acados`; no wrench can
+            act on a link; what is given cannot be met in C, or `dtype` is not "float64" with it; an effect is
+            not available in compiled models; the functions for acados cannot have an effect, the base, the
+            motors or an option; `dtype` is invalid, `name` is not a C identifier, no joint moves, or a file
+            of the same name exists that hybridyn did not write.
         CompileError: casadi is not installed, the models cannot be generated, they differ from the general
             path, or their guards are above 1 at every random state.
         SingularityError, TrajectoryError: The output joints do not fit their modules, or are unknown.
@@ -82,8 +87,13 @@ def export(
         raise ModelError("the map of output joints has no parameters: export it by itself")
     if given and (slots or dtype != "float64"):
         raise ModelError("a control step from poses needs double precision, and has no parameters")
+    if acados and (slots or wrenches or given or dtype != "float64"):
+        raise ModelError(
+            "functions for acados need double precision, and have no parameters, wrenches or 'given'"
+        )
     values = np.array(values_of(robot.description, slots))
     with as_compile_error(robot):
+        derived = motor_programs(robot, on) if acados else []
         built = programs(robot, on, models=ALWAYS, dtype=dtype, parameters=slots, wrenches=wrenches)
         asked = request(robot, on, parameters=slots, dtype=dtype, wrenches=wrenches, contacts=True)
         models = list(built.values())
@@ -98,12 +108,18 @@ def export(
             step, called, text = given_step(asked, built["idm"], name, motion)
             public, inner, more = [*public, step], [*inner, *called], f"{more}\n{text}"
             about = motion.about
+        for_acados = dict[str, str]()
+        if acados:
+            closing, of_motors = (built["close"], turning), (built["ddm"], *derived)
+            text, header = acados_text(robot, name, closing, of_motors, public)
+            inner, more, for_acados = [*inner, *derived], f"{more}\n{text}", {f"{name}_acados.h": header}
         contents = {
             f"{name}.h": header_text(robot, public, name, dtype, map_joints, slots, wrenches, about),
             f"{name}.c": plain_source(models, name, dtype, more, inner),
             f"test_{name}.c": test_text(robot, on, public, name, dtype, map_joints, values, wrenches, motion),
             "Makefile": _makefile(name),
             "README.md": _readme(robot, on.names, public, name, dtype, arguments=bool(slots)),
+            **for_acados,
         }
     return written(Path(directory), contents)
 

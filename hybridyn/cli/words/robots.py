@@ -84,6 +84,11 @@ convert = RobotCommand(
             help="With --c: columns as in tables, from which a control step takes its motion: LINK/pose, "
             "LINK/pose/x, JOINT/position.",
         ),
+        option(
+            "--acados", is_flag=True,
+            help="With --c: the direct model over the motors, with two orders of derivatives, is written, "
+            "too, as functions that acados calls.",
+        ),
         option("--redundancy", hidden=True),  # those who know it from other commands are told what to do
         effects_option("default"),
     ],

@@ -108,7 +108,7 @@ def control_step(
     step = Program("idm_from_motors", inputs, outputs, (), (), 0, room)
     each = "    for (k = 0; k < {}; k++) {};"
     text = [
-        *(_run(program, name) for program in called),
+        *(run_text(program, name) for program in called),
         c_text("one_lane.h"),
         walk_text(request, close, motors, settled=GUARD_LIMIT) + c_text("control.h"),
         f"{prototype(step, name, request.dtype)} {{",
@@ -122,7 +122,7 @@ def control_step(
     return step, called[1], "\n".join(text)
 
 
-def _run(program: Program, name: str) -> str:
+def run_text(program: Program, name: str) -> str:
     """Return the C function by which a walk calls an exported one: numbers one after the other."""
     ends = ("x", program.inputs), ("y", program.outputs)
     places = [f"{memory} + {at}" for memory, parts in ends for _, _, at in stored(parts)]
