@@ -119,10 +119,10 @@ OF_MAPS: dict[str, Callable[..., Any]] = {
     "joint_stiffness": lambda found, motor_efforts: found.joint_stiffness(np.ones(2), motor_efforts),
 }
 #: Public names without arrays of samples, and those of other tests: what closes loops (assembly), integrates
-#: (simulation) or reads a log (identification).
+#: (simulation), reads a log (identification), or takes arrays of frameworks (learning, optimal control).
 OTHERS = {
     "assemble", "assemblies", "base_parameters", "check", "compile", "convert", "excitation", "identify",
-    "from_pinocchio", "geometry_model", "load", "near_singularity", "simulate", "sweep", "warp",
+    "from_pinocchio", "geometry_model", "load", "near_singularity", "simulate", "sweep", "torch", "warp", "casadi_model",
     "with_effects", "accelerations", "assemble_requests", "designs", "hand_over", "say_of_table",
     "wait_until_optimised", "at_joints", "at_motors",
 }  # fmt: skip

@@ -22,7 +22,10 @@ from tests.support.samples import slow
 
 torch = needs("torch")
 #: PyTorch's own forward mode calls what it has deprecated.
-pytestmark = pytest.mark.filterwarnings("ignore:.*torch.jit.script:DeprecationWarning")
+pytestmark = [
+    pytest.mark.filterwarnings(f"ignore:.*torch.jit.script:{kind.__name__}")
+    for kind in (DeprecationWarning, FutureWarning)
+]
 gradcheck, gradgradcheck = torch.autograd.gradcheck, torch.autograd.gradgradcheck
 
 #: Rounding, and the condition of loops and of the mass matrix.
