@@ -52,7 +52,8 @@ static S times_as_long(S turn, S length, int good) {
 
 /* One part of the walk, in which Newton's method agrees. Ends where numbers are not finite. */
 static int side_part(void *of, int *left, S done, S to, S *times) {
-    const Limits limits = {(S)(LONGEST / CLOSED), (S)CONTRACTION, (S)ROUGH, 1, FEW_STEPS, 0};
+    const S near = to < 1 ? (S)ROUGH : (S)SETTLED; /* the rates of the last part are those after its steps */
+    const Limits limits = {(S)(LONGEST / CLOSED), (S)CONTRACTION, near, 1, FEW_STEPS, 0};
     Side *w = (Side *)of;
     S turn = 1;
     for (int k = 0; k < NQ; k++) w->given[k] = w->here[k];
@@ -65,13 +66,6 @@ static int side_part(void *of, int *left, S done, S to, S *times) {
     *left = w->guard == w->guard;
     for (int k = 0; good && k < NQ; k++) w->here[k] = w->result[k];
     return good;
-}
-
-/* The last steps, before which the rates are those after them; gives the guard. */
-static S side_settled(Side *w) {
-    const Limits limits = {(S)(LONGEST / CLOSED), (S)CONTRACTION, (S)SETTLED, 1, FEW_STEPS, 0};
-    for (int k = 0; k < NQ; k++) w->given[k] = w->result[k];
-    return w->guard <= (S)SETTLED || iterated(side_step, w, 1, limits, 0) ? w->guard : (S)OTHER_BRANCH;
 }
 
 /* Gives the guard: OTHER_BRANCH where no way leads there. */
@@ -89,6 +83,5 @@ static S walk(const S *start, const S *goal, S *result, S *room) {
     }
     if (!(longest > 0)) return longest / longest; /* NaN: the way is not finite */
     if (longest < (S)SHORTEST) return (S)OTHER_BRANCH; /* a wild goal */
-    if (walked(side_part, &w, 1, longest, longest)) return side_settled(&w);
-    return w.guard != w.guard ? w.guard : (S)OTHER_BRANCH;
+    return walked(side_part, &w, 1, longest, longest) || w.guard != w.guard ? w.guard : (S)OTHER_BRANCH;
 }
