@@ -11,14 +11,20 @@ from hybridyn.compiled.comparing import SAMPLES
 from hybridyn.compiled.compiling import interpreted_model
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import moving_states
+from hybridyn.compiled.programs.inverse import rubbing_program
+from hybridyn.compiled.programs.quantities.transmitted import transmitted
 from hybridyn.compiled.programs.reactions import reactions_program
 from hybridyn.compiled.programs.unpacking import computed_alone, reactions_in
 from hybridyn.compiled.programs.whole_robot import Interpreted
+from hybridyn.dynamics.load_friction import wrenches_of
 from hybridyn.dynamics.reactions import Reactions
-from hybridyn.effects import LoadFriction, RotorInertia, ViscousFriction
+from hybridyn.effects import GearEfficiency, LoadFriction, RotorInertia, ViscousFriction
+from hybridyn.effects.choice import choose
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.robot import HybridRobot
+from tests.compiled.test_friction_in_c import rubbing_law
+from tests.oracle import Base
 from tests.quantities.ankle import ankle
 from tests.robots.mechanisms import random_mechanism
 from tests.robots.shipped import ROBOTS, shipped
@@ -125,15 +131,54 @@ def test_libraries_of_platforms(name: str) -> None:
     assert not compiled.recomputed
 
 
+@pytest.mark.slow
+def test_the_library_of_a_robot_whose_friction_grows_with_load() -> None:
+    robot = hybridyn.load("five_bar")
+    rubs = LoadFriction(radial=dict.fromkeys(robot.joints, 5e-3), width=0.05)
+    effects = ["default", rubs, ViscousFriction(dict.fromkeys(robot.joints, 0.3))]
+    compiled, states = hybridyn.compile(robot, effects=effects, threads=2), balanced(robot, effects)
+    tau, found = compiled.idm(*states, reactions=True)
+    wanted_tau, wanted = hybridyn.idm(robot, *states, effects=effects, reactions=True)
+    close_to(tau, wanted_tau, ROUNDED)
+    same(found, wanted)
+    assert not compiled.recomputed
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed", "base"),
+    [
+        ("gear_three", 2, "floating"),
+        *(slow(*one) for one in (("stack", 0, "fixed"), ("star_four", 1, "moving"))),
+    ],
+)
+def test_friction_that_grows_with_the_reactions(kind: str, seed: int, base: Base) -> None:
+    """Its efforts are among those along the joints; the program solves for it, joint by joint."""
+    robot = build_robot(random_mechanism(seed, kind=kind), base=base)
+    law = rubbing_law(robot, seed=seed, share=0.5)
+    effects = ["default", LoadFriction(law.radial, normal=law.normal, width=0.05)]
+    on, states = choose(robot, effects), balanced(robot, effects)
+    assert on.loaded is not None
+    tau, wanted = hybridyn.idm(robot, *states, effects=effects, reactions=True)
+    programs = [reactions_program(request(robot, None)), rubbing_program(request(robot, on))]
+    library = Interpreted(programs)
+    found_tau, found, guard = transmitted(robot, library, on, states, None, 1)
+    assert (guard <= 1.0).all()
+    close_to(found_tau, tau, ROUNDED)
+    same(found, wanted)
+    friction = library.batch("idm_rubbing", *states)[0][1]
+    close_to(friction, on.loaded.sizes(wrenches_of(on.loaded, wanted)), ROUNDED)
+    assert (friction > 0).any(axis=0).all()
+
+
 def test_what_no_program_computes_is_left_to_the_general_path() -> None:
     robot = hybridyn.load("five_bar")
-    effects = ["default", LoadFriction(radial={"m1_left_drive": 1e-3}, width=0.05)]
+    effects = ["default", GearEfficiency({"m1_left_drive": 0.9})]
     compiled, (q, v, a) = interpreted_model(robot, effects, "idm"), (x[0] for x in balanced(robot))
     tau, found = compiled.idm(q, v, a, reactions=True)
     wanted_tau, wanted = hybridyn.idm(robot, q, v, a, effects=effects, reactions=True)
     assert np.array_equal(tau, wanted_tau)
     assert np.array_equal(_every(found), _every(wanted))
-    assert compiled.handed_over == {"reactions (with the effect 'load_friction')": 1}
+    assert compiled.handed_over == {"reactions (with the effect 'gear_efficiency')": 1}
 
 
 def test_errors_are_those_of_the_general_path() -> None:

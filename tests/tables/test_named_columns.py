@@ -9,7 +9,7 @@ import hybridyn
 from hybridyn import HybridRobot, TrajectoryError
 from hybridyn.compiled.compiling import interpreted_model
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.effects import LoadFriction
+from hybridyn.effects import GearEfficiency
 from hybridyn.structure.building import build_robot
 from tests.robots.mechanisms import random_mechanism
 from tests.support.comparing import ROUNDING, SOLVED, close_to, refused, same_bits
@@ -91,8 +91,8 @@ class Row:
 
 
 def test_reactions_that_the_general_path_computes(robot: HybridRobot, state: State) -> None:
-    """Compiled models leave those with load friction to it."""
-    effects = ["default", LoadFriction(radial={robot.joints[0]: 1e-3}, width=0.05)]
+    """Compiled models leave those behind gears that lose power to it."""
+    effects = ["default", GearEfficiency(dict.fromkeys(robot.motors, 0.9))]
     compiled, joints = interpreted_model(robot, effects, "idm"), [*enumerate(robot.joints)]
     tables = [Table((name, x[:, i]) for i, name in reversed(joints)) for x in state]
     rows = [Row(table, 3) for table in tables]
@@ -102,7 +102,7 @@ def test_reactions_that_the_general_path_computes(robot: HybridRobot, state: Sta
         same_bits(tau, wanted_tau)
         for name, wrench in wanted.joints.items():
             same_bits(found.joints[name], wrench)
-    assert compiled.handed_over == {"reactions (with the effect 'load_friction')": SAMPLES + 1}
+    assert compiled.handed_over == {"reactions (with the effect 'gear_efficiency')": SAMPLES + 1}
 
 
 def test_a_row_of_a_table_is_one_sample(robot: HybridRobot, state: State) -> None:

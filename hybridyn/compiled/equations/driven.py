@@ -95,8 +95,8 @@ class Driven:
     def with_friction(
         self, core: Core, motion: tuple[Chain, Expression], b: Expression, outputs: list[Expression],
         received: GivenColumns,
-    ) -> tuple[Expression, Any]:  # fmt: skip
-        """Return required forces over s with friction that grows with load, and the guard of that.
+    ) -> tuple[Expression, Expression, Any]:  # fmt: skip
+        """Return required forces over s with friction that grows with load, that friction, and its guard.
 
         Args:
             motion: The core's motion for inertial forces, and the rates of the spanning tree.
@@ -122,4 +122,4 @@ class Driven:
         n, guard = settle(
             with_arguments(rubbing, plan.column), answers_of(rubbing, np.concatenate(rows)), plan.scale.eps
         )
-        return plus(b, dot(pushed, n)), guard
+        return plus(b, dot(pushed, n)), n, guard

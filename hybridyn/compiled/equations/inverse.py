@@ -27,12 +27,15 @@ from .scales import squares
 from .stages import Draft, GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
 
 
-def write_inverse(plan: ModulePlan, options: Options, pivots: Pivots | None) -> WrittenModule:
+def write_inverse(
+    plan: ModulePlan, options: Options, pivots: Pivots | None, *, frictions: bool = False
+) -> WrittenModule:
     """Write a module's inverse model and cut it into its stages.
 
     Args:
         options: Options of the inverse model.
         pivots: Pivots of the motor map.
+        frictions: Whether friction that grows with load is an output, "n" in the order of `options.rubbing`.
     """
     outwards, inwards = Draft(), Draft()
     core, (q, v, a), base = begun(plan, options, outwards.given, accelerations=True)
@@ -41,8 +44,9 @@ def write_inverse(plan: ModulePlan, options: Options, pivots: Pivots | None) -> 
     X, guard = guarded_motions(core, plan)
     driven = Driven(plan, options, motor_columns(core, plan, options, inwards.given), X, terms, pivots)
     if options.rubbing:
-        b, settled = driven.with_friction(core, (chain, v), b, outputs, inwards.given)
+        b, n, settled = driven.with_friction(core, (chain, v), b, outputs, inwards.given)
         guard = guard + settled
+        inwards.wanted |= {"n": pack(n)} if frictions else {}
     tau, measure = driven.efforts(b[6:])  # Eq. (33)
     outwards.wanted |= motion_outwards(core, options)
     inwards.wanted |= {"guard": ca.SX(guard + measure)} | ({"tau": pack(tau)} if len(tau) else {})

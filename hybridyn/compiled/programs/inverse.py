@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...spatial import Index
 from ..equations.balance import write_balance_stages
 from ..equations.guarded_elimination import Pivots
 from ..equations.inverse import write_inverse
@@ -31,6 +32,18 @@ def inverse_program(request: Request, *, pushed: bool = False) -> Program:
     efforts = 6 * pushed + len(request.robot.motors)
     w = Writer("idm_pushed" if pushed else "idm", inverse_inputs(request), [("tau", efforts)])
     write_inverse_sweeps(request, w, pushed=pushed)
+    return w.program()
+
+
+def rubbing_program(request: Request) -> Program:
+    """Build the program "idm_rubbing" of an inverse model that tells its friction that grows with load, too.
+
+    Output "friction" has that of each joint of the law, in its order.
+    """
+    assert request.on.loaded is not None
+    outputs = [("tau", len(request.robot.motors)), ("friction", len(request.on.loaded.joints))]
+    w = Writer("idm_rubbing", inverse_inputs(request), outputs)
+    write_inverse_sweeps(request, w)
     return w.program()
 
 
@@ -116,7 +129,9 @@ class _InverseSweeps(Sweeps):
         return self.motors or (self.pushed and k == 0)
 
     def _drive(self, calls: ModuleCalls) -> None:
-        """Add the efforts of a module's motors."""
+        """Add the efforts of a module's motors, and frictions where these are a result."""
+        if calls.options.rubbing and "friction" in self.w.results:
+            calls.ports["n"] = self.w.result("friction", self._rubbing_of(calls))
         motors, gears = calls.module.motor_index, self.request.on.gears
         result = self.w.result("tau", 6 * self.pushed + motors)
         if gears is None or not lossy(gears, motors):
@@ -127,6 +142,12 @@ class _InverseSweeps(Sweeps):
         calls.call(1)
         write_needed(self.request, self.w, gears, motors, joint_side, result)
 
+    def _rubbing_of(self, calls: ModuleCalls) -> Index:
+        """Return the numbers of a module's joints that rub among those of the law."""
+        law, module = self.request.on.loaded, calls.module
+        names = dict(zip(module.mechanism.spec.in_whole, module.joints, strict=True))
+        return np.array([law.joints.index(names[one.joint]) for one in calls.options.rubbing] if law else [])
+
     def _calls(self, k: int, modules: list[ModuleCalls]) -> ModuleCalls:
         """Return the still empty calls of module k; equal modules share their code."""
         balance, plan = self._balanced(k), self.request.plans[k]
@@ -135,7 +156,8 @@ class _InverseSweeps(Sweeps):
         if balance:
             written = self.w.once(key, write_balance_stages, plan, options)
         else:
-            written = self.w.once(key, write_inverse, plan, options, self._motor_pivots(k, options))
+            pivots, frictions = self._motor_pivots(k, options), "friction" in self.w.results
+            written = self.w.once(key, write_inverse, plan, options, pivots, frictions=frictions)
         return self.begun(k, modules, options, written, key, [PARTS[0], *PARTS[1:] * 3])
 
     def _motor_pivots(self, k: int, options: Options) -> Pivots | None:

@@ -166,8 +166,9 @@ class Quantities:
         same_samples(q=positions, a=states[2])
         alone = left_out(self.robot, self.effects, str(self.dtype))
         if not alone and len(positions) and (library := self._transmitting) is not None:
-            tau, good = self._model("idm", *states)
-            found, guard = transmitted(self.robot, library, self.effects, states, tau, self._models.threads)
+            tau, good = self._model("idm", *states) if self.effects.loaded is None else (None, True)
+            on, threads = self.effects, self._models.threads
+            tau, found, guard = transmitted(self.robot, library, on, states, tau, threads)
             if (good & (guard <= GUARD_LIMIT)).all():
                 return (tau[0], found.sample(0)) if single else (tau, found)
         self._handed.hand_over("reactions", len(positions), alone)
@@ -177,7 +178,7 @@ class Quantities:
     @cached_property
     def _transmitting(self) -> Library | None:
         """The library of reactions; None if the general path computes them."""
-        return transmitting(self.robot)
+        return transmitting(self.robot, self.effects)
 
     def _model(self, name: str, q: Array, *given: Array) -> tuple[Numbers, Mask]:
         """Compute a model of the robot as it is, and which samples can be trusted.
