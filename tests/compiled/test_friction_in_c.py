@@ -65,14 +65,12 @@ def test_shipped_robots_agree_with_the_general_path(name: str) -> None:
 
 #: Serial, planar and spatial loops, several modules, bases that move; fewer motors than motions.
 DRAWN = ["five_bar", "slider_crank", "branched", "star_four", "rssr", "stack", "serial", "gough", "four_bar"]
-#: Of many modules one on another, whose frictions the bound takes for larger than they are: C may trust none.
-LONG = ("branched", "serial", "stack")
 
 
 @pytest.mark.parametrize("seed", [0, *map(slow, range(1, 12))])
 @pytest.mark.parametrize("kind", [*DRAWN[:2], *map(slow, DRAWN[2:])])
 def test_random_mechanisms_agree_with_the_general_path(kind: str, seed: int) -> None:
-    """A sample that a guard does not trust is left to the general path: most of short chains are trusted."""
+    """A sample that a guard does not trust is left to the general path: most are trusted."""
     base = ("fixed", "moving", "floating")[seed % 3]
     robot = build_robot(random_mechanism(seed, kind=kind), base=base)
     law = rubbing_law(robot, seed=seed, share=0.5)
@@ -89,7 +87,7 @@ def test_random_mechanisms_agree_with_the_general_path(kind: str, seed: int) -> 
     ):
         (found,), guard = library.batch(name, *inputs)
         good = guard <= 1
-        assert good.sum() > 3 or kind in LONG
+        assert good.sum() > 3
         close_to(found[good], wanted[good], AGREES)
 
 

@@ -21,7 +21,7 @@ from .core import Core, motions_of, own_inertia, rank_guard
 from .direct_legs import LEG_SUMS
 from .direct_outwards import accelerations_outwards, add_wrists, legs_on_paths
 from .expressions import congruence, eye, pack, symmetric, symmetric_product, upper, zeros
-from .factors import Handed, solve_definite
+from .factors import Handed, factored
 from .held_loops import followed, opened_loops
 from .idle.cores import rest_idle
 from .least_inertia import NEARLY_NO_INERTIA, least_inertia
@@ -30,7 +30,7 @@ from .options import Options
 from .rigid import classical, inertia_matrix, matrix_moved, momentum, moved, resting
 from .rubbing import pushed_by
 from .rubbing_legs import LegAnswers, read_legs
-from .rubbing_moving import MovedModule, Needed
+from .rubbing_moving import MovedModule, Needed, Solved
 from .scales import squares
 from .stages import Draft, GivenColumns, WrittenModule, begun, cut, read_by_core, twist_width
 
@@ -129,14 +129,13 @@ def write_direct(plan: ModulePlan, options: Options, *, motion: Handed | None = 
         legs = [own for _, own in read_legs(inwards.given, options.rubbing, parts, [12] * len(parts.groups))]
         pushed, guard = _pushed(core, plan, options, v, legs), core.rows.guard + squares(doubts)
         solved, inwards.wanted = _solve(core, plan, options, X, guard, form, pushed)
-        u_0, G, u_n = solved[:, 6], solved[:, :6], solved[:, 7:]
-        y = dot(X[:, 7:], u_0 - dot(G, A)) + dot(X[:, :6], A) + X[:, 6]
+        y = dot(X[:, 7:], solved.u_0 - dot(solved.G, A)) + dot(X[:, :6], A) + X[:, 6]
         if options.loaded:
-            model = MovedModule(core, plan, options, form, (X, solved), pushed, needed, legs)
+            model = MovedModule(core, plan, options, form, X, solved, pushed, needed, legs)
             answers = model.answers()
             inwards.wanted |= {"answers": answers.pack()} if answers.size else {}
             alone.wanted |= model.alone(alone.given)
-            y = y + dot(X[:, 7:], dot(u_n, model.frictions(back.given)))
+            y = y + dot(X[:, 7:], model.changed(back.given))
     s, joints = np.concatenate([A, y]), [k for k, col in enumerate(parts.v) if col >= 0]  # Eq. (51)
     back.wanted |= accelerations_outwards(core, options, s, joints)
     wrists, guard = add_wrists(core, plan, (q, v), (V, A), s, last.given)
@@ -233,7 +232,7 @@ def _solve(
     guard: Any,
     form: tuple[Expression, Expression],
     pushed: Expression,
-) -> tuple[Expression, dict[str, ca.SX]]:
+) -> tuple[Solved, dict[str, ca.SX]]:
     """Solve a module for its accelerations as functions of its base's, and of further forces.
 
     Args:
@@ -243,8 +242,7 @@ def _solve(
         pushed: Columns of changes of b, shape (6 + nv, k).
 
     Returns:
-        G and u_0 of u_dot = u_0 - G V_dot_base, then its change by each column, shape (N, 7 + k); the guard,
-        and the inertia and bias on a base that moves.
+        The solution; the guard, and the inertia and bias on a base that moves.
     """
     (M, b), Psi_b, y_0, Psi = form, X[:, :6], X[:, 6], X[:, 7:]
     M_yy, M_yb = M[6:, 6:], M[6:, :6]
@@ -255,8 +253,8 @@ def _solve(
     Q_n = -dot(Psi.T, pushed[6:])
     unforced = rest_idle(plan, options.rotor, (A_t, E, Q_0, Q_n), f)
     least, uncertain = (None, 0.0) if plan.column is None else least_inertia(plan, Psi, M_yy, A_t)
-    right = np.concatenate([E, Q_0[:, None], Q_n], axis=1)
-    solved, definite = solve_definite(A_t, right, NEARLY_NO_INERTIA, least)
+    factors, definite = factored(A_t, NEARLY_NO_INERTIA, least)
+    solved = factors.solve(np.concatenate([E, Q_0[:, None]], axis=1))
     G, u_0 = solved[:, :6], solved[:, 6]
     guard = rank_guard(plan, core.rows, guard + (unforced + uncertain), Psi)
     guard = ca.SX(np.inf) if options.massless else _inertia_guard(guard, options, A_t, definite)
@@ -264,7 +262,7 @@ def _solve(
     if options.base is None:
         inertia, bias = _on_base(form, (Psi_b, y_0), f, (E, G, u_0))
         out |= {"I_base": pack(upper(inertia)), "b_base": pack(bias)}
-    return solved, out
+    return Solved(factors, G, u_0, Q_n), out
 
 
 def _inertia_guard(guard: Any, options: Options, A_t: Expression, definite: Any) -> Any:

@@ -78,6 +78,14 @@ class Definite:
                 take(x, i, self.lower[j, i], j)
         return x
 
+    def lengths(self, right: Expression) -> Expression:
+        """Compute the root of x^T A^-1 x of each column x, shape (k,)."""
+        out = zeros(right.shape[1])
+        for k, x in enumerate(self.halfway(right).T):
+            if not all(map(is_zero, x)):
+                out[k] = ca.sqrt(sum(times(d, times(y, y)) for d, y in zip(self.inverses, x, strict=True)))
+        return out
+
     def weighed(self, right: Expression) -> Expression:
         """Compute right^T A^-1 right, of which only the lower triangle is meant, shape (k, k)."""
         half = self.halfway(right)
@@ -102,26 +110,29 @@ class Definite:
         return np.array(rows, dtype=object).reshape(half.shape)
 
 
-def solve_definite(
-    A: Expression, right: Expression, noise: float, least: Expression | None = None
-) -> tuple[Expression, ca.SX]:
-    """Solve A X = right for a symmetric positive definite A by L D L^T.
+def solve_definite(A: Expression, right: Expression, noise: float) -> tuple[Expression, ca.SX]:
+    """Solve A X = right for a symmetric positive definite A, as `factored` tells, shape (n, k)."""
+    factors, trust = factored(A, noise)
+    return factors.solve(right), trust
+
+
+def factored(A: Expression, noise: float, least: Expression | None = None) -> tuple[Definite, ca.SX]:
+    """Factor a symmetric positive definite A, shape (n, n), by L D L^T.
 
     Args:
-        A: Shape (n, n).
-        right: Shape (n, k).
+        A: The matrix.
         noise: Least trusted ratio of a pivot to its diagonal entry of A.
         least: Least trusted pivots, shape (n,), where the entries of A may be rounding.
 
     Returns:
-        X, shape (n, k), and the smallest ratio of a pivot to the least trusted one.
+        The factors, and the smallest ratio of a pivot to the least trusted one.
     """
     (factors, pivots), trust = Definite.of(A), ca.SX(np.inf)
     for i, pivot in enumerate(pivots):
         bound = noise * A[i, i] if least is None else ca.fmax(noise * A[i, i], least[i])
         # if it is 0: fmin would ignore the NaN of 0 / 0
         trust = ca.fmin(trust, 0.0 if is_zero(pivot) else ca.if_else(bound > 0, pivot / bound, 0.0))
-    return factors.solve(right), trust
+    return factors, trust
 
 
 def balanced(

@@ -3,9 +3,13 @@
 Accelerations change with friction n, and so do those of other modules. All is linear in n, in the change
 beta of the bias of every output, with z = [beta; n], and in that of V_dot of the base:
 
+    u       = A_t^-1 (forced n - driven^T beta), what n and beta change of u_dot
     inward n + carried^T beta          handed to the module's base as its bias
-    V_dot_o = carried V_dot + driven z handed to the modules on its outputs
-    p       = p_0 + of_base V_dot + of_z z
+    V_dot_o = carried V_dot + driven u handed to the modules on its outputs
+    p       = p_0 + of_base V_dot + of_u u + of_z z
+
+What joints of legs carry follows from few accelerations; of_u has these. Of joints of the core, where forces
+of closures and biases would cancel much of it, and where Newton's method asks for it, of_z has all.
 """
 
 from __future__ import annotations
@@ -23,7 +27,7 @@ from ...symbols import Expression, dot, plus
 from .chains import carried, carriers, inertial_map, motion_map, wrench_map
 from .core import Core, whole
 from .expressions import eye, pack, plain, zeros
-from .factors import Handed
+from .factors import Definite, Handed
 from .module_plan import ModulePlan
 from .rigid import classical
 from .rubbing import seen_from, through_closures
@@ -48,6 +52,21 @@ class Needed(NamedTuple):
     J: Expression
     inertia: Expression
     bias: Expression
+
+
+class Solved(NamedTuple):
+    """What a module is solved for: u_dot = u_0 - G V_dot_base + A_t^-1 Q z.
+
+    Attributes:
+        factors: Of A_t.
+        G, u_0: Shapes (N, 6), (N,).
+        Q: Forces along the motions per unit of z, shape (N, z).
+    """
+
+    factors: Definite
+    G: Expression
+    u_0: Expression
+    Q: Expression
 
 
 class TakenByLaw(NamedTuple):
@@ -77,7 +96,8 @@ class MovedModule:
     Attributes:
         core, plan, options: As in `write_direct`.
         form: M and b of the module.
-        solutions: y over [V_dot_base, 1, u_dot]; G, u_0 and the change of u_dot by each column of `pushed`.
+        X: y over [V_dot_base, 1, u_dot].
+        solved: What the module is solved for.
         pushed: Changes of b by z, shape (6 + nv, z).
         outputs: What each output needs.
         legs: What legs with joints that rub tell.
@@ -87,42 +107,46 @@ class MovedModule:
     plan: ModulePlan
     options: Options
     form: tuple[Expression, Expression]
-    solutions: tuple[Expression, Expression]
+    X: Expression
+    solved: Solved
     pushed: Expression
     outputs: list[Needed]
     legs: Sequence[LegAnswers]
 
     def answers(self) -> Handed:
         """Return how the module answers to changes; one that no other feels, only to its friction."""
-        (X, changes), taken = self.solutions, self._taken
-        u_z, Psi, first = changes[:, 7:], X[:, 7:], changes.shape[1] - 7 - len(self.options.rubbing)
-        by_u = dot(taken.of_s[:, 6:], Psi)
-        of_z = plus(dot(by_u, u_z), dot(taken.of_forces, self.pushed[6:]))
+        taken, rubbing, (factors, _, _, Q) = self._taken, self.options.rubbing, self.solved
+        of_u, first = dot(taken.of_s[:, 6:], self.X[:, 7:]), Q.shape[1] - len(rubbing)
+        of_z = dot(taken.of_forces, self.pushed[6:])
         for of_bias, bias in zip(taken.of_biases, self._of_biases(), strict=True):
             of_z = plus(of_z, dot(of_bias, bias))
         of_z[:, first:] = plus(of_z[:, first:], taken.of_frictions)
-        of_outputs = self._of_outputs(np.concatenate([zeros(6, Psi.shape[1]), Psi]))
-        given = {"of_z": of_z, "driven": dot(of_outputs, u_z)}
-        if self.options.base is None:
-            given |= self._of_base(by_u, of_outputs, first)
-        return Handed(**given)
+        alone = self.options.isolated
+        whole = rubbing if alone else of_core(rubbing, self.plan.parts)
+        rows = sum(len(term.part) for one in whole for term in one.terms)
+        if rows:
+            of_z[:rows] = plus(of_z[:rows], dot(of_u[:rows], factors.solve(Q)))
+        if alone:
+            return Handed(of_z=of_z)
+        given = self._of_base(of_u, first) if self.options.base is None else {}
+        of_u[:rows] = 0.0
+        given |= {"lower": factors.lower, "inverses": factors.inverses, "forced": Q[:, first:]}
+        return Handed(of_z=of_z, of_u=of_u, driven=-Q[:, :first].T, **given)
 
-    def _of_base(self, by_u: Expression, of_outputs: Expression, first: int) -> dict[str, Expression]:
+    def _of_base(self, of_u: Expression, first: int) -> dict[str, Expression]:
         """Return how the module answers to its base, and what this feels of friction.
 
         Args:
-            by_u, of_outputs: What the law takes, and accelerations of the outputs, per acceleration along
-                each motion.
+            of_u: What the law takes per acceleration along each motion.
             first: Where z has the frictions.
         """
-        (X, changes), M, of_s = self.solutions, self.form[0], self._taken.of_s
-        G, pushed = changes[:, :6], self.pushed[:, first:]
-        moved = self._of_outputs(np.concatenate([eye(6), X[:, :6]]))
-        E = dot(X[:, 7:].T, M[6:, :6] + dot(M[6:, 6:], X[:, :6]))
+        of_s, X_b, pushed = self._taken.of_s, self.X[:, :6], self.pushed[:, first:]
+        G, Q = self.solved.G, self.solved.Q
+        moved = self._of_outputs(np.concatenate([eye(6), X_b]))
         return {
-            "carried": moved - dot(of_outputs, G),
-            "of_base": plus(of_s[:, :6], dot(of_s[:, 6:], X[:, :6])) - dot(by_u, G),
-            "inward": pushed[:6] + dot(X[:, :6].T, pushed[6:]) + dot(E.T, changes[:, 7 + first :]),
+            "carried": plus(moved, dot(Q[:, :first].T, G)),
+            "of_base": plus(of_s[:, :6], dot(of_s[:, 6:], X_b)) - dot(of_u, G),
+            "inward": pushed[:6] + dot(X_b.T, pushed[6:]) + dot(G.T, Q[:, first:]),
         }
 
     def alone(self, back: GivenColumns) -> dict[str, ca.SX]:
@@ -131,10 +155,9 @@ class MovedModule:
         Args:
             back: Filled with the base's acceleration.
         """
-        X, changes = self.solutions
-        options, chain = self.options, self.core.chain
+        options, chain, X = self.options, self.core.chain, self.X
         A = back.take("A0_base", 6) if options.base is None else plain(options.base)
-        u_dot = changes[:, 6] - dot(changes[:, :6], A)
+        u_dot = self.solved.u_0 - dot(self.solved.G, A)
         s = np.concatenate([A, dot(X[:, :6], A) + X[:, 6] + dot(X[:, 7:], u_dot)])
         out: dict[str, ca.SX] = {}
         for o, body in enumerate(self.core.outputs):
@@ -155,11 +178,13 @@ class MovedModule:
             out["p_0"] = pack(p + np.concatenate(own) + taken.alone)
         return out
 
-    def frictions(self, settled: GivenColumns) -> Expression:
-        """Return z, filled into what is known in the last sweep."""
-        outputs = [o for o in range(len(self.core.outputs)) if self.options.carries[o]]
-        biases = [settled.take(f"more {o}", 6) for o in outputs]
-        return np.concatenate([*biases, settled.take("n", len(self.options.rubbing))])
+    def changed(self, settled: GivenColumns) -> Expression:
+        """Return u, filled into what is known in the last sweep: n of a module that no other feels, or u."""
+        factors, _, _, Q = self.solved
+        if not self.options.isolated:
+            return settled.take("u", len(Q))
+        n = settled.take("n", len(self.options.rubbing))
+        return factors.solve(dot(Q, n)[:, None])[:, 0]
 
     def _of_outputs(self, s: Expression) -> Expression:
         """Return changes of V_dot of the outputs that carry modules, own frames, shape (6 outputs, k)."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ...dynamics.direct import states_before
+from ...dynamics.friction_bound import feedback
 from ...dynamics.friction_response import answer, answering
 from ...dynamics.load_friction import wrenches_of
 from ...dynamics.loads import all_loads
 from ...effects.choice import Effects
 from ...errors import SingularityError
 from ...structure.robot import HybridRobot
-from .settling import OWN_PART, SETTLED
+from .settling import NO_LOAD, OWN_PART, SETTLED
 from .states import moving_states
 
 #: Generic postures that tell.
@@ -50,7 +51,9 @@ def _needed(robot: HybridRobot, on: Effects, at: tuple[np.ndarray, ...], limit: 
     start, modules = answering(robot, law, D, states, q, v, a, tau, loads)
     w, B = wrenches_of(law, start), answer(modules, np.eye(len(law.joints))[None])
     L, n = law.between(np.arange(len(law.joints)), B)[0], law.sizes(w)
-    ratio = float(np.abs(np.linalg.eigvals(L)).max())
+    x = OWN_PART * n[0] + L @ n[0] + NO_LOAD
+    length = max(module.mechanism.length for module in robot.modules)
+    ratio = max(float((L @ x / x).max()), float(feedback(law, modules, length)[0][0]))
     for sweeps in range(1, MOST):
         last, n = n, law.sizes(w + np.einsum("tikj,tj->tik", B, n))
         if (ratio * np.abs(n - last) <= limit * (OWN_PART * n + n @ L.T)).all():

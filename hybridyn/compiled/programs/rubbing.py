@@ -2,9 +2,10 @@
 
 Each module answers linearly (`equations.rubbing_moving`), so that a change of frictions takes one sweep
 inwards and one outwards over small matrices. A module that no other feels settles its frictions by itself.
-Those of the others follow by sweeps n -> N, as many as generic postures need (`sweeps_needed`). The same
-sweeps over absolute values bound by how much frictions feed on one another: from weights x > 0 they lead to
-rho x at most. Below 1 there is one solution, and the last N is nearer than rho / (1 - rho) of the residual.
+Those of the others follow by sweeps n -> N, as many as generic postures need (`sweeps_needed`). Sweeps over
+sizes (`equations.rubbing_energy`) bound by how much frictions feed on one another: from weights x > 0 they
+lead to rho x at most. Below 1 there is one solution, and the last N is nearer than rho / (1 - rho) of the
+residual.
 """
 
 from __future__ import annotations
@@ -16,19 +17,18 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...symbols import Expression, dot, plus
-from ..equations.expressions import pack, symbols
+from ..equations.expressions import pack, symbols, symmetric
+from ..equations.factors import Handed
 from ..equations.request import Request
 from ..equations.rubbing import answers_of
-from ..equations.rubbing_joints import Rubbing, argued, rows_of_terms, with_arguments
-from ..equations.settling import far_from_solution, friction_of, largest_over, settle, weights
+from ..equations.rubbing_energy import measured
+from ..equations.rubbing_joints import argued, with_arguments
+from ..equations.rubbing_steps import RubbingStep
+from ..equations.settling import far_from_solution, largest_over, settle
 from ..equations.sweeps_needed import friction_sweeps
 from ..program import Add, Shared, Target, Worst
-from .module_calls import ModuleCalls
+from .module_calls import ModuleCalls, read
 from .writer import Writer
-
-#: Sweeps over absolute values.
-BOUNDS = ("weigh", "bound")
 
 
 def settle_frictions(request: Request, w: Writer, modules: Sequence[ModuleCalls]) -> None:
@@ -44,9 +44,17 @@ def settle_frictions(request: Request, w: Writer, modules: Sequence[ModuleCalls]
     for calls in modules:
         if calls.options.isolated and calls.options.rubbing:
             _settle_alone(w, calls, eps)
-    rubs = any(calls.options.rubbing for calls in coupled)
-    sweeps = friction_sweeps(request.robot, request.on, request.dtype) if rubs else 0
-    FrictionSweeps(w, coupled).settle(eps, sweeps)
+    feeling = set[int]()  # modules that rub, or that carry such
+    for calls in reversed(coupled):
+        if calls.options.rubbing or calls.k in feeling:
+            feeling |= {calls.k, calls.module.parent}
+    for calls in coupled:
+        calls.ports["u"] = w.shared(len(calls.request.plans[calls.k].motions))
+        if calls.k not in feeling:
+            w.start(calls.ports["u"], np.zeros(calls.ports["u"].size))
+    if feeling:
+        sweeps = friction_sweeps(request.robot, request.on, request.dtype)
+        FrictionSweeps(w, [calls for calls in coupled if calls.k in feeling]).settle(eps, sweeps)
 
 
 def _settle_alone(w: Writer, calls: ModuleCalls, eps: float) -> None:
@@ -60,14 +68,18 @@ def _settle_alone(w: Writer, calls: ModuleCalls, eps: float) -> None:
 
 def _settled_alone(calls: ModuleCalls, sources: Mapping[str, Any], eps: float) -> ca.Function:
     """Return the kernel that settles the frictions of a module that no other feels."""
-    given = _Given(calls, sources)
+    given = _Given(calls, sources, Handed())
     rows = np.concatenate([given.values["p_0"][:, None], given.answers["of_z"]], axis=1)
     n, guard = settle(given.rubbing, answers_of(given.rubbing, rows), eps)
     return ca.Function("settle", given.columns, [pack(n), ca.SX(guard)])
 
 
+#: Steps over sizes.
+OF_SIZES = ("bias", "weigh", "bound")
+
+
 class FrictionSweeps:
-    """The sweeps over the modules that feel one another.
+    """The sweeps over the modules that feel frictions of others, or of their own.
 
     Attributes:
         w: The program under construction.
@@ -80,36 +92,39 @@ class FrictionSweeps:
         self.w, self.modules = w, modules
         self.n = [w.shared(len(calls.options.rubbing)) for calls in modules]
         self._at = {calls.k: i for i, calls in enumerate(modules)}
-        self._more = [{o: w.shared(6) for o in _carrying(calls)} for calls in modules]
-        self._moved = [{o: w.shared(6) for o in _carrying(calls)} for calls in modules]
+        self._more, self._moved, self._biases = (
+            [{o: w.shared(size) for o in _carrying(calls)} for calls in modules] for size in (6, 6, 1)
+        )
+        self._motions = [w.shared(int(any(calls.options.carries))) for calls in modules]
+        self._sizes: list[tuple[Handed, Shared]] = []
 
     def settle(self, eps: float, sweeps: int) -> None:
         """Add the sweeps.
 
         Args:
             eps: Rounding of one number.
-            sweeps: Their number, 0 where nothing rubs.
+            sweeps: Their number.
         """
-        w, modules, found = self.w, self.modules, self.n
-        if sweeps:
-            for i in range(len(modules)):
-                self._call(i, "first", {}, [self.n[i]])
-            for _ in range(sweeps - 1):
-                self._sweep("settle", self.n, self.n)
-            x, grown, found = ([w.shared(place.size) for place in self.n] for _ in range(3))
-            self._sweep("settle", self.n, found)
-            self._sweep("weigh", found, x)
-            self._sweep("bound", x, grown)
-            worst = w.shared(2)
-            w.start(worst, np.zeros(2))
-            for own in zip(x, grown, self.n, found, strict=True):
-                self._judge(worst, *own)
-            column, (ratio, residual) = symbols("worst", 2)
-            function = ca.Function("judged", [column], [far_from_solution(ratio, residual, eps)])
-            w.call(w.kernel(("friction", "judged", eps), function, "effects"), 1, [worst], [Worst()])
-        self._inwards("settle", found)
-        for calls, n, more in zip(modules, found, self._more, strict=True):
-            calls.ports |= {"n": n} | {f"more {o}": place for o, place in more.items()}
+        w, modules = self.w, self.modules
+        for i in range(len(modules)):
+            self._call(i, "first", {}, [self.n[i]])
+        for _ in range(sweeps - 1):
+            self._sweep(self.n, self.n)
+        x, grown, found = ([w.shared(place.size) for place in self.n] for _ in range(3))
+        self._sweep(self.n, found)
+        self._sizes = [self._measure(i, eps) for i in range(len(modules))]
+        self._bound("weigh", found, x)
+        self._bound("bound", x, grown)
+        worst = w.shared(2)
+        w.start(worst, np.zeros(2))
+        for own in zip(x, grown, self.n, found, strict=True):
+            self._judge(worst, *own)
+        column, (ratio, residual) = symbols("worst", 2)
+        function = ca.Function("judged", [column], [far_from_solution(ratio, residual, eps)])
+        w.call(w.kernel(("friction", "judged", eps), function, "effects"), 1, [worst], [Worst()])
+        self._inwards("inwards", self._more, found)
+        for i, calls in enumerate(modules):
+            self._call(i, "u", _above(self._more[i], found[i]), [calls.ports["u"]])
 
     def _judge(self, worst: Shared, *frictions: Shared) -> None:
         """Add the call that takes one module's frictions into the largest ratio and residual.
@@ -128,36 +143,60 @@ class FrictionSweeps:
         kernel = self.w.kernel(("friction", "judge", len(x)), function, "effects")
         self.w.call(kernel, 1, [worst, *frictions], [worst])
 
-    def _sweep(self, what: str, n: Sequence[Shared], to: Sequence[Shared]) -> None:
-        """Add a sweep inwards and one outwards, from frictions n to those in `to`."""
-        self._inwards(what, n)
-        for i, calls in enumerate(self.modules):
-            below, output = calls.module.parent, calls.module.parent_output
-            known = {f"more {o}": place for o, place in self._more[i].items()}
-            if below >= 0:
-                known["base"] = self._moved[self._at[below]][output]
-            known["n"] = n[i]
-            self._call(i, what, known, [*self._moved[i].values(), to[i]])
+    def _measure(self, i: int, eps: float) -> tuple[Handed, Shared]:
+        """Add the call that measures how a module answers; return the sizes and their place."""
+        w, calls = self.w, self.modules[i]
+        inertias = [read(calls.ports[f"I {o}"]) for o in _carrying(calls)]
+        if (below := calls.module.parent) >= 0:
+            inertias.append(read(self.modules[self._at[below]].ports[f"I {calls.module.parent_output}"]))
 
-    def _inwards(self, what: str, n: Sequence[Shared]) -> None:
-        """Add the sweep of biases inwards that frictions n cause."""
-        sums = [{o: self.w.start(place, np.zeros(6)) for o, place in more.items()} for more in self._more]
-        rubs = set[int]()  # modules from which biases come
+        def written() -> tuple[ca.Function, Handed]:
+            """Return the kernel, and what it hands on."""
+            column, answers = calls.written.held.again("answers")
+            columns, each = zip(*(symbols("I", 21) for _ in inertias), strict=True) if inertias else ((), ())
+            matrices = [symmetric(x, 6) for x in each]
+            base = matrices.pop() if below >= 0 else None
+            sizes, guard = measured(answers, base, matrices, eps)
+            return ca.Function("sizes", [column, *columns], [sizes.pack(), ca.SX(guard)]), sizes
+
+        key = ("friction", "sizes", below >= 0, id(calls.written))
+        function, sizes = w.once(key, written)
+        place = w.shared(sizes.size)
+        w.call(w.kernel(key, function, "effects"), 1, [calls.ports["answers"], *inertias], [place, Worst()])
+        return sizes, place
+
+    def _sweep(self, n: Sequence[Shared], to: Sequence[Shared]) -> None:
+        """Add a sweep inwards and one outwards, from frictions n to those in `to`."""
+        self._inwards("inwards", self._more, n)
+        for i, calls in enumerate(self.modules):
+            known = _above(self._more[i], n[i])
+            if (below := calls.module.parent) >= 0:
+                known["base"] = self._moved[self._at[below]][calls.module.parent_output]
+            self._call(i, "outwards", known, [*self._moved[i].values(), to[i]])
+
+    def _bound(self, what: str, n: Sequence[Shared], to: Sequence[Shared]) -> None:
+        """Add a sweep over sizes from frictions n to their weights ("weigh") or to a bound ("bound")."""
+        self._inwards("bias", self._biases, n)
+        for i, calls in enumerate(self.modules):
+            known = _above(self._biases[i], n[i])
+            if (below := calls.module.parent) >= 0:
+                known["base"] = self._motions[self._at[below]]
+            self._call(i, what, known, [self._motions[i], to[i]])
+
+    def _inwards(self, what: str, more: list[dict[int, Shared]], n: Sequence[Shared]) -> None:
+        """Add the sweep inwards of biases that frictions n cause, or of their sizes ("bias")."""
+        sums = [{o: self.w.start(x, np.zeros(x.size)) for o, x in each.items()} for each in more]
         for i, calls in reversed([*enumerate(self.modules)]):
-            below = calls.module.parent
-            if (not calls.options.rubbing and calls.k not in rubs) or below < 0:
-                continue
-            rubs.add(below)
-            known = {f"more {o}": place for o, place in self._more[i].items()} | {"n": n[i]}
-            target: Add = sums[self._at[below]][calls.module.parent_output]
-            self._call(i, "inwards, bound" if what in BOUNDS else "inwards", known, [target])
+            if (below := calls.module.parent) >= 0:
+                target = sums[self._at[below]][calls.module.parent_output]
+                self._call(i, what, _above(more[i], n[i]), [target])
 
     def _call(self, i: int, what: str, known: Mapping[str, Shared], targets: Sequence[Shared | Add]) -> None:
         """Add the call of one step of a sweep in one module.
 
         Args:
             i: Number of the module among those of the sweeps.
-            what: The step: "first", "settle", "weigh" and "bound" outwards, else inwards.
+            what: The step (`RubbingStep`).
             known: Places of biases, of V_dot of the base, and of frictions.
             targets: Where results go, of which empty ones are left out.
         """
@@ -165,10 +204,16 @@ class FrictionSweeps:
         filled: list[Target] = [target for target in targets if target.size]
         if not filled:
             return
-        sources = _sources(calls, known)
+        sizes, place = self._sizes[i] if what in OF_SIZES else (Handed(), None)
+        sources = _sources(calls, known if place is None else {**known, "sizes": place})
         key = ("friction", what, tuple(sources), id(calls.written))
-        kernel = self.w.kernel(key, partial(_step_function, calls, sources, what), "effects")
+        kernel = self.w.kernel(key, partial(_step_function, calls, sources, what, sizes), "effects")
         self.w.call(kernel, 1, [*sources.values()], filled)
+
+
+def _above(more: Mapping[int, Shared], n: Shared) -> dict[str, Shared]:
+    """Return the places of what a module's outputs, and its joints with frictions n, bring in."""
+    return {f"more {o}": place for o, place in more.items()} | {"n": n}
 
 
 def _sources(calls: ModuleCalls, known: Mapping[str, Shared]) -> dict[str, Any]:
@@ -178,10 +223,10 @@ def _sources(calls: ModuleCalls, known: Mapping[str, Shared]) -> dict[str, Any]:
     return own | dict(known) | more
 
 
-def _step_function(calls: ModuleCalls, sources: Mapping[str, Any], what: str) -> ca.Function:
+def _step_function(calls: ModuleCalls, sources: Mapping[str, Any], what: str, sizes: Handed) -> ca.Function:
     """Return the kernel of one step of a sweep in one module."""
-    given = _Given(calls, sources)
-    step = _Step(given.rubbing, given.answers, given.values)
+    given = _Given(calls, sources, sizes)
+    step = RubbingStep(given.rubbing, given.answers, given.sizes, given.values)
     return ca.Function("friction", given.columns, [pack(x) for x in step.of(what) if len(x)])
 
 
@@ -191,16 +236,18 @@ class _Given:
     Attributes:
         columns: A column of symbols for each source.
         values: The same as arrays, by name, without the arguments.
-        answers: How the module answers, in symbols.
+        answers, sizes: How the module answers, and the sizes of that, in symbols.
         rubbing: Its joints that rub.
     """
 
-    def __init__(self, calls: ModuleCalls, sources: Mapping[str, Any]) -> None:
+    def __init__(self, calls: ModuleCalls, sources: Mapping[str, Any], sizes: Handed) -> None:
         """Take sources by name, the last of which are the arguments if coefficients are among them."""
-        column, self.answers = calls.written.held.again("answers")
+        answers, self.answers = calls.written.held.again("answers")
+        column, self.sizes = sizes.again("sizes")
+        handed = {"answers": answers, "sizes": column}
         pairs = {name: symbols("x", place.size) for name, place in sources.items() if name != "parameters"}
         self.values = {name: values for name, (_, values) in pairs.items()}
-        self.columns = [column if name == "answers" else x for name, (x, _) in pairs.items()]
+        self.columns = [handed.get(name, x) for name, (x, _) in pairs.items()]
         self.rubbing = calls.options.rubbing
         if "parameters" in sources:
             size = sum(size for _, size in calls.request.parameter_inputs)
@@ -211,48 +258,3 @@ class _Given:
 def _carrying(calls: ModuleCalls) -> list[int]:
     """Return the outputs of a module that carry others."""
     return np.flatnonzero(calls.options.carries).tolist()
-
-
-class _Step:
-    """One step of a sweep in one module, in symbols."""
-
-    def __init__(
-        self, rubbing: Sequence[Rubbing], matrices: Mapping[str, Expression], given: Mapping[str, Expression]
-    ) -> None:
-        """Take the module's joints, its answers, and columns of symbols by name."""
-        self._rubbing, self._matrices, self._given = rubbing, matrices, given
-        self._more = [x for name, x in given.items() if name.startswith("more ")]
-
-    def of(self, what: str) -> list[Expression]:
-        """Return the results of a step."""
-        M, given = self._matrices, self._given
-        if what == "first":
-            return [friction_of(self._rubbing, rows_of_terms(self._rubbing, given["p_0"]))]
-        if what in (*BOUNDS, "inwards, bound"):
-            M = {name: _absolute(x) for name, x in M.items()}
-        n, beta = given["n"], np.concatenate([*self._more, np.zeros(0, dtype=object)])
-        if what.startswith("inwards"):
-            return [plus(dot(M["inward"], n), dot(M["carried"].T, beta))]
-        z = np.concatenate([beta, n])
-        moved, taken = dot(M["driven"], z), dot(M["of_z"], z)
-        if "base" in given:
-            moved, taken = (
-                plus(x, dot(M[name], given["base"])) for x, name in ((moved, "carried"), (taken, "of_base"))
-            )
-        out = [*moved.reshape(-1, 6)]
-        return [*out, self._frictions(what, taken)] if self._rubbing else out
-
-    def _frictions(self, what: str, taken: Expression) -> Expression:
-        """Return the frictions after a step outwards, a bound of their change, or weights.
-
-        Args:
-            taken: Change of what the law takes, or a bound of that.
-        """
-        parts = taken if what in BOUNDS else plus(self._given["p_0"], taken)
-        found = friction_of(self._rubbing, rows_of_terms(self._rubbing, parts))
-        return weights(self._given["n"], found) if what == "weigh" else found
-
-
-def _absolute(x: Expression) -> Expression:
-    """Return absolute values."""
-    return np.vectorize(ca.fabs, otypes=[object])(x) if x.size else x
