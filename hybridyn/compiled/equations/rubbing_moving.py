@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import motion_to_body
-from ...symbols import Expression, dot, plus
+from ...symbols import Expression, dot, minus, plus
 from .chains import carried, carriers, inertial_map, motion_map, wrench_map
 from .core import Core, whole
 from .expressions import eye, pack, plain, zeros
@@ -72,10 +72,11 @@ class Solved(NamedTuple):
 class TakenByLaw(NamedTuple):
     """What the terms of the law take from wrenches, p = of_s s + of_forces b + sum of of_biases x bias.
 
-    Joints of legs add what is alone, and what friction changes besides.
+    Joints of legs add what accelerations take of them (`MovedModule`), what is alone, and what friction
+    changes besides.
 
     Attributes:
-        of_s: Per acceleration, shape (rows, 6 + nv).
+        of_s: Of joints of the core, per acceleration, shape (their rows, 6 + nv).
         of_forces: Per force along y, shape (rows, nv).
         of_biases: Per bias of each output, in the base, shape (rows, 6).
         alone: Of joints of legs, shape (rows,).
@@ -116,7 +117,8 @@ class MovedModule:
     def answers(self) -> Handed:
         """Return how the module answers to changes; one that no other feels, only to its friction."""
         taken, rubbing, (factors, _, _, Q) = self._taken, self.options.rubbing, self.solved
-        of_u, first = dot(taken.of_s[:, 6:], self.X[:, 7:]), Q.shape[1] - len(rubbing)
+        Psi, first = self.X[:, 7:], Q.shape[1] - len(rubbing)
+        of_u = self._of_accelerations(np.concatenate([zeros(6, Psi.shape[1]), Psi]))
         of_z = dot(taken.of_forces, self.pushed[6:])
         for of_bias, bias in zip(taken.of_biases, self._of_biases(), strict=True):
             of_z = plus(of_z, dot(of_bias, bias))
@@ -140,12 +142,11 @@ class MovedModule:
             of_u: What the law takes per acceleration along each motion.
             first: Where z has the frictions.
         """
-        of_s, X_b, pushed = self._taken.of_s, self.X[:, :6], self.pushed[:, first:]
-        G, Q = self.solved.G, self.solved.Q
-        moved = self._of_outputs(np.concatenate([eye(6), X_b]))
+        X_b, pushed, G, Q = self.X[:, :6], self.pushed[:, first:], self.solved.G, self.solved.Q
+        with_base = np.concatenate([eye(6), X_b])
         return {
-            "carried": plus(moved, dot(Q[:, :first].T, G)),
-            "of_base": plus(of_s[:, :6], dot(of_s[:, 6:], X_b)) - dot(of_u, G),
+            "carried": plus(self._of_outputs(with_base), dot(Q[:, :first].T, G)),
+            "of_base": self._of_accelerations(with_base) - dot(of_u, G),
             "inward": pushed[:6] + dot(X_b.T, pushed[6:]) + dot(G.T, Q[:, first:]),
         }
 
@@ -166,7 +167,7 @@ class MovedModule:
                 out[f"A0 {o}"] = pack(classical(chain.V[body], at) if options.velocity else at)
         if options.rubbing:
             taken, turning = self._taken, carried(chain) if options.velocity else {}
-            p = dot(taken.of_s, s) + dot(taken.of_forces, self.form[1][6:])
+            p = self._of_accelerations(s[:, None])[:, 0] + dot(taken.of_forces, self.form[1][6:])
             for of_bias, output in zip(taken.of_biases, self.outputs, strict=True):
                 p = plus(p, dot(of_bias, output.bias))
             own = [zeros(0)] + [
@@ -185,6 +186,14 @@ class MovedModule:
             return settled.take("u", len(Q))
         n = settled.take("n", len(self.options.rubbing))
         return factors.solve(dot(Q, n)[:, None])[:, 0]
+
+    def _of_accelerations(self, s: Expression) -> Expression:
+        """Return what the law takes by columns of s, without biases and forces, shape (rows, k)."""
+        parts = [dot(self._taken.of_s, s)]
+        for leg in self.legs:
+            delta = minus(s[self.core.chain.columns_of(leg.platform + 1)], s[:6])
+            parts.append(dot(leg.per_force, np.concatenate([s[:6], delta])))
+        return np.concatenate(parts)
 
     def _of_outputs(self, s: Expression) -> Expression:
         """Return changes of V_dot of the outputs that carry modules, own frames, shape (6 outputs, k)."""
@@ -230,16 +239,12 @@ class MovedModule:
 
     def _with_legs(self, of_s: Expression, through: Expression, of_biases: list[Expression]) -> TakenByLaw:
         """Return what the law takes, from what it takes from joints of the core."""
-        rubbing, parts = self.options.rubbing, [of_s]
+        rubbing = self.options.rubbing
         alone, of_frictions = [zeros(len(of_s))], [zeros(len(of_s), len(rubbing))]
         for leg in self.legs:
-            own, per_unit = zeros(len(leg.alone), of_s.shape[1]), zeros(len(leg.alone), len(rubbing))
-            own[:, :6] = leg.per_force[:, :6] - leg.per_force[:, 6:]
-            own[:, self.core.chain.columns_of(leg.platform + 1)] = leg.per_force[:, 6:]
+            per_unit = zeros(len(leg.alone), len(rubbing))
             per_unit[:, leg.at] = leg.per_unit
-            parts, alone, of_frictions = [*parts, own], [*alone, leg.alone], [*of_frictions, per_unit]
-        rows = sum(map(len, parts)) - len(of_s)
+            alone, of_frictions = [*alone, leg.alone], [*of_frictions, per_unit]
+        rows = sum(map(len, alone)) - len(of_s)
         padded = [np.concatenate([x, zeros(rows, x.shape[1])]) for x in (through, *of_biases)]
-        return TakenByLaw(
-            np.concatenate(parts), padded[0], padded[1:], np.concatenate(alone), np.concatenate(of_frictions)
-        )
+        return TakenByLaw(of_s, padded[0], padded[1:], np.concatenate(alone), np.concatenate(of_frictions))
