@@ -259,7 +259,7 @@ def test_closed_motions_bend_as_differences_do(interpreted: None) -> None:
     close_to(found.value, rows[2], ROUNDING)
     slopes = np.concatenate([found.slope[name] for name in "qva"])
     close_to(slopes @ d.ravel(), weights @ second.along(q, v, a, d).first, ROUNDING)
-    bend = weights @ (np.array([-1, 16, -30, 16, -1]) @ rows) / (12 * (STEP / 3) ** 2)
+    bend = weights @ (BEND @ rows) / (STEP / 3) ** 2
     close_to(np.concatenate([found.product[name] for name in "qva"]) @ d.ravel(), bend, 10 * DIFFERENCES)
     moving = build_robot(shipped("five_bar"), base="moving")
     refusals: list[tuple[Callable[[], object], str]] = [
@@ -345,6 +345,12 @@ def test_a_spring_at_rest_is_smooth(tmp_path: Path) -> None:
     second = hybridyn.SecondDerivatives(robot, "ddm", effects=["default", spring])
     found = second.hessian(q, v, tau, np.ones(3))
     assert np.abs(found - found[0]).max() <= 1e-8 * 100.0 / 0.02  # of stiffness over inertia
+
+
+def test_without_motors_efforts_have_no_rates(tmp_path: Path, interpreted: None) -> None:
+    robot = hybridyn.load(save(tmp_path, HANGING, "hanging.urdf"), motors=[])
+    q, v, a = np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3)
+    assert hybridyn.SecondDerivatives(robot).rates(q, v, a, a, a).second.shape == (0,)
 
 
 @pytest.mark.parametrize("half", [0.0, 1e-17, 0.02, 0.0316, 0.0317, 0.04, 0.8])

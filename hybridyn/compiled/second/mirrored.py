@@ -62,8 +62,8 @@ class Mirrored(Writer):
         self._output = [(x, k) for x, size in program.outputs for k in range(size)]
         own = [(x, size) for x, size in program.inputs if x not in zero]
         changes = [(f"{x}{o}", size) for o in ORDERS[:orders] for x, size in program.inputs if x in moving]
-        changing = {x for k, (x, _) in enumerate(self._output) if read is None or k in read}
-        changed = [(x, size) for x, size in program.outputs if x in changing]
+        changing = {x for k, (x, _) in enumerate(self._output) if read is not None and k in read}
+        changed = [(x, size) for x, size in program.outputs if read is None or x in changing]
         results = [*program.outputs, *((f"{x}{o}", size) for o in ORDERS[:orders] for x, size in changed)]
         super().__init__(name, [*own, *changes, *inputs], [*results, *outputs])
         self._of, self._zero = program, set(zero)
