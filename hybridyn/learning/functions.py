@@ -8,6 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..compiled import CompiledRobot, SecondDerivatives
+from ..errors import HybridynError
 from ..spatial import Array
 
 
@@ -89,8 +90,12 @@ def closed_function(fast: CompiledRobot) -> SmoothFunction:
     def value(near: Array, *motion: Array) -> Array:
         """Close the loops, sample by sample."""
         out = np.empty((len(near), nq + 2 * nv))
-        for row, start, *given in zip(out, near, *motion, strict=True):
-            row[:] = np.concatenate(fast.close(*given, last=start))
+        for t, (start, *given) in enumerate(zip(near, *motion, strict=True)):
+            try:
+                out[t] = np.concatenate(fast.close(*given, last=start))
+            except HybridynError as error:
+                error.sample = t
+                raise
         return out
 
     return SmoothFunction(

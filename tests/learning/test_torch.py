@@ -207,6 +207,7 @@ def test_wrong_tensors_are_refused_in_one_line() -> None:
         (lambda: model.close(x, near=home.clone().requires_grad_()), "near has no gradient, but requires"),
         (lambda: model.close(x.expand(3, 2), x.expand(2, 2)), "leading axes do not fit each other: shapes"),
         (lambda: model.close(x * torch.nan), "is not finite"),
+        (lambda: model.close(torch.stack([x, x * torch.nan])), "position is not finite at sample 1"),
         (lambda: model.idm(home, home, home + torch.nan), "a is not finite"),
         (lambda: model.ddm(home + 0.1, 0 * home, x), "close the loops"),
     ):  # fmt: skip
