@@ -1,4 +1,4 @@
-"""`hybridyn.torch` and `hybridyn.jax`: the models of a robot for a learning framework."""
+"""`hybridyn.torch`: the models of a robot for PyTorch."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from ..compiled import SecondDerivatives, compile
 from ..effects.choice import Choice
 from ..errors import required
 from ..structure.robot import HybridRobot
-from .framework import Framework
 from .robot import LearningRobot
 
 
@@ -41,10 +40,5 @@ def torch(robot: HybridRobot, effects: Choice = None, *, threads: int = 1) -> Le
     required("torch", "torch", "hybridyn.torch")
     from .torch_arrays import TORCH  # it imports PyTorch, which takes seconds
 
-    return _of_framework(robot, effects, threads, TORCH)
-
-
-def _of_framework(robot: HybridRobot, effects: Choice, threads: int, framework: Framework) -> LearningRobot:
-    """Return the models of a robot for a framework."""
     SecondDerivatives(robot, effects=effects)  # refuses effects with kinks
-    return LearningRobot(compile(robot, effects, threads=threads), framework)
+    return LearningRobot(compile(robot, effects, threads=threads), TORCH)

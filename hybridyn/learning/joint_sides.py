@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -140,7 +139,7 @@ class JointSides:
     def _posture(self, near: Array, position: Array) -> tuple[Array, ...]:
         """Return the postures at positions of the output joints, each from its own posture."""
         held = holding(self._robot, self.joints)
-        close = None if held is not self._robot else partial(self._fast.assemble)
+        close = None if held is not self._robot else self._fast.assemble
         rows = [
             posture_at(held, dict(zip(self.joints, y, strict=True)), start, close)
             for start, y in zip(near, position, strict=True)
