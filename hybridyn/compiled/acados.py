@@ -116,17 +116,7 @@ def acados_text(
         of, _, order = what.rpartition("_")
         if order in ("slope", "product"):
             names[f"{words[of]}_{order.upper()}"] = at
-    shapes = {
-        "x": (2 * m, 1), "u": (m, 1), "p": (robot.nq, 1), "f": (2 * m, 1), "Sx": (2 * m, 2 * m),
-        "Su": (2 * m, m), "adj": (3 * m, 1), "hess": (3 * m * (3 * m + 1) // 2, 1),
-    }  # fmt: skip
-    asked, declared = [], []
-    for word, sides in SIGNATURES.items():
-        f, ends = f"{name}_{word}", [side.split() for side in sides]
-        dense = [", ".join("{{{}, {}, 1}}".format(*shapes[x]) for x in end) for end in ends]
-        n_in, n_out = map(len, ends)
-        asked.append(ASKED.format(f=f, inputs=dense[0], outputs=dense[1], n_in=n_in, n_out=n_out))
-        declared += [line.format(f=f) for line in (CALL, *ASKING)]
+    declared = [line.format(f=f"{name}_{word}") for word in SIGNATURES for line in (CALL, *ASKING)]
     lines = [run_text(program, name) for program in models]
     lines += [f'#include "{name}_acados.h"', f"#define NAMED(word) {name}_##word"]
     lines += [f"#define {word} {size}" for word, size in names.items()]
@@ -135,4 +125,20 @@ def acados_text(
         written=WRITTEN, robot=robot.description.name, name=name, motors=motors,
         guard=f"{name.upper()}_ACADOS_H", functions="\n".join(declared),
     )  # fmt: skip
-    return "\n".join([*lines, c_text("acados.h"), *asked]), header
+    return "\n".join([*lines, c_text("acados.h"), *_asked(robot, name)]), header
+
+
+def _asked(robot: HybridRobot, name: str) -> list[str]:
+    """Return the C of what CasADi asks of each function."""
+    m, out = len(robot.motors), []
+    shapes = {
+        "x": (2 * m, 1), "u": (m, 1), "p": (robot.nq, 1), "f": (2 * m, 1), "Sx": (2 * m, 2 * m),
+        "Su": (2 * m, m), "adj": (3 * m, 1), "hess": (3 * m * (3 * m + 1) // 2, 1),
+    }  # fmt: skip
+    for word, sides in SIGNATURES.items():
+        ends = [side.split() for side in sides]
+        dense = [", ".join("{{{}, {}, 1}}".format(*shapes[x]) for x in end) for end in ends]
+        n_in, n_out = map(len, ends)
+        f = f"{name}_{word}"
+        out.append(ASKED.format(f=f, inputs=dense[0], outputs=dense[1], n_in=n_in, n_out=n_out))
+    return out

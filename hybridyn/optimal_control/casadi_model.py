@@ -18,21 +18,16 @@ from ..errors import HybridynError, ModelError
 from ..logs import warn
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions
-from .closed_model import ClosedModel, ClosedState
+from .closed_model import ClosedModel, ClosedState, first_posture
 
 needs_casadi()
 import casadi as ca  # noqa: E402
 
 
 def casadi_model(
-    robot: HybridRobot,
-    model: str = "idm",
-    samples: int = 1,
-    *,
-    effects: Choice = None,
+    robot: HybridRobot, model: str = "idm", samples: int = 1, *, effects: Choice = None,
     start: Array | None = None,
-) -> ca.Function:
+) -> ca.Function:  # fmt: skip
     """Return a model over the motors as a CasADi function, for IPOPT and other solvers.
 
     Its arguments are positions, rates, and accelerations ("idm") or efforts ("ddm") of the motors, each of
@@ -65,8 +60,7 @@ def casadi_model(
     """
     if samples < 1:
         raise ModelError(f"samples must be at least 1, not {samples}")
-    first = robot.home if start is None else as_positions(robot, start, "start")[0][0]
-    return _function(_Table(ClosedModel(robot, model, effects), samples, first))
+    return _function(_Table(ClosedModel(robot, model, effects), samples, first_posture(robot, start)))
 
 
 class _Table:
@@ -184,16 +178,17 @@ class _Called(ca.Callback):
         return self._kept[-1]
 
 
+def blocks(found: Array) -> Array:
+    """Return the entries of square blocks of the samples, column by column."""
+    return found.transpose(0, 2, 1).ravel()
+
+
 def _function(table: _Table) -> ca.Function:
     """Return the function of a table: its result, products with weights, and both Jacobians."""
     m, T = table.motors, table.samples
     each, none = ca.Sparsity.dense(m, T), ca.Sparsity(m, T)
     within = ca.diagcat(*[ca.Sparsity.dense(m, m)] * T)
     apart, thrice = ca.Sparsity(m * T, m * T), [slice(k * m, (k + 1) * m) for k in range(3)]
-
-    def blocks(found: Array) -> Array:
-        """Return the entries of square blocks of the samples, column by column."""
-        return found.transpose(0, 2, 1).ravel()
 
     def value(given: Sequence[Array]) -> list[Array]:
         return [table.value(np.hstack(given)).ravel()]

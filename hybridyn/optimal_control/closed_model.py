@@ -11,6 +11,16 @@ from ..compiled import Derivatives, SecondDerivatives, compile
 from ..effects.choice import Choice
 from ..spatial import Array
 from ..structure.robot import HybridRobot
+from ..structure.samples import as_positions
+
+
+def first_posture(robot: HybridRobot, start: Array | None) -> Array:
+    """Return the posture from which motors move, shape (nq,): the home posture by default.
+
+    Raises:
+        TrajectoryError: `start` has a wrong shape or is not finite.
+    """
+    return robot.home if start is None else as_positions(robot, start, "start")[0][0]
 
 
 class ClosedState(NamedTuple):

@@ -11,8 +11,7 @@ from ..errors import HybridynError, required
 from ..logs import warn
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_positions
-from .closed_model import ClosedModel, ClosedState
+from .closed_model import ClosedModel, ClosedState, first_posture
 
 crocoddyl = required("crocoddyl", "crocoddyl", "the action model of Crocoddyl")
 
@@ -41,7 +40,7 @@ class MotorAction(crocoddyl.DifferentialActionModelAbstract):  # type: ignore[mi
         """
         super().__init__(costs.state, len(robot.motors), costs.nr)
         self.model, self.costs = ClosedModel(robot, "ddm", effects), costs
-        self.start = robot.home if start is None else as_positions(robot, start, "start")[0][0]
+        self.start = first_posture(robot, start)
 
     def calc(self, data: MotorData, x: Array, u: Array | None = None) -> None:
         """Compute accelerations and cost; without efforts, as at the end, the cost alone."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...description.records import LOAD_FRICTION, StatedSpring
+from ...description.records import LOAD_FRICTION, Description, StatedSpring
 from ...effects.choice import Effects
 from ...effects.gears import OnGears, on_gears
 from ...effects.joints import JointEffect, OnJoints, placed
@@ -61,7 +61,28 @@ def with_stated_effects(robot: HybridRobot, effects: Effects) -> HybridRobot:
     Raises:
         ModelError: Several springs act on a joint.
     """
-    description = robot.description
+    description = _with_losses(robot.description, effects)
+    if description is not robot.description:
+        robot = replace(robot, description=description)
+    springs = [
+        StatedSpring(joint, *values[:2])
+        for law in effects.joints
+        if type(law.effect) is Spring
+        for joint, values in law.effect.numbers(robot).items()
+    ]
+    if not springs or tuple(springs) == robot.description.springs:
+        return robot
+    names = [spring.name for spring in springs]
+    for name in names:
+        if names.count(name) > 1:
+            raise ModelError(
+                f"several springs act on joint '{name}': a model with parameters takes one", element=name
+            )
+    return replace(robot, description=robot.description.with_springs(springs))
+
+
+def _with_losses(description: Description, effects: Effects) -> Description:
+    """Return a description that states the load friction and the gears of some effects."""
     if effects.loaded is not None:
         law = effects.loaded.effect
         numbers: dict[str, Any] = {
@@ -80,23 +101,7 @@ def with_stated_effects(robot: HybridRobot, effects: Effects) -> HybridRobot:
                 motor: float(gear.back.get(motor, 2 - 1 / x)) for motor, x in gear.efficiency.items()
             }
         description = description.with_effect("gear_efficiency", numbers)
-    if description is not robot.description:
-        robot = replace(robot, description=description)
-    springs = [
-        StatedSpring(joint, *values[:2])
-        for law in effects.joints
-        if type(law.effect) is Spring
-        for joint, values in law.effect.numbers(robot).items()
-    ]
-    if not springs or tuple(springs) == robot.description.springs:
-        return robot
-    names = [spring.name for spring in springs]
-    for name in names:
-        if names.count(name) > 1:
-            raise ModelError(
-                f"several springs act on joint '{name}': a model with parameters takes one", element=name
-            )
-    return replace(robot, description=robot.description.with_springs(springs))
+    return description
 
 
 def at_robot(effects: Effects, robot: HybridRobot) -> Effects:
