@@ -1,42 +1,108 @@
 """Convex programs over efforts of friction, of which those of a ball are one vector of bounded length.
 
-Both prove what they found, or refuse: `least_part_of_cones` by a motion whose power bounds the part from
-below, `nearest` by the multipliers of the bounds.
+Both are solved by their duals, in which the unknown is a motion: w = given + B c, per what each joint can
+hold, is the least of
+
+    even |c|^2 / 2 + target . c + sum of |w_j| over the joints j
+
+In the least, efforts y_j of friction, |y_j| <= 1, oppose the motion of joints that move, y_j = -w_j / |w_j|,
+and those of joints at rest, w_j = 0, hold the others:
+
+    even c + target = B^T y                                                                             (*)
+
+Friction that is smoothed near rest makes the function smooth (`_smoothed`), and as a motion keeps its digits
+however small it is, friction can be sharpened until it tells which joints move (`_least`). Then the equations
+give the last digits (`_finished`), and what they miss proves the least, or refuses it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import ActuationError
-from ..spatial import Array, Index
+from ..spatial import Array, Index, Mask
 
 #: By how much a part may exceed what a motion proves, of the part.
 PROVEN = 1e-10
-#: What the barrier may leave of the part: beyond, differences of lengths lose the digits of forces.
-BARRIER = 1e-8
-#: Power of a joint at its limit along the motion, over the largest.
-AT_LIMIT = 1e-6
-#: Steps of Newton's method on the joints at their limits, each of which squares the error.
-POLISHES = 4
-#: By how much the barrier is sharpened at a time: some ten times in all.
-SHARPER = 30.0
-#: Newton's decrement below which a barrier counts as centred; below it steps are taken in full.
-CENTRED = 0.2
-#: Steps of Newton's method in all, of which some sixty are usual.
-MOST_STEPS = 1000
-#: Multiplier of a ball that holds, over its largest answer: of efforts that move nothing it takes the least.
-HOLDS = float(np.finfo(float).eps)
-#: By how much the effort of a ball that slips may miss its bound, of the bound.
+#: What bounds, rest and equation (*) may be missed by, of the bound, of the motion, and of the terms.
 TOUCHES = 1e-12
-#: Growth of a multiplier, as a logarithm, by which a bracket of it is sought.
-GROWS = 10.0
-#: Sweeps over the balls: one ball needs one, several near their common edge need more and are refused.
-MOST_SWEEPS = 200
-#: Bound of a ball's effort, over the largest effort, below which it has no direction.
-POINTLESS = 1e-14
+#: By how much friction is sharpened at a time.
+SHARPER = 10.0
+#: How often it is: motions that are rounding beside those without friction need some thirty times.
+SHARPENED = 36
+#: Sharpness, per motion without friction, from which it is asked which joints move.
+SHARP = 1e3
+#: Motion over that within which friction is smoothed, from which a joint counts as moving.
+MOVES = 1e2
+#: Newton's decrement below which a smoothed function counts as solved.
+SOLVED = 0.1
+#: Newton's steps on a smoothed function, of which some five are usual.
+MOST_STEPS = 100
+#: Newton's steps on the joints that move, each of which squares the error.
+POLISHES = 6
+#: Singular value of motions, over the largest, that is rounding.
+LEAVES_REST = 1e-10
+
+
+class Dual(NamedTuple):
+    """The least of even |c|^2 / 2 + target . c + sum of |w_j|, where w = given + B c.
+
+    Attributes:
+        given, B: Motions, shapes (k,), (k, m).
+        same: Which freedoms are of the same joint, shape (k, k).
+        even: 1, or 0 without the square.
+        target: Shape (m,).
+    """
+
+    given: Array
+    B: Array
+    same: Mask
+    even: float
+    target: Array
+
+    def motion(self, c: Array) -> Array:
+        """Compute w, shape (k,)."""
+        out: Array = self.given + self.B @ c
+        return out
+
+    def missed(self, c: Array, y: Array) -> Array:
+        """Compute what equation (*) misses, shape (m,): the slope of the function, from its efforts."""
+        out: Array = self.even * c + self.target - self.B.T @ y
+        return out
+
+    def lengths(self, w: Array) -> Array:
+        """Return the length of the vector of each freedom's joint, shape (k,)."""
+        out: Array = np.sqrt(self.same @ w**2)
+        return out
+
+    def ways(self, w: Array) -> Array:
+        """Return the unit vector of each joint's motion, shape (k,); zero where it does not move."""
+        length = self.lengths(w)
+        out: Array = w / np.where(length > 0, length, 1.0)
+        return out
+
+    def along(self, ways: Array) -> Array:
+        """Return the projector of each joint on its direction, shape (k, k)."""
+        return np.where(self.same, np.outer(ways, ways), 0.0)
+
+
+class Smoothed(NamedTuple):
+    """Friction that is smoothed within motions of 1 / sharpness.
+
+    Attributes:
+        c: The motion, shape (m,).
+        sharpness: How sharp it is.
+        y: Efforts, shape (k,).
+        root: A root of how they answer to w, shape (k, k): -dy/dw = root^2.
+    """
+
+    c: Array
+    sharpness: float
+    y: Array
+    root: Array
 
 
 def least_part_of_cones(
@@ -44,9 +110,8 @@ def least_part_of_cones(
 ) -> tuple[Array, float, Array]:
     """Compute the efforts, among efforts + null z, that are the least part of what joints can hold.
 
-    Efforts count per what their joint can hold: with x = (z, t), each joint has y = efforts + B x, and holds
-    it with less than the part t if |y| < t (limits that differ by direction shift y by their middle). Where
-    what joints of one loop hold differs by more than some 10^3, some programs are refused.
+    Its dual is the motion that needs it: among those along which the load has the power 1, the one that
+    friction resists least. Where limits differ by direction, efforts are t (middle + y).
 
     Args:
         efforts: Shape (k,), not all zero.
@@ -60,121 +125,26 @@ def least_part_of_cones(
     Raises:
         ActuationError: The part is not proven.
     """
-    owner, half = _owners(len(efforts), balls), (backward + forward) / 2
-    size = float(np.max(np.abs(efforts) / half))  # all per what a joint can hold
-    middle, given = (backward - forward) / 2 / half, efforts / half / size
-    B = np.column_stack([np.linalg.qr(null / half[:, None])[0], -middle])
-    try:
-        x, force = _polished(given, B, owner, *_centred(given, B, owner, 1.0 - np.abs(middle)))
-    except np.linalg.LinAlgError as error:
-        raise _not_found(
-            f"joints of one loop differ too much: {half.min():.3g} to {half.max():.3g}"
-        ) from error
-    y = given + B[:, :-1] @ x[:-1]
-    motion = force - B[:, :-1] @ (B[:, :-1].T @ force)  # no power of efforts that move nothing
-    part = float(_lengths(owner, y - middle * x[-1]).max())
-    resists = float(middle @ motion + _lengths(owner, motion).sum())
-    if not part * resists <= given @ motion * (1 + PROVEN):
-        proven = given @ motion / resists * size
-        raise _not_found(f"the part {part * size:.12g} is proven to {proven:.12g}")
-    return size * half * y, part * size, -_unit_vectors(owner, motion / half)
-
-
-def _not_found(why: str) -> ActuationError:
-    """Return the error of a part that is not proven."""
-    return ActuationError(f"what joints at rest hold was not found: {why}")
-
-
-def _owners(size: int, balls: Sequence[Index]) -> Index:
-    """Return the number of the joint of each freedom, shape (size,)."""
-    single = np.setdiff1d(np.arange(size), np.concatenate([*balls]))
-    out = np.empty(size, int)
-    for number, at in enumerate([*balls, *single[:, None]]):
-        out[at] = number
-    return out
-
-
-def _lengths(owner: Index, x: Array) -> Array:
-    """Return the length of the vector of each joint."""
-    out: Array = np.sqrt(np.bincount(owner, x**2))
-    return out
-
-
-def _unit_vectors(owner: Index, x: Array) -> Array:
-    """Return the direction of the vector of each joint; zero where it is rounding beside the largest."""
-    lengths = _lengths(owner, x)
-    counts = (lengths > PROVEN * lengths.max())[owner]
-    return np.where(counts, x / np.where(counts, lengths[owner], 1.0), 0.0)
-
-
-def _centred(given: Array, B: Array, owner: Index, least: Array) -> tuple[Array, Array]:
-    """Return x = (z, t) where the barrier is sharp, and the force of each joint there, per y.
-
-    Newton's method finds the least of sharpness t - sum of log (t^2 - |y|^2), which tells the joints at their
-    limits, whose forces are a motion; `_polished`, on these as equations, gives the last digits.
-
-    Args:
-        given, B: y = given + B x, shapes (k,), (k, m + 1).
-        owner: Number of the joint of each freedom, shape (k,).
-        least: The smaller limit of each freedom, shape (k,).
-    """
-    x = np.zeros(B.shape[1])
-    x[-1] = 2.0 * np.max(_lengths(owner, given)[owner] / least)
-    sharpness = 1.0 / x[-1]
-    for _ in range(MOST_STEPS):
-        y, t = given + B @ x, x[-1]
-        length = _lengths(owner, y)
-        room = (t - length) * (t + length)
-        each = np.zeros((len(room), len(x)))  # slope of the barrier of each joint
-        np.add.at(each, owner, (2.0 * y / room[owner])[:, None] * B)
-        each[:, -1] -= 2.0 * t / room
-        H, slope = (B.T * (2.0 / room)[owner]) @ B + each.T @ each, each.sum(axis=0)
-        H[-1, -1] -= np.sum(2.0 / room)
-        slope[-1] += sharpness
-        step = -np.linalg.solve(H, slope)
-        decrement = float(np.sqrt(max(-slope @ step, 0.0)))
-        if decrement < CENTRED and 2 * len(room) <= BARRIER * sharpness * t:
-            break
-        sharpness *= SHARPER if decrement < CENTRED else 1.0
-        x = x + step / (1.0 if decrement < CENTRED else 1.0 + decrement)
-    return x, 2.0 / (sharpness * room)
-
-
-def _polished(given: Array, B: Array, owner: Index, x: Array, force: Array) -> tuple[Array, Array]:
-    """Return x = (z, t) where joints with forces are at their limits, and the forces, shape (k,).
-
-    It solves |y|^2 = t^2 of these joints, and that their forces hold each other but for that of t.
-
-    Args:
-        given, B, owner: As in `_centred`.
-        x, force: Where that ends.
-    """
-    lengths = force * _lengths(owner, given + B @ x)
-    at, ahead = lengths > AT_LIMIT * lengths.max(), np.append(np.zeros(len(x) - 1), 1.0)
-    while True:
-        found, mu = x, np.where(at, force, 0.0)
-        for _ in range(POLISHES):
-            y, t = given + B @ found, found[-1]
-            slopes = np.zeros((len(mu), len(x)))
-            np.add.at(slopes, owner, y[:, None] * B)
-            slopes[:, -1] -= t
-            bend = (B.T * mu[owner]) @ B
-            bend[-1, -1] -= np.sum(mu)
-            J, off = slopes[at], (np.bincount(owner, y**2) - t**2)[at] / 2
-            system = np.block([[bend, J.T], [J, np.zeros((len(J), len(J)))]])
-            step = np.linalg.lstsq(system, -np.append(ahead + slopes.T @ mu, off))[0]
-            found = found + step[: len(x)]
-            mu[at] += step[len(x) :]
-        if (mu >= 0).all():
-            return found, mu[owner] * (given + B @ found)
-        at = at & (mu > 0)
+    half = (backward + forward) / 2
+    middle, size = (backward - forward) / 2 / half, float(np.max(np.abs(efforts) / half))
+    load, free = efforts / size, np.linalg.qr(null, mode="complete")[0][:, null.shape[1] :]
+    motions, power = half[:, None] * free, free.T @ load  # per what a joint can hold
+    B = motions @ np.linalg.qr(power[:, None], mode="complete")[0][:, 1:]
+    dual = Dual(-motions @ power / (power @ power), B, _same(len(half), balls), 0.0, -B.T @ middle)
+    w, y = _least(dual, np.zeros(B.shape[1]))
+    part = -float(load @ (w / half)) / float((dual.ways(w) - middle) @ w)
+    own = part * (middle + y)
+    own -= np.linalg.lstsq(motions.T, motions.T @ own - power)[0]  # rounding of what the load needs
+    needs = float(dual.lengths(own - part * middle).max())
+    if not needs <= part * (1 + PROVEN):
+        raise _not_found(f"the part {needs * size:.12g} is proven to {part * size:.12g}")
+    return size * half * own, needs * size, dual.ways(w)
 
 
 def nearest(root: Array, target: Array, lower: Array, upper: Array, balls: Sequence[Index]) -> Array:
     """Compute the efforts with the least |root efforts - target|, shape (k,), within their bounds.
 
-    A ball that slips has a multiplier mu > 0: with mu |effort|^2 added no bound of its own is needed, and its
-    effort becomes shorter as mu grows. Sweeps over the balls find the multipliers.
+    Its dual is the motion c = root efforts - target, of which root^T c are the motions of the joints.
 
     Args:
         root: Shape (motions, k).
@@ -183,58 +153,135 @@ def nearest(root: Array, target: Array, lower: Array, upper: Array, balls: Seque
         balls: Places of the freedoms of each ball.
 
     Raises:
-        ActuationError: The multipliers are not found.
+        ActuationError: They are not proven.
     """
-    more, lower, upper = np.zeros(root.shape[1]), lower.copy(), upper.copy()
-    size = float(np.abs(np.linalg.lstsq(root, target)[0]).max(initial=0.0)) if balls else 0.0
-    lengths = [(at, float(upper[at[0]])) for at in balls if upper[at[0]] > POINTLESS * size]
-    for at, _ in lengths:
-        lower[at], upper[at] = -np.inf, np.inf
-        more[at] = HOLDS * float(np.square(root[:, at]).sum(axis=0).max())
-    holds, missed = more.copy(), 0.0
-    for _ in range(MOST_SWEEPS):
-        for at, most in lengths:
-            _set_multiplier(lambda: _within(root, target, lower, upper, more), more, holds, at, most)
-        x = _within(root, target, lower, upper, more)
-        off = [float(np.linalg.norm(x[at])) / most - 1.0 for at, most in lengths]
-        slips = [bool(more[at[0]] > holds[at[0]]) for at, _ in lengths]
-        missed = max((max(o, -o * s) for o, s in zip(off, slips, strict=True)), default=0.0)
-        if missed <= TOUCHES:
-            return x
-    raise ActuationError(
-        f"which balls begin to move was not found in {MOST_SWEEPS} sweeps: an effort misses its bound by "
-        f"{missed:.3g} of that"
-    )
+    middle, half = (upper + lower) / 2, (upper - lower) / 2
+    shifted = target - root @ middle
+    dual = Dual(np.zeros(len(half)), half[:, None] * root.T, _same(len(half), balls), 1.0, shifted)
+    out: Array = middle + half * _least(dual, -shifted)[1]
+    return out
 
 
-def _within(root: Array, target: Array, lower: Array, upper: Array, more: Array) -> Array:
-    """Compute efforts within bounds of single freedoms, with multipliers `more`, shape (k,)."""
-    from scipy.optimize import lsq_linear  # SciPy is slow to load
-
-    added = np.flatnonzero(more)
-    rows = np.concatenate([root, np.diag(np.sqrt(more))[added]])
-    right = np.concatenate([target, np.zeros(len(added))])
-    return np.asarray(lsq_linear(rows, right, (lower, upper), "bvls", tol=np.finfo(float).eps).x)
+def _same(count: int, balls: Sequence[Index]) -> Mask:
+    """Return which freedoms are of the same joint, shape (k, k)."""
+    out = np.eye(count, dtype=bool)
+    for at in balls:
+        out[np.ix_(at, at)] = True
+    return out
 
 
-def _set_multiplier(solved: Callable[[], Array], more: Array, holds: Array, at: Index, most: float) -> None:
-    """Write the multiplier of one ball: none if it holds, else that with which its effort is at its bound.
+def _not_found(why: str) -> ActuationError:
+    """Return the error of efforts that are not proven."""
+    return ActuationError(f"what joints at rest hold was not found: {why}")
+
+
+def _least(dual: Dual, c: Array) -> tuple[Array, Array]:
+    """Return the motion w and the efforts y of the least, shape (k,) each, from the motion without friction.
+
+    Raises:
+        ActuationError: They are not proven.
+    """
+    w, least = dual.motion(c), np.inf
+    size = float(dual.lengths(w).max())
+    if size == 0.0:
+        return w, np.zeros(len(w))
+    for sharp in SHARPER ** np.arange(SHARPENED):
+        at = _smoothed(dual, c, sharp / size)
+        c, moves = at.c, dual.lengths(dual.motion(at.c)) * at.sharpness > MOVES
+        for those in (moves, np.zeros_like(moves)) if sharp >= SHARP else ():
+            w, y, missed = _finished(dual, at, those)
+            if missed <= TOUCHES:
+                return w, y
+            least = min(least, missed)
+    raise _not_found(f"bounds of joints, their rest or what they hold are missed by {least:.3g}")
+
+
+def _newton_step(rows: Array, slope: Array) -> tuple[Array, float]:
+    """Compute the step with rows^T rows step = -slope, where rows answer, and its decrement."""
+    _, values, V = np.linalg.svd(rows, full_matrices=False)
+    answers = values > np.finfo(float).eps * values.max(initial=0.0)
+    V, values = V[answers], values[answers]
+    scaled = V @ slope / values
+    return -V.T @ (scaled / values), float(np.linalg.norm(scaled))
+
+
+def _friction(dual: Dual, c: Array, sharpness: float) -> tuple[Array, Array]:
+    """Compute smoothed efforts and the root of how they answer, as in `Smoothed`, shapes (k,), (k, k)."""
+    w = dual.motion(c)
+    r = np.sqrt(1.0 + (sharpness * dual.lengths(w)) ** 2)
+    bend = np.eye(len(w)) + (1.0 / np.sqrt(r) - 1.0)[:, None] * dual.along(dual.ways(w))
+    return -sharpness * w / (1.0 + r), np.sqrt(sharpness / (1.0 + r))[:, None] * bend
+
+
+def _smoothed(dual: Dual, c: Array, sharpness: float) -> Smoothed:
+    """Compute the least where each joint has the effort with 2 |y| / (1 - |y|^2) = sharpness |w|.
+
+    It is the dual of a barrier, -log (1 - |y_j|^2) / sharpness. So Newton's method from c cannot fail where
+    its steps are divided by 1 + decrement; longer ones that do not pass the least are faster.
+    """
+    even = np.sqrt(dual.even) * np.eye(len(c))
+    for _ in range(MOST_STEPS):
+        y, root = _friction(dual, c, sharpness)
+        slope = dual.missed(c, y)
+        step, decrement = _newton_step(np.vstack([even, root @ dual.B]), slope)
+        solved, part, sure = np.sqrt(sharpness) * decrement, 1.0, 0.0
+        while solved > SOLVED and part > sure:
+            ahead = c + part * step
+            if dual.missed(ahead, _friction(dual, ahead, sharpness)[0]) @ step <= decrement**2 / 2:
+                break
+            sure = 1.0 / (1.0 + solved)
+            part = max(part / 2, sure)
+        c = c + part * step
+        if solved <= SOLVED:
+            break
+    return Smoothed(c, sharpness, *_friction(dual, c, sharpness))
+
+
+def _finished(dual: Dual, at: Smoothed, moves: Mask) -> tuple[Array, Array, float]:
+    """Compute motion and efforts from which joints move, and the most by which they miss what they must.
 
     Args:
-        solved: Computes the efforts, shape (k,), with the multipliers in `more`.
-        more: Multipliers, shape (k,), of which those of the ball are written.
-        holds: Those of balls that hold.
-        at: Places of the ball's freedoms.
-        most: Length of the effort.
+        at: Next to the least.
+        moves: Which freedoms move, shape (k,).
     """
-    from scipy.optimize import brentq  # SciPy is slow to load
+    sizes, tiny = dual.lengths(np.linalg.norm(dual.B, axis=1)), np.finfo(float).tiny
+    c = _moved(dual, *_rested(dual, at.c, ~moves, np.where(sizes > 0, sizes, 1.0)), moves)
+    w = dual.motion(c)
+    y = _held(dual, at, c, np.where(moves, -dual.ways(w), at.y), ~moves)
+    terms = dual.even * np.abs(c) + np.abs(dual.target) + np.abs(dual.B).T @ np.abs(y)
+    still = np.maximum(dual.lengths(dual.given) + sizes * np.linalg.norm(at.c), tiny)
+    missed = (
+        dual.lengths(y).max() - 1.0,
+        np.abs(dual.missed(c, y)).max(initial=0.0) / terms.max(initial=tiny),
+        float((dual.lengths(w)[~moves] / still[~moves]).max(initial=0.0)),
+    )
+    return np.where(moves, w, 0.0), y, float(max(missed))
 
-    def over(power: float) -> float:
-        more[at] = holds[at] * np.exp(power)
-        return float(np.linalg.norm(solved()[at])) / most - 1.0
 
-    end = 0.0
-    while over(end) > 0.0:
-        end += GROWS
-    if end:
-        over(brentq(over, end - GROWS, end, xtol=1e-15, rtol=4 * np.finfo(float).eps))
+def _rested(dual: Dual, c: Array, rests: Mask, sizes: Array) -> tuple[Array, Array]:
+    """Return the nearest motion at which freedoms rest, and a basis of the motions that leave them so."""
+    rows, w = dual.B[rests] / sizes[rests, None], dual.motion(c)[rests] / sizes[rests]
+    U, values, V = np.linalg.svd(rows)
+    rank = int(np.sum(values > LEAVES_REST * values.max(initial=0.0)))
+    return c - V[:rank].T @ (U[:, :rank].T @ w / values[:rank]), V[rank:].T
+
+
+def _moved(dual: Dual, c: Array, free: Array, moves: Mask) -> Array:
+    """Compute the least, on c + free x, where joints move: the sum of lengths is smooth there."""
+    even = np.sqrt(dual.even) * np.eye(free.shape[1])
+    for _ in range(POLISHES):
+        w = dual.motion(c)
+        ways, length = dual.ways(w) * moves, dual.lengths(w)
+        bend = np.sqrt(np.where(moves & (length > 0), length, np.inf))
+        across = (np.eye(len(w)) - dual.along(ways)) / bend[:, None]
+        rows = np.vstack([even, across @ dual.B @ free])
+        c = c + free @ _newton_step(rows, free.T @ dual.missed(c, -ways))[0]
+    return c
+
+
+def _held(dual: Dual, at: Smoothed, c: Array, y: Array, rests: Mask) -> Array:
+    """Compute efforts of joints at rest with equation (*): they change least near their bounds."""
+    root, rows = at.root[np.ix_(rests, rests)] / np.sqrt(at.sharpness), dual.B[rests].T
+    for _ in range(2):  # the second removes rounding of the first
+        y[rests] += root @ np.linalg.lstsq(rows @ root, dual.missed(c, y))[0]
+    return y

@@ -19,7 +19,6 @@ from ..errors import ActuationError
 from ..spatial import Array, Index
 from ..structure.robot import HybridRobot
 from .backward import reactions_of
-from .cones import POINTLESS
 from .direct import states_before
 from .direct_recursion import accelerate, articulate
 from .holding import Held, Hold
@@ -28,6 +27,8 @@ from .loads import Loads, all_loads
 
 #: What an effort leaves of the accelerations that it cancels, in roundings of these.
 CANCELLED = 64 * np.finfo(float).eps
+#: Effort of a ball, over the largest, below which it has no direction.
+POINTLESS = 1e-14
 #: Acceleration of a joint at rest, over the largest without friction, from which it begins to move.
 STARTS = 1e-10
 #: Change of efforts, over the largest, at which what joints at rest hold has settled.

@@ -8,7 +8,7 @@ import hybridyn
 from hybridyn import simulate
 from hybridyn.description.records import Description, Joint, Link
 from hybridyn.dynamics.holding import Hold
-from hybridyn.dynamics.stiction import friction_of
+from hybridyn.dynamics.stiction import STARTS, friction_of
 from hybridyn.effects import CoulombFriction, LoadFriction
 from hybridyn.effects.joints import WIDTH
 from hybridyn.errors import ModelError
@@ -155,6 +155,41 @@ def test_balls_of_which_one_holds_far_less_hold_what_the_other_lets_them(least: 
             turned = np.abs(got.motion[at] + way[at] / length).max()
             assert turned < 1e-3  # rounding of power over the least that a joint is taken to hold
         assert abs(got.efforts @ way - 10.0) < EDGE
+
+
+@pytest.mark.parametrize("cases", [12, pytest.param(300, marks=SLOW)])
+@pytest.mark.parametrize("excess", [-EDGE, EDGE, 1e-6, 0.5])
+def test_balls_of_one_loop_begin_to_move_as_gauss_demands_however_near_their_common_edge(
+    excess: float, cases: int
+) -> None:
+    """Several balls and hinges whose levels are up to 10^4 apart; none is refused.
+
+    Efforts are those of Gauss's principle where each is within its bound and has the least power along the
+    acceleration that they leave, which no effort within the bounds undercuts: - sum of level |a|.
+    """
+    for case in range(cases):
+        rng = np.random.default_rng([9, case])
+        balls = [np.arange(3 * i, 3 * i + 3) for i in range(rng.integers(2, 5))]
+        joints = [*balls, *3 * len(balls) + np.arange(rng.integers(0, 3))[:, None]]
+        k, many = joints[-1][-1] + 1, int(rng.integers(1, 6))
+        motions, load, mass = rng.normal(size=(many, k)), rng.normal(size=many), rng.normal(size=(many, many))
+        mass = mass @ mass.T + 0.1 * np.eye(many)
+        level = np.repeat(np.exp(rng.uniform(0, np.log(1e4), len(joints))), [len(at) for at in joints])
+        back = level * np.where(np.arange(k) < 3 * len(balls), 1.0, rng.uniform(0.5, 2.0, k))
+        hold = Hold(motions.T @ mass @ motions, balls)
+        part = hold.share(-hold.inverse @ motions.T @ mass @ load, level, back).ratio
+        free = (1 + excess) / part * motions.T @ mass @ load
+        efforts = hold.begin(free, level, back)
+        a = free + motions.T @ mass @ motions @ efforts
+        least = 0.0
+        for at in joints:
+            assert np.linalg.norm(efforts[at] / (level if efforts[at[0]] < 0 else back)[at]) < 1 + 2 * EDGE
+            least -= (level if a[at[0]] > 0 else back)[at[0]] * np.linalg.norm(a[at])
+        size = np.abs(free).max() * level.max()
+        assert abs(efforts @ a - least) < EDGE * size
+        assert efforts @ a < EDGE * size  # friction never drives
+        if abs(excess) > EDGE or excess < 0:  # else accelerations are about as large as what counts as rest
+            assert (np.abs(a).max() > STARTS * np.abs(free).max()) == (excess > 0)
 
 
 def test_the_direction_of_a_ball_is_that_of_its_rate_and_next_to_rest_in_part_the_earlier_one() -> None:

@@ -20,6 +20,7 @@ from tests import ROOT
 #: The tests of a room, by the folder of the package that the mutant is in; the first that fits counts.
 ROOMS = {
     "dynamics/quantities": ["quantities"],
+    "dynamics/cones": ["simulation/test_sticking_balls.py"],
     "dynamics": ["dynamics", "effects", "hard/test_singular_answers.py"],
     "linkage": ["linkage", "dynamics", "manifold", "assembly", "extending/test_closures.py",
                 "compiled/test_programs.py"],
