@@ -18,6 +18,9 @@ from .steps_source import steps_in_c, steps_source
 
 #: Largest number of statements of one C file of kernels; each file is compiled by its own process.
 STATEMENTS_PER_UNIT = 4000
+#: Lines of calls after which a C file of batches is full. Small programs share what stands before them, which
+#: takes a compiler longest; those of large robots are compiled beside each other.
+CALLS_PER_UNIT = 100
 #: Widest input or output of which the next rows are fetched ahead; more would drive out the workspace.
 FETCHED = 512
 #: First line of the driver of batches, which fetches the rows that come next between its kernels: all at once
@@ -103,7 +106,7 @@ def library_source(programs: list[Program], scalar: Scalar, more: str = "") -> S
     bodies = {name: text for printed in every for name, text in printed.bodies.items()}
     parts = {name: part for printed in every for name, part in printed.parts.items()}
     units = _numbered("kernels", _kernel_units(bodies, scalar, parts))
-    units |= {f"{printed.program.name}_batch": _batch_unit(printed, scalar) for printed in every}
+    units |= _numbered("batches", _batch_units(every, scalar))
     if scalar.lanes > 1 or more:
         units["calls"] = _driver_unit(every, bodies, scalar, more)
     again = {plain: bodies[name] for printed in every for name, plain in printed.plain.items()}
@@ -137,13 +140,24 @@ def _kernel_units(bodies: Mapping[str, str], scalar: Scalar, parts: Mapping[str,
     return ["\n".join(unit) for unit in units]
 
 
-def _batch_unit(printed: _Printed, scalar: Scalar) -> str:
-    """Return the file with a program's batches; a file of its own is compiled beside the others."""
-    tables, program = Tables(), printed.program
-    between = f"{program.name}_ahead(in, out, s + W, {{t}});"
-    rows = across_samples(program, printed.adding, tables, BATCH, between, printed.sums)
-    head = driver_prelude({name: printed.bodies[name] for name in printed.adding}, scalar)
-    return "\n\n".join([head, tables.text, _ahead(program), rows, _batch(program)]) + "\n"
+def _batch_units(every: Iterable[_Printed], scalar: Scalar) -> list[str]:
+    """Distribute the batches of programs over files, which are full after `CALLS_PER_UNIT` lines."""
+    files: list[tuple[Tables, dict[str, str], list[str]]] = []
+    room = 0
+    for printed in every:
+        if room <= 0:
+            files.append((Tables(), {}, []))
+            room = CALLS_PER_UNIT
+        tables, called, drivers = files[-1]
+        called |= {name: printed.bodies[name] for name in printed.adding}
+        between = f"{printed.program.name}_ahead(in, out, s + W, {{t}});"
+        rows = across_samples(printed.program, printed.adding, tables, BATCH, between, printed.sums)
+        drivers += [_ahead(printed.program), rows, _batch(printed.program)]
+        room -= rows.count("\n")
+    return [
+        "\n\n".join([driver_prelude(called, scalar), tables.text, *drivers]) + "\n"
+        for tables, called, drivers in files
+    ]
 
 
 def _driver_unit(every: Iterable[_Printed], bodies: Mapping[str, str], scalar: Scalar, more: str) -> str:
