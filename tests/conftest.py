@@ -74,7 +74,7 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the cases that `slow_cases.txt` lists, and leave the tests of other parts out."""
+    """Mark what `slow_cases.txt` and `slow_tests.txt` list, and leave the tests of other parts out."""
     mark_slow_cases(items, whole=config.args_source is pytest.Config.ArgsSource.TESTPATHS)
     if config.getoption("missed"):
         missed.select(config, items)
@@ -97,24 +97,30 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 
 def mark_slow_cases(items: list[pytest.Item], whole: bool) -> None:
-    """Add the mark `slow` to listed cases; where all tests of all extras are collected, check the list.
+    """Add the mark `slow` to listed cases and tests; where all tests of all extras are collected, check them.
 
     Raises:
-        UsageError: A listed case does not exist, or its test has no case left that runs by default.
+        UsageError: What is listed does not exist, or nothing that runs by default stands for it.
     """
-    lines = (ROOT / "tests" / "slow_cases.txt").read_text(encoding="utf-8").splitlines()
-    listed = {line for line in lines if not line.startswith("#")}
+    cases = {*lines_of("slow_cases.txt")}
+    stands_for = dict(line.split() for line in lines_of("slow_tests.txt"))
     for item in items:
-        if item.nodeid in listed:
+        if item.nodeid in cases or name_of_test(item.nodeid) in stands_for:
             item.add_marker(pytest.mark.slow)
     if whole and all_installed():
         default = {name_of_test(item.nodeid) for item in items if runs_by_default(item)}
-        unknown = listed - {item.nodeid for item in items}
-        wrong = unknown | {case for case in listed if name_of_test(case) not in default}
+        wrong = cases - {item.nodeid for item in items}
+        wrong |= stands_for.keys() - {name_of_test(item.nodeid) for item in items}
+        wrong |= {case for case in cases if name_of_test(case) not in default}
+        wrong |= {test for test, other in stands_for.items() if other not in default}
         if wrong:
-            raise pytest.UsageError(
-                f"slow_cases.txt: no such case, or the only one of its test: {sorted(wrong)}"
-            )
+            raise pytest.UsageError(f"listed as slow: unknown, or nothing stands for it: {sorted(wrong)}")
+
+
+def lines_of(name: str) -> list[str]:
+    """Return the lines of a list in this folder, without comments."""
+    lines = (ROOT / "tests" / name).read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if not line.startswith("#")]
 
 
 def runs_by_default(item: pytest.Item) -> bool:

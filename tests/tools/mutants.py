@@ -25,7 +25,8 @@ ROOMS = {
     "linkage": ["linkage", "dynamics", "manifold", "assembly", "extending/test_closures.py",
                 "compiled/test_programs.py"],
     "manifold": ["manifold", "simulation"],
-    "effects": ["effects"], "structure": ["dynamics", "structure", "assembly"], "assembly": ["assembly"],
+    "simulation": ["simulation"], "effects": ["effects"], "assembly": ["assembly"],
+    "structure": ["dynamics", "structure", "assembly"],
     "compiled": ["compiled", "dynamics/test_engines.py"],
 }  # fmt: skip
 
