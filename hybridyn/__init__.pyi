@@ -30,7 +30,7 @@ from .identification.excitation import Excitation, excitation
 from .identification.identify import identify
 from .identification.regressor import Regressor, regressor
 from .identification.result import Identification
-from .learning.creating import torch
+from .learning.creating import jax, torch
 from .loading import from_pinocchio, load
 from .optimal_control.casadi_model import casadi_model
 from .simulation.events import Event, near_singularity
@@ -94,6 +94,7 @@ __all__ = [
     "identify",
     "idm",
     "idm_jacobian",
+    "jax",
     "joint_map",
     "kinematics",
     "link_jacobian",

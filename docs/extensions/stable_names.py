@@ -44,6 +44,7 @@ DC_MOTORS = "[effects.dc_motors]\n" + "".join(
 #: Objects that functions return, whose classes have no public name.
 RETURNED = {
     "hybridyn.check()[]": Finding,
+    "hybridyn.jax()": LearningRobot,
     "hybridyn.simulate()": SimulationResult,
     "hybridyn.sweep()": Swept,
     "hybridyn.torch()": LearningRobot,

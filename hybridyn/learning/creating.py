@@ -1,4 +1,4 @@
-"""`hybridyn.torch`: the models of a robot for PyTorch."""
+"""`hybridyn.torch` and `hybridyn.jax`: the models of a robot for PyTorch, and for JAX."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from ..compiled import SecondDerivatives, compile
 from ..effects.choice import Choice
 from ..errors import required
 from ..structure.robot import HybridRobot
+from .framework import Framework
 from .robot import LearningRobot
 
 
@@ -40,5 +41,44 @@ def torch(robot: HybridRobot, effects: Choice = None, *, threads: int = 1) -> Le
     required("torch", "torch", "hybridyn.torch")
     from .torch_arrays import TORCH  # it imports PyTorch, which takes seconds
 
+    return _models(robot, effects, threads, TORCH)
+
+
+def jax(robot: HybridRobot, effects: Choice = None, *, threads: int = 1) -> LearningRobot:
+    """Prepare a robot's models for JAX: its arrays come and go, and have gradients through closed loops.
+
+    Values are those of `hybridyn.compile`, which the processor computes, wherever arrays lie. `jax.grad`,
+    `jax.jvp`, `jax.hessian`, `jax.vmap`, `jax.jit` and `jax.lax.scan` work, one inside the other. JAX has to
+    compute in double precision.
+
+    Args:
+        robot: The robot.
+        effects: As for `hybridyn.torch`.
+        threads: Number of threads that share a batch.
+
+    Returns:
+        The models; see `LearningRobot`.
+
+    Raises:
+        HybridynError: JAX is not installed, or computes in single precision.
+        ModelError: As `hybridyn.torch` raises.
+        CompileError: As `hybridyn.compile` raises.
+
+    Example:
+        >>> import jax
+        >>> jax.config.update("jax_enable_x64", True)
+        >>> model = hybridyn.jax(hybridyn.load("five_bar"))
+        >>> effort = lambda position: model.idm(*model.close(position))[0]
+        >>> print(jax.grad(effort)(jax.numpy.array([0.1, 0.2])).round(3))
+        [ 2.881 -0.276]
+    """
+    required("jax", "jax", "hybridyn.jax")
+    from .jax_arrays import JAX  # it imports JAX, which takes seconds
+
+    return _models(robot, effects, threads, JAX)
+
+
+def _models(robot: HybridRobot, effects: Choice, threads: int, framework: Framework) -> LearningRobot:
+    """Prepare a robot's models for a framework."""
     SecondDerivatives(robot, effects=effects)  # refuses effects with kinks
-    return LearningRobot(compile(robot, effects, threads=threads), TORCH)
+    return LearningRobot(compile(robot, effects, threads=threads), framework)

@@ -57,6 +57,17 @@ class SmoothFunction:
         q, v, third = self._state(near, *x[:3])
         return (self._derivatives.along(q, v, third, x[3:]).first,)
 
+    def curved(self, near: Array, *x: Array) -> tuple[Array, ...]:
+        """Compute f'' d e, from f'' along d + e and d - e, of unit length; d and e stand behind x."""
+        q, v, third = (np.tile(part, (2, 1)) for part in self._state(near, *x[:3]))
+        d, e = (np.concatenate(part, axis=1) for part in (x[3:6], x[6:9]))
+        sizes = [np.linalg.norm(part, axis=1, keepdims=True) for part in (d, e)]
+        d, e = (part / np.where(size, size, 1.0) for part, size in zip((d, e), sizes, strict=True))
+        ends = np.cumsum(self.sizes[1:3])
+        both = np.split(np.concatenate([d + e, d - e]), ends, axis=1)
+        second = self._derivatives.along(q, v, third, both).second
+        return (0.25 * sizes[0] * sizes[1] * (second[: len(d)] - second[len(d) :]),)
+
     def bent(self, near: Array, *x: Array) -> tuple[Array, ...]:
         """Compute w^T f'' d, three arrays; w and the three parts of d stand behind x."""
         q, v, third = self._state(near, *x[:3])

@@ -10,7 +10,7 @@ import hybridyn
 from tests.support.comparing import refused
 
 
-@pytest.mark.parametrize("function", [hybridyn.torch])
+@pytest.mark.parametrize("function", [hybridyn.torch, hybridyn.jax])
 def test_a_framework_that_is_not_installed_is_named(
     function: Callable[..., object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -21,6 +21,6 @@ def test_a_framework_that_is_not_installed_is_named(
 
 
 def test_nothing_of_a_framework_is_imported_before_it_is_asked_for() -> None:
-    code = "import sys, hybridyn; hybridyn.torch; print({'torch', 'jax'} & {*sys.modules})"
+    code = "import sys, hybridyn; hybridyn.torch, hybridyn.jax; print({'torch', 'jax'} & {*sys.modules})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

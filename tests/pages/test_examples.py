@@ -13,7 +13,8 @@ from tests.support.extras import needs
 from tests.support.samples import slow
 
 #: Extras of examples that take long, most of them for a compiler.
-LONG = {"compile": "compiled", "CompiledRobot": "compiled", "sweep": "sweep", "warp": "gpu", "torch": "torch"}
+LONG = {"compile": "compiled", "CompiledRobot": "compiled", "sweep": "sweep", "warp": "gpu"}
+LONG |= {"torch": "torch", "jax": "jax"}
 NAMES = sorted({*hybridyn.__all__} - {"__version__"})
 
 

@@ -13,7 +13,7 @@ MODULES = {
     "io": "polars", "mjcf": "mujoco", "sdf": "rod", "usd": "pxr", "view": "viser", "bench": "mujoco",
     "docs": "myst_nb", "plot": "matplotlib", "compiled": "casadi", "sweep": "joblib", "dask": "distributed",
     "gpu": "warp", "identify": "clarabel",
-    "search": "optuna", "ros": "rclpy", "torch": "torch",
+    "search": "optuna", "ros": "rclpy", "torch": "torch", "jax": "jax",
 }  # fmt: skip
 
 
