@@ -1,4 +1,4 @@
-"""Kernels as C: every operation, the printed sine and cosine, every kind of number."""
+"""Kernels as C: every operation, the printed sine, cosine and hyperbolic tangent, every kind of number."""
 
 import math
 
@@ -13,8 +13,10 @@ from hybridyn.compiled.library.calls import Library, load
 from hybridyn.compiled.program import Call, GivenPlace, Kernel, Program, ResultPlace
 from tests.compiled.toys import single, toy
 from tests.support.comparing import refused
+from tests.support.samples import slow
 
 ULPS = 1.0  # what the comment in sines.h promises
+ULPS_OF_TANH = 1.9  # and that in tanh.h
 ROUNDING = 4e-16  # one operation
 LIBRARY = 4e-15  # a function of the C library against CasADi's, which is another one
 FLOAT = 1e-5  # a few roundings of floats
@@ -103,6 +105,7 @@ EVERY = one_kernel("every", [X, Y], EXACT + CALLED)
 
 ANGLE = ca.SX.sym("angle")
 SINES = one_kernel("sines", [ANGLE], [ca.sin(ANGLE), ca.cos(ANGLE)])
+TANGENT = one_kernel("tangent", [ANGLE], [ca.tanh(ANGLE)])
 
 #: Rows narrower than a vector, as wide, and no multiple of it; the output is each number plus one.
 WIDTHS = (5, 8, 21)
@@ -115,7 +118,7 @@ ROWS = one_kernel("rows", COLUMNS, [x + 1 for column in COLUMNS for x in ca.vert
 )
 def library(request: pytest.FixtureRequest) -> Library:
     number, lanes = request.param
-    return load([EVERY, SINES, ROWS], dtype=number, lanes=lanes)
+    return load([EVERY, SINES, TANGENT, ROWS], dtype=number, lanes=lanes)
 
 
 def points() -> np.ndarray:
@@ -189,13 +192,42 @@ def test_far_angles_and_no_numbers_are_the_c_librarys(library: Library) -> None:
     assert np.isnan(guard[4:7]).all()
 
 
+@pytest.mark.parametrize("count", [300, slow(25_000)])
+def test_the_hyperbolic_tangent_is_right_to_the_last_place(library: Library, count: int) -> None:
+    rng = np.random.default_rng(5)
+    seams = np.array([0.9, 20.0, *np.arange(3, 50) * (math.log(2) / 4)])  # where another part or n begins
+    size = [rng.uniform(0, 1.5, count), rng.uniform(0, 20, count), 10.0 ** rng.uniform(-323, 308, count)]
+    size += [seams, np.nextafter(seams, 0), np.nextafter(seams, 99), rng.uniform(0.9, 1, count)]
+    x = np.concatenate([sign * part for sign in (1, -1) for part in size])
+    ((got,), _) = library.batch("tangent", x[:, None])
+    with mpmath.workdps(60):
+        for value, result in zip(x.tolist(), got[:, 0].tolist(), strict=True):
+            exact = mpmath.tanh(mpmath.mpf(value))
+            assert abs(mpmath.mpf(result) - exact) <= ULPS_OF_TANH * math.ulp(float(exact)), value
+
+
+def test_the_hyperbolic_tangent_keeps_signs_limits_and_what_is_no_number(library: Library) -> None:
+    x = np.array([0.0, -0.0, 5e-324, -5e-324, np.inf, -np.inf, np.nan, 0.9])
+    ((got,), guard) = library.batch("tangent", x[:, None])
+    wanted = np.array([0.0, -0.0, 5e-324, -5e-324, 1.0, -1.0, np.nan])
+    np.testing.assert_array_equal(got[:7, 0], wanted)
+    np.testing.assert_array_equal(np.signbit(got[:6, 0]), np.signbit(wanted[:6]))
+    ((alone,), _) = library.batch("tangent", x[7:, None])
+    assert got[7] == alone[0]
+    assert np.isnan(guard[4:7]).all()
+
+
 def test_floats_keep_seven_digits() -> None:
-    sines, program = load([SINES, toy(4, 6)], dtype="float32"), toy(4, 6)
+    sines, program = load([SINES, TANGENT, toy(4, 6)], dtype="float32"), toy(4, 6)
     x = np.random.default_rng(3).uniform(-100, 100, 50).astype(np.float32)
     ((got,), _) = sines.batch("sines", x[:, None])
     assert got.dtype == np.float32
     exact = np.stack([np.sin(x.astype(float)), np.cos(x.astype(float))], axis=1)
     assert np.abs(got - exact).max() <= 2.0**-24
+    ((tangent,), _) = sines.batch("tangent", 0.1 * x[:, None])
+    np.testing.assert_allclose(
+        tangent[:, 0], np.tanh((np.float32(0.1) * x).astype(float)), rtol=2.0**-23, atol=0
+    )
     q, v = np.random.default_rng(4).normal(size=(2, 20, 18)) * 0.3
     v = v[:, :1]
     (a, _), _ = sines.batch(program.name, q, v)

@@ -5,26 +5,10 @@
    |hi| <= pi/4: relative errors 2^-58 (sine), 2^-64 (cosine). A lane whose |x| is beyond LIMIT, or not a
    number, is left to the C library; the other lanes do not see it. */
 #define LIMIT 1e6
-#define ROUND 0x1.8p52 /* adding and subtracting it rounds to an integer, left in the low bits between */
-#if W == 1
-#define D double
-#define MD unsigned long long
-#define TO(type, x) ((type)(x))
-#else
-typedef double D __attribute__((vector_size(W * 8)));
-typedef long long MD __attribute__((vector_size(W * 8)));
-#define TO(type, x) __builtin_convertvector(x, type)
-#endif
-#define CD(x) ((double)(x) - (D){0})
-#define BITS_OF(x) (((union { D number; MD bits; }){.number = (x)}).bits)
-#define WITH_BITS(k) (((union { D number; MD bits; }){.bits = (k)}).number)
-#define SELECT_D(m, a, b) WITH_BITS(((m) & BITS_OF(a)) | (~(m) & BITS_OF(b)))
 #ifdef DOUBLE
 #define SINCOS_D SINCOS
-#define FMA_D FMA
 #define ANY_D ANY
 #else
-#define FMA_D(a, b, c) ((a) * (b) + (c))
 INLINE int ANY_D(MD m) {
     int any = 0;
     for (int i = 0; i < W; i++) any |= LANE(m, i) != 0;

@@ -13,15 +13,15 @@ from .c_tables import Tables
 from .drivers import HEAD, MOVES, across_copies, across_samples
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
-from .scalars import FUNCTIONS, REAL, SINES, arithmetic, c_text, moves_of_copies, single
+from .scalars import FUNCTIONS, LIBRARY, REAL, arithmetic, c_text, moves_of_copies, of_doubles, single
 from .sections import CALLED_ALONE, placed, section
 
 #: Names of the arithmetic of plain numbers that become those of vectors; and new names beside the old ones.
 PLAIN = (
     "V M W C ALIGNED FMA FMS FNMA LT LE EQ NE NOT AND OR ANY TRUE NUMBER CHOOSE SELECT FMIN FMAX SIGN LANE "
-    "ROOM D MD TO"
+    "ROOM D MD TO BELOW"
 )
-BESIDE = {"far_away": "far_away_lanes", "SINCOS": "SINCOS_LANES"}
+BESIDE = {"far_away": "far_away_lanes", "SINCOS": "SINCOS_LANES", "TANH": "TANH_LANES"}
 
 #: First line of the drivers in lanes: the arguments of those on plain numbers, where V is S.
 COPIES = "static void {name}_samples(const S *given, S *result, S *shared, V *own, S *guard) {{"
@@ -63,14 +63,14 @@ def plain_source(
     plain, each = _functions(programs, names, kernels, f"{name}_")
     alone = {called: called for (_, of), called in kernels.items() if not of}
     every_driver = _drivers(programs, names, dtype, f"{name}_", alone if lanes else None)
-    own = f"#ifdef EXACT\n{c_text('sines.h')}#else\n{SINES}\n#endif" if dtype == "float64" else SINES
+    functions = f"#ifdef EXACT\n{of_doubles()}#else\n{LIBRARY}\n#endif" if dtype == "float64" else LIBRARY
     sections = [
         f'/* {WRITTEN}. What it offers stands in {name}.h. */\n#include <math.h>\n\n#include "{name}.h"',
         single(dtype) + c_text("plain.h").strip(),
         c_text("fetching.h").strip(),
-        "\n".join([arithmetic(1), PLAIN_ROOM, own]),
+        "\n".join([arithmetic(1), PLAIN_ROOM, functions]),
         plain,
-        f"#ifdef VECTORS\n{_vectors(own)}\n#endif" if lanes else "",
+        f"#ifdef VECTORS\n{_vectors(functions)}\n#endif" if lanes else "",
         each,
         every_driver,
         *(_call(program, name, dtype) for program in programs[:public]),
@@ -183,12 +183,12 @@ def in_lanes(programs: list[Program]) -> bool:
     return sum(length * copies for length, copies in counts) > VECTOR_STATEMENT * vectors
 
 
-def _vectors(sines: str) -> str:
+def _vectors(functions: str) -> str:
     """Return the C source of the arithmetic of kernels in lanes, after that on plain numbers."""
     parts = ["/* From here on, the names of arithmetic are those of vectors. */"]
     parts += [f"#undef {word}" for word in (*PLAIN.split(), *FUNCTIONS)]
     parts += [f"#define {word} {other}" for word, other in BESIDE.items()]
-    return "\n".join([*parts, arithmetic(LANES), ROOM, moves_of_copies(LANES), sines])
+    return "\n".join([*parts, arithmetic(LANES), ROOM, moves_of_copies(LANES), functions])
 
 
 def _call(program: Program, name: str, dtype: str) -> str:

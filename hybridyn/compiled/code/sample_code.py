@@ -10,7 +10,7 @@ from .c_tables import Tables
 from .drivers import HEAD, MOVES, across_samples
 from .kernels import kernel_graph, kernel_text
 from .rules import check, trimmed
-from .scalars import GUARD_LIMIT, REAL, SINES, arithmetic
+from .scalars import GUARD_LIMIT, LIBRARY, REAL, arithmetic
 
 #: Run a program for one sample: its guard, NaN where a number that is not finite comes in or out.
 RUN = """static S {name}_run(const S *given, S *result, S * = 0) {{
@@ -60,7 +60,7 @@ def sample_code(programs: Mapping[str, Program], dtype: str, before: str) -> Sam
             kernels.setdefault(text, f"kernel_{len(kernels)}")
         drivers.append(_driver(called, program, [kernels[text] for text in texts], dtype))
     code = "\n".join([*(f"static void {name}{text}" for text, name in kernels.items()), *drivers])
-    return SampleCode("\n".join(head), "\n".join([MOVES, SINES, code]))
+    return SampleCode("\n".join(head), "\n".join([MOVES, LIBRARY, code]))
 
 
 def _driver(name: str, program: Program, kernels: list[str], dtype: str) -> str:

@@ -12,10 +12,10 @@ BYTES = {"float64": 8, "float32": 4, "float128": 16}
 #: C types of a robot's models: those that a caller may ask for.
 REAL = {"float64": "double", "float32": "float"}
 
-#: Functions of the C library that kernels call, of one number and of two.
+#: Functions of the C library that kernels call, of one number and of two; those of `LIBRARY` are others.
 OF_ONE = (
-    "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH", "EXP", "EXPM1", "LOG",
-    "LOG1P", "FLOOR", "CEIL", "ERF",
+    "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "ASINH", "ACOSH", "ATANH", "EXP", "EXPM1", "LOG", "LOG1P",
+    "FLOOR", "CEIL", "ERF",
 )  # fmt: skip
 OF_TWO = ("ATAN2", "FMOD", "REMAINDER", "HYPOT", "COPYSIGN", "POW")
 #: Functions of plain numbers that have the same name in the C library.
@@ -24,12 +24,16 @@ FUNCTIONS = ("SQRT", "FABS", *OF_ONE, *OF_TWO)
 #: Largest guard at which a sample is trusted.
 GUARD_LIMIT = 1.0
 
-#: Sine and cosine of the C library.
-SINES = """INLINE void SINCOS(V x, V *s, V *c) {
+#: Functions that have C of their own, in lanes, as the C library has them.
+LIBRARY = """INLINE void SINCOS(V x, V *s, V *c) {
     for (int i = 0; i < W; i++) {
         LANE(*s, i) = SCALAR(sin)(LANE(x, i));
         LANE(*c, i) = SCALAR(cos)(LANE(x, i));
     }
+}
+INLINE V TANH(V x) {
+    for (int i = 0; i < W; i++) LANE(x, i) = SCALAR(tanh)(LANE(x, i));
+    return x;
 }"""
 #: The definitions of `plain.h` for "float128".
 WIDE = """#include <quadmath.h>
@@ -59,7 +63,7 @@ class Scalar:
         """Return the C source that defines the vector type V, its arithmetic and its functions."""
         wide = self.name == "float128"
         head = WIDE if wide else f"{single(self.name)}{c_text('plain.h')}"
-        return f"#include <math.h>\n{head}\n{arithmetic(self.lanes)}\n{SINES if wide else c_text('sines.h')}"
+        return f"#include <math.h>\n{head}\n{arithmetic(self.lanes)}\n{LIBRARY if wide else of_doubles()}"
 
     def moves(self) -> str:
         """Return the C source that moves numbers into lanes and out of them."""
@@ -73,12 +77,17 @@ def single(dtype: str) -> str:
 
 
 def arithmetic(lanes: int) -> str:
-    """Return the C source of the arithmetic and the functions of kernels, after `plain.h`; not of sines."""
+    """Return the C source of the arithmetic and the functions of kernels, after `plain.h`; not `LIBRARY`."""
     if lanes == 1:
         return "\n".join([c_text("scalar.h"), *(f"#define {x} SCALAR({x.lower()})" for x in FUNCTIONS)])
     every = [*(f"LANES1({name}" for name in OF_ONE), *(f"LANES2({name}" for name in OF_TWO)]
     functions = [f"{one}, SCALAR({one[7:].lower()}))" for one in every]
     return "\n".join([f"#define W {lanes}", c_text("vector.h"), *functions])
+
+
+def of_doubles() -> str:
+    """Return the C source of the functions of `LIBRARY` in lanes; they count on `EXACT`."""
+    return "".join(c_text(name) for name in ("doubles.h", "sines.h", "tanh.h"))
 
 
 def moves_of_copies(lanes: int) -> str:
