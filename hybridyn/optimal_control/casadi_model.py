@@ -14,11 +14,10 @@ import numpy as np
 
 from ..compiled import needs_casadi
 from ..effects.choice import Choice
-from ..errors import HybridynError, ModelError
-from ..logs import warn
+from ..errors import ModelError
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .closed_model import ClosedModel, ClosedState, first_posture
+from .closed_model import ClosedModel, ClosedState, first_posture, or_no_numbers
 
 needs_casadi()
 import casadi as ca  # noqa: E402
@@ -87,16 +86,14 @@ class _Table:
     def _at(
         self, given: Array, what: str, of: Callable[[ClosedState], Array], shape: tuple[int, ...]
     ) -> Array:
-        """Return numbers of the samples; NaN where no posture follows the motors, or rank is lost."""
+        """Return numbers of the samples, or none."""
         if given.tobytes() != self._given:
             self._given, self._known = given.tobytes(), {}
         if what not in self._known:
-            try:
-                position, rate, x = np.split(given, 3, axis=1)
-                self._known[what] = of(self.model.close(position, rate, x, self.start))
-            except HybridynError as error:
-                warn("no numbers for the solver: %s", error)
-                self._known[what] = np.full((self.samples, *shape), np.nan)
+            position, rate, x = np.split(given, 3, axis=1)
+            self._known[what] = or_no_numbers(
+                lambda: of(self.model.close(position, rate, x, self.start)), (self.samples, *shape)
+            )
         return self._known[what]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from ..compiled import Derivatives, SecondDerivatives, compile
 from ..effects.choice import Choice
+from ..errors import HybridynError
+from ..logs import warn
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions
@@ -21,6 +24,15 @@ def first_posture(robot: HybridRobot, start: Array | None) -> Array:
         TrajectoryError: `start` has a wrong shape or is not finite.
     """
     return robot.home if start is None else as_positions(robot, start, "start")[0][0]
+
+
+def or_no_numbers(compute: Callable[[], Array], shape: tuple[int, ...]) -> Array:
+    """Compute what a solver asks for; NaN and a warning where no posture follows, or rank is lost."""
+    try:
+        return compute()
+    except HybridynError as error:
+        warn("no numbers for the solver: %s", error)
+        return np.full(shape, np.nan)
 
 
 class ClosedState(NamedTuple):

@@ -1,6 +1,9 @@
-"""DDP of Crocoddyl on a five-bar: exact derivatives, and a motion from rest to rest."""
+"""DDP of Crocoddyl on a five-bar: exact derivatives, a motion from rest to rest, postures out of reach."""
+
+import logging
 
 import numpy as np
+import pytest
 
 import hybridyn
 from tests.support.comparing import close_to
@@ -44,3 +47,19 @@ def test_ddp_moves_a_five_bar_from_rest_to_rest() -> None:
     assert solver.solve([start] * (T + 1), [still] * T, 50, False)
     assert solver.iter <= 20
     close_to(np.array(solver.xs[-1]), goal, 0.05)
+
+
+def test_where_no_posture_follows_solvers_get_no_number_and_go_on(caplog: pytest.LogCaptureFixture) -> None:
+    robot = hybridyn.load("five_bar").with_parameters({"lower_length": 0.3})
+    costs = crocoddyl.CostModelSum(crocoddyl.StateVector(4), 2)
+    action, near, far, u = MotorAction(robot, costs), np.zeros(4), np.array([1.5, -1.5, 0.0, 0.0]), np.ones(2)
+    data, fresh = action.createData(), action.createData()
+    for x in (far, near, far):
+        with caplog.at_level(logging.WARNING, "hybridyn"):
+            action.calc(data, x, u)
+            action.calcDiff(data, x, u)
+        assert all(np.isnan(part).all() == (x is far) for part in (data.xout, data.Fx, data.Fu))
+        if x is near:
+            action.calc(fresh, x, u)
+            assert (data.xout == fresh.xout).all()
+    assert caplog.text.count("no numbers for the solver: module 'm1_right_lower', closure 'm1_tip'") == 2
