@@ -2,6 +2,7 @@
 
     python -m tests.compiled.fuzzing 1000 0             a thousand mechanisms, from seed 0 on
     python -m tests.compiled.fuzzing 300 0 repeated     whose modules and legs repeat, mirrored and turned
+    python -m tests.compiled.fuzzing 200 0 second       second derivatives alone, along paths of the oracle
 
 Both models at trusted states, and the derivatives of both, over joints and motors, along random motions that
 keep the loops closed: against differences of the general path, as new libraries are checked. The program that
@@ -33,6 +34,7 @@ from hybridyn.structure.building import build_robot
 from tests.compiled import rods
 from tests.compiled.copies import FEET, repeated
 from tests.compiled.found import CLOSED, SOLVED, Found
+from tests.compiled.second_order import compare_second
 from tests.compiled.stepping import compare_steps
 from tests.oracle import Base, Oracle
 from tests.robots.any_mechanism import BASES, any_mechanism
@@ -82,13 +84,16 @@ def shaped(description: Description, rng: np.random.Generator, shape: str) -> De
 
 def compare(seed: int, found: Found, family: str) -> None:
     """Compare the programs of a mechanism; what is refused in one line is counted."""
-    description, base = drawn(seed) if family == "any" else (repeated(seed), BASES[seed % len(BASES)])
+    description, base = (repeated(seed), BASES[seed % len(BASES)]) if family == "repeated" else drawn(seed)
     case = f"seed {seed}, {description.name}, base {base}"
     try:
         robot = build_robot(description, base=base)
         states = random_states(robot, SAMPLES, seed)
     except hybridyn.HybridynError:
         found.count["refused"] += 1
+        return
+    if family == "second":
+        compare_second(robot, seed, case, found)
         return
     compare_models(robot, states, case, found)
     state = states[0][0], states[1][0], states[2][0]

@@ -82,3 +82,26 @@ def moved(arithmetic: Arithmetic, kind: JointKind, x: Numbers, d: Numbers) -> Nu
         out[-4:] = np.concatenate([u + w * half + cross(u, half), [w - u @ half]])
         out[-4:] = out[-4:] / arithmetic.sqrt(out[-4:] @ out[-4:])
     return out
+
+
+def between(arithmetic: Arithmetic, kind: JointKind, x: Numbers, y: Numbers) -> Numbers:
+    """Compute the constant velocity, in B, that moves positions x to y, close by, in a unit of time."""
+    if kind in ("revolute", "prismatic", "screw"):
+        return y - x
+    if kind in ("continuous", "planar"):
+        (c, s), (k, z) = x[-2:], y[-2:]
+        turn = np.array([0 * c, 0 * c, arithmetic.atan2(c * z - s * k, c * k + s * z)])
+        R = rotation_about_z(c, s)
+    else:
+        (u, w), (r, o) = (x[-4:-1], x[-1]), (y[-4:-1], y[-1])
+        half = w * r - o * u - cross(u, r)
+        size = arithmetic.sqrt(half @ half)
+        turn = half * (2 * arithmetic.atan2(size, w * o + u @ r) / size if size else 2)
+        R = quaternion_matrix(x[-4:])
+    if kind not in ("planar", "floating"):
+        return turn[2:] if kind == "continuous" else turn
+    shift = R.T @ np.concatenate([(y - x)[: SLIDES[kind]], turn[: 3 - SLIDES[kind]] * 0])
+    square = turn @ turn  # the inverse of the series of what turns on the way
+    bent = cross(turn, cross(turn, shift)) * (1 / 12 + square / 720 + square * square / 30240)
+    shift = shift - cross(turn, shift) / 2 + bent
+    return np.concatenate([shift[: SLIDES[kind]], turn[2:] if kind == "planar" else turn])

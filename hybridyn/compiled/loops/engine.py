@@ -20,7 +20,7 @@ import numpy as np
 from ...joints import displacement
 from ...linkage.tree import Tree
 from ...spatial import Array, Mask
-from ...symbols import Expression, dot
+from ...symbols import Expression, dot, minus
 from ..equations.expressions import pack, unpack, zeros
 from ..equations.guarded_elimination import Pivots, Triangular, solve
 from ..equations.idle.least import least_norm
@@ -77,12 +77,26 @@ class Loops:
         """
         k = right.shape[1]
         X, doubts = solve(K, right, self.pivots, [*free, *self.idle], factors)
-        found, idle = X[:, : k + len(free)], X[:, k + len(free) :]
+        found = X[:, : k + len(free)]
+        least_norm(found, self._masked(X[:, k + len(free) :]), self.weight)
+        return found[:, :k], found[:, k:], doubts
+
+    def idle_share(self, K: Expression, rates: Expression) -> Expression:
+        """Return what rates have of idle motions, shape (nv,): steps, rates and accelerations lack it."""
+        if not self.idle:
+            return zeros(len(rates))
+        idle = self._masked(solve(K, zeros(len(K), 0), self.pivots, [*self.idle])[0])
+        rest = rates[:, None].copy()
+        least_norm(rest, idle, self.weight)
+        out: Expression = minus(rates, rest[:, 0])
+        return out
+
+    def _masked(self, idle: Expression) -> Expression:
+        """Return idle motions with what they do not move set to zero, in place."""
         for motion, moved in zip(idle.T, self.idle.values(), strict=True):
             if moved is not None:
                 motion[~moved] = 0.0
-        least_norm(found, idle, self.weight)
-        return found[:, :k], found[:, k:], doubts
+        return idle
 
     def step(
         self, rows: LoopRows, v: Expression, wanted: Expression | None = None

@@ -98,7 +98,7 @@ def check_trusted(designs: DesignsInSlots, model: str, given: dict[str, Array], 
 
 
 def check_following(name: str, given: Array, found: Array) -> None:
-    """Check that rates or accelerations are those that the motors cause.
+    """Check that rates or accelerations are those that the motors cause, with any idle motions.
 
     Raises:
         TrajectoryError: They are not.
@@ -109,6 +109,7 @@ def check_following(name: str, given: Array, found: Array) -> None:
         t = int(np.argmax(off / size))
         raise TrajectoryError(
             f"{name} differs by {off[t]:.1e} from what the motors cause{AT_SAMPLE} (limit {size[t]:.1e}): "
-            "over motors all joints follow them; take q, v, a = hybridyn.assemble(robot, motors=...)",
+            "over motors all joints follow them, but for idle motions; take q, v, a = "
+            "hybridyn.assemble(robot, motors=...)",
             sample=t,
         )

@@ -222,8 +222,7 @@ class SecondDerivatives:
         given, single = self._given(q, v, a, parameters)
         T = len(given[0])
         j, s = (self._spread(name, one, T, "a") for name, one in (("jerk", jerk), ("snap", snap)))
-        v_own, a_own = (self._over_joints("a", self._own("a", full)) for full in given[1:3])
-        return self._path(given, single, [v_own, a_own, j], [a_own, j, s])
+        return self._path(given, single, [*given[1:3], j], [given[2], j, s])
 
     def _path(
         self, given: Sequence[Array], single: bool, first: Sequence[Array], second: Sequence[Array]

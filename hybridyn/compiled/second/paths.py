@@ -7,7 +7,8 @@ joints follow the motors' entries of delta, rates and accelerations, such that l
 
     xi = E delta,  q moved by xi - K^-1 (K_dot xi) / 2      (E: how joints follow motors; K_dot along xi)
 
-Both hold to second order in delta, which is zero; derivatives over delta are those over the freedoms.
+Idle motions stay besides. Both hold to second order in delta, which is zero; derivatives
+over delta are those over the freedoms.
 """
 
 from __future__ import annotations
@@ -144,13 +145,16 @@ def _followed(kernel: LoopKernel, closed: float, direct: bool) -> Kernel:
     (v_col, v), (a_col, a), (w_col, w) = (symbols(x, tree.nv) for x in ("v", "a", "w"))
     rows = kernel.rows(q, w)
     open_by, xi, doubts = loops.step(rows, loops.independent(delta))
+    xi = xi + loops.idle_share(rows.K, delta)
     bent = loops.solved(rows.K, -0.5 * drift(tree, rows, q_col, w_col, xi)[:, None])[0][:, 0]
     end = pack(tree.by_joint(moved, [q], [xi + bent]))
-    _, found, _ = loops.step(rows, loops.independent(v))
+    found = loops.step(rows, loops.independent(v))[1] + loops.idle_share(rows.K, v)
     motion = [pack(found)]
     if not direct:
         bend = drift(tree, rows, q_col, w_col, found)
-        motion.append(pack(loops.accelerations(rows, loops.independent(a), bend)))
+        motion.append(
+            pack(loops.accelerations(rows, loops.independent(a), bend) + loops.idle_share(rows.K, a))
+        )
     there = ca.Function("motion", [q_col, v_col, a_col, kernel.folding.symbol()], motion)
     given = [q_col, delta_col, v_col] + [a_col] * (not direct)
     guard = ca.fmax(squares(doubts), largest(open_by / loops.unit) / closed)
