@@ -20,6 +20,7 @@ from tests.compiled.found import Found
 from tests.oracle import Oracle
 from tests.oracle.arithmetic import Long, Numbers
 from tests.oracle.joints import between
+from tests.oracle.tree import ROW
 
 #: Of the largest term: differences of sixth order in long double leave 1e-12.
 ORACLE = 1e-9
@@ -32,6 +33,9 @@ SECOND = np.array([2, -27, 270, -490, 270, -27, 2], dtype=np.longdouble) / 180
 NOTHING = 1e-3
 #: Turns of a joint about other lines than a spin's, of unit ones: the rounding of files.
 UNFELT = 1e-9
+#: Least pivot of closure rows that count, of the least singular value at a closed posture: rows that depend
+#: on others there part beside it, and would lead Newton's method along the path by their rounding.
+COUNTED = 0.1
 #: Rounds that take spins out of a displacement: each leaves a part of its size.
 ROUNDS = 6
 
@@ -156,6 +160,15 @@ def displacement(oracle: Oracle, q: Numbers, other: Numbers) -> Numbers:
     return out
 
 
+def hold_rank(oracle: Oracle, q: Numbers) -> None:
+    """Let as many closure rows count on a path as at a closed posture near it."""
+    posture = oracle.posture(q)
+    rows = (posture.K * oracle.unit / posture.scale[:, None])[:, oracle.tree.free]
+    s, rank = np.linalg.svd(rows.astype(float))[1], posture.factor.V.shape[1]
+    if 0 < rank < len(s):
+        oracle.tree.rank_tolerance = COUNTED * float(s[rank - 1] / max(s[0], ROW))
+
+
 class Judge:
     """The oracle's paths near one state of a robot, each drawn once.
 
@@ -169,6 +182,7 @@ class Judge:
         self._oracle = Oracle(robot.description, robot.base, arithmetic=Long())
         q, v, *_ = (x[0] for x in random_states(robot, 1))
         self._near, self._driven = (q if near is None else near, v), True
+        hold_rank(self._oracle, self._oracle.close(self._near[0]))
         try:
             check_coordinates(robot, "idm", "motors")
         except hybridyn.ModelError:
