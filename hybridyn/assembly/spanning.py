@@ -6,7 +6,6 @@ from ..linkage.closures import Closures
 from ..linkage.motion import Motion
 from ..linkage.newton import LoopProblem, close
 from ..linkage.reduction import LegBlock
-from ..linkage.tree import Tree
 from ..spatial import Array
 from ..structure.mechanism import Mechanism
 from ..structure.module import Module
@@ -51,8 +50,7 @@ def spanning_positions(
     q = np.empty((len(x), m.spanning.nq))
     q[:] = np.repeat(guess, samples, axis=0) if trajectories else guess
     m.cut.positions_to_spanning(x, q)
-    for number, wrist in enumerate(m.spec.wrists):
-        tree = Tree(list(m.wrists.joints(number)))
+    for number, (wrist, tree) in enumerate(zip(m.spec.wrists, m.wrists.chains, strict=True)):
         end = target.of_body(m.cut.tree_body(wrist.target)).then(Motion.at_rest(len(x), wrist.R, wrist.p))
         first = m.spanning.joints[wrist.joints[0]].parent
         relative = end.seen_from(target.of_body(m.cut.tree_body(first)))

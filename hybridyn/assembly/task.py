@@ -178,6 +178,8 @@ class Task(NamedTuple):
 
     def closed_near(self, q: Array) -> Closed:
         """Close the loops near postures, whatever is given."""
+        if not self.problem.has_loops:
+            return Closed(q, np.zeros(len(q)), np.zeros(len(q)), 0)
         free = np.ones(self.problem.tree.nv, dtype=bool)
         return close(replace(self.problem, free=free, targets=(), rank=None, blocks=()), q)
 

@@ -34,7 +34,7 @@ def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
     batch = np.arange(B)
     for k in range(rank):
         block = A[:, k:, k:columns]
-        best = k + np.argmax(einsum("bij,bij->bj", block, block), axis=1)
+        best = k + einsum("bij,bij->bj", block, block).argmax(axis=1)
         for x in (A.swapaxes(1, 2), order) if (best > k).any() else ():
             left = x[:, k].copy()
             x[:, k] = x[batch, best]
@@ -63,7 +63,7 @@ def pivot_ratio(R: Array, rank: int, size: Array | None = None) -> Array:
     """
     if rank == 0:
         return np.ones(len(R))
-    pivots = np.abs(np.diagonal(R[:, :rank, :rank], axis1=1, axis2=2))
+    pivots = np.abs(R[:, :rank, :rank].diagonal(axis1=1, axis2=2))
     if size is None:
         largest = pivots.max(axis=1)
         size = np.where(largest > NO_PIVOT, largest, 1.0)
@@ -73,11 +73,10 @@ def pivot_ratio(R: Array, rank: int, size: Array | None = None) -> Array:
 
 def back_substitute(R: Array, rhs: Array) -> Array:
     """Solve R x = rhs, R (B, r, r) upper triangular, rhs (B, r, c); x_i = 0 if pivot i is exactly zero."""
-    x = rhs.copy()
+    x, pivots = rhs.copy(), R.diagonal(axis1=1, axis2=2)
+    safe = np.where(pivots == 0.0, np.inf, pivots)
     for i in range(R.shape[1] - 1, -1, -1):
-        pivot = R[:, i, i]
-        safe = np.where(pivot == 0.0, np.inf, pivot)
-        x[:, i] /= safe[:, None]
+        x[:, i] /= safe[:, i, None]
         if i:
             x[:, :i] -= R[:, :i, i, None] * x[:, i, None, :]
     return x

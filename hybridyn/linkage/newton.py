@@ -167,13 +167,15 @@ class LoopProblem:
             before: J, scaled rows over all freedoms, shape (T, rows, nv).
             after: J', scaled rows at the other posture, shape (T, rows, nv).
         """
+        if not self.blocks:
+            J, J_after = (x[:, :, self.free] for x in (before, after))
+            return relative_change(J, J_after - J, J.shape[2] if self.rank is None else self.rank)
         out = np.zeros(len(before))
-        cols = np.flatnonzero(self.free)
-        whole = LegBlock(np.arange(before.shape[1]), cols, len(cols) if self.rank is None else self.rank)
-        for block in self.blocks or [whole]:
-            rank = len(block.cols) if self.blocks else block.rank
-            J, J_after = (x[:, block.rows[:, None], block.cols] for x in (before, after))
-            out = np.maximum(out, relative_change(J, J_after - J, rank))
+        for rows, cols in self._blocks_by_shape:
+            at = rows[:, :, None], cols[:, None, :]
+            J, J_after = (x[:, *at].reshape(-1, rows.shape[1], cols.shape[1]) for x in (before, after))
+            change = relative_change(J, J_after - J, cols.shape[1]).reshape(len(before), -1)
+            out = np.maximum(out, change.max(axis=1))
         return out
 
     @cached_property
@@ -254,9 +256,9 @@ def close(
     motion = tree.sweep(q)
     residual = problem.residual(q, samples, motion)
     damping, last = np.zeros(T), np.full(T, np.inf)
-    active = np.arange(T)
+    active, size = np.arange(T), np.linalg.norm(residual, axis=1)
     spent = 0
-    course = [np.linalg.norm(residual, axis=1)]
+    course = [size]
     for spent in range(1, iterations + 1):  # noqa: B007 - the count is reported
         K = problem.matrix(motion, samples[active], every=False)
         dx = newton_step(problem, K, residual[active], damping[active])
@@ -264,18 +266,22 @@ def close(
         final = least | (damping[active] == 0.0) | (open_by <= RESIDUAL_ROUNDING)
         length = np.abs(dx).max(axis=1, initial=0.0)
         last[active] = np.where(final, length, np.inf)
-        dx *= np.minimum(1.0, LONGEST_STEP / np.where(length > 0, length, 1.0))[:, None]
+        long = length > LONGEST_STEP
+        dx[long] *= (LONGEST_STEP / length[long])[:, None]
         trial = tree.integrate(q[active], dx * problem.col_scale)
         motion = tree.sweep(trial)
         new = problem.residual(trial, samples[active], motion)
-        before, after = (np.linalg.norm(r, axis=1) for r in (residual[active], new))
-        good = (after < before) | (length < NEVER_DAMPED)
-        q[active[good]], residual[active[good]] = trial[good], new[good]
+        after = np.linalg.norm(new, axis=1)
+        good = (after < size[active]) | (length < NEVER_DAMPED)
+        kept = active[good]
+        q[kept], residual[kept] = trial[good], new[good]
+        size = size.copy()
+        size[kept] = after[good]
         lower = damping[active] / 10
         damping[active] = np.where(good, np.where(lower < 1e-9, 0.0, lower), damping[active] * 10 + 1e-6)
         done = (length <= SMALLEST_STEP) & final | (damping[active] > 1e6)
         if enough < np.inf:
-            course = [*course[-PATIENCE:], np.linalg.norm(residual, axis=1)]
+            course = [*course[-PATIENCE:], size]
             stalled = course[-1] > enough * course[0]
             done |= (len(course) > PATIENCE) & (open_by > RESIDUAL_ROUNDING) & stalled[active]
         if done.all():

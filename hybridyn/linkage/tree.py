@@ -134,12 +134,13 @@ class Tree:
 
     def integrate(self, q: Array, dq: Array) -> Array:
         """Integrate constant joint twists dq from q over unit time, shapes (T, nq), (T, nv)."""
-        out = np.empty_like(q)
+        out = q.copy(order="K")
         _, single, dofs = self._adding
-        out[:, single] = q[:, single] + dq[:, dofs]
+        out[:, single] += dq[:, dofs]
         for i in self._others:
-            at = self.q_slices[i]
-            out[:, at] = self.joints[i].integrate(q[:, at], dq[:, self.v_slices[i]])
+            at, moved = self.q_slices[i], dq[:, self.v_slices[i]]
+            if moved.any():  # a prescribed platform keeps its position to the last digit
+                out[:, at] = self.joints[i].integrate(q[:, at], moved)
         return out
 
     def bending(self, v: Array) -> Array:
@@ -151,12 +152,13 @@ class Tree:
 
     def difference(self, q0: Array, q1: Array) -> Array:
         """Compute the joint twists dq with `integrate(q0, dq) = q1`, shape (T, nv)."""
-        out = np.empty((len(q0), self.nv))
+        out = np.zeros((len(q0), self.nv))
         _, single, dofs = self._adding
         out[:, dofs] = q1[:, single] - q0[:, single]
         for i in self._others:
-            at = self.q_slices[i]
-            out[:, self.v_slices[i]] = self.joints[i].difference(q0[:, at], q1[:, at])
+            here, there = (q[:, self.q_slices[i]] for q in (q0, q1))
+            if (here != there).any():
+                out[:, self.v_slices[i]] = self.joints[i].difference(here, there)
         return out
 
     def local(self, q: Array) -> tuple[Array, Array]:

@@ -1,14 +1,15 @@
 """The rows of the wrists that were cut: each holds the end of its branch of the whole tree to its target."""
 
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
-from ..linkage.joints import TreeJoint
 from ..linkage.motion import Motion
+from ..linkage.tree import Tree
 from ..logs import warn
 from ..spatial import Array, Index, Mask, indices, rotate, select, to_body_axes
 from .cut import Cut
@@ -40,10 +41,13 @@ class WristRows:
         ends = np.cumsum([len(cut.tree.joints), *(len(wrist.joints) for wrist in cut.wrists)])
         self._own = [indices(cut.whole.v_slices[first:last]) for first, last in pairwise(ends)]
 
-    def joints(self, wrist: int) -> tuple[TreeJoint, ...]:
-        """Return the joints of a wrist as a separate chain, whose base is the wrist's parent body."""
-        joints = (self._cut.spanning.joints[j] for j in self._specs[wrist].joints)
-        return tuple(replace(joint, parent=i) for i, joint in enumerate(joints))
+    @cached_property
+    def chains(self) -> list[Tree]:
+        """Each wrist as a separate chain, whose base is the wrist's parent body."""
+        joints = self._cut.spanning.joints
+        return [
+            Tree([replace(joints[j], parent=i) for i, j in enumerate(wrist.joints)]) for wrist in self._specs
+        ]
 
     def positions(self, wrist: int) -> Index:
         """Return the indices of a wrist's position coordinates in the spanning tree."""

@@ -143,8 +143,15 @@ def _own_poses(poses: Iterable[_Passing], number: int) -> tuple[PoseRequest, ...
 
 def _open_modules(robot: HybridRobot, requests: Requests, poses: Sequence[_Passing]) -> set[int]:
     """Return the modules that poses pass, and that what is given in their own base leaves open."""
-    passed = sorted(frozenset[int]().union(*(one.modules for one in poses)))
-    return {k for k in passed if _leaves_open(robot, requests, k, _own_poses(poses, k))}
+    still_open, known = set[int](), dict[object, bool]()
+    for k in sorted(frozenset[int]().union(*(one.modules for one in poses))):
+        module, request = robot.modules[k], _at_first(robot, requests, k, _own_poses(poses, k))
+        equal = module.mechanism, tuple(module.motor_columns), tuple(request.given)
+        kind = k if request.targets else equal
+        if kind not in known:
+            known[kind] = left_open(robot, module, request) > 0
+        still_open |= {k} if known[kind] else set()
+    return still_open
 
 
 def _coupled(
@@ -171,5 +178,13 @@ def _coupled(
 
 def _leaves_open(robot: HybridRobot, requests: Requests, number: int, poses: Iterable[PoseRequest]) -> bool:
     """Return whether given joints and some poses in a module's base leave it freedoms."""
+    request = _at_first(robot, requests, number, poses)
+    return left_open(robot, robot.modules[number], request) > 0
+
+
+def _at_first(
+    robot: HybridRobot, requests: Requests, number: int, poses: Iterable[PoseRequest]
+) -> ModuleRequest:
+    """Return what is given in a module at the first sample: joints, and some poses in its base."""
     first = requests._replace(poses=tuple(poses)).part(0, 1)
-    return left_open(robot, robot.modules[number], module_request(first, robot, number, {})) > 0
+    return module_request(first, robot, number, {})
