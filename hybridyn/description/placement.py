@@ -23,6 +23,10 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     )
 
 
+#: The rotation by no angle.
+UNTURNED = rotation_from_rpy(0.0, 0.0, 0.0)
+
+
 def rotation_from_quaternion(x: float, y: float, z: float, w: float) -> Array:
     """Compute the rotation matrix of a unit quaternion, shape (3, 3)."""
     return np.array(
@@ -47,8 +51,8 @@ def rotation_to_axis(axis: Array) -> Array:
 
 def placement_from(rotation: Array, position: Array) -> Array:
     """Return the homogeneous matrix of a rotation (3, 3) and a position (3,) [m], shape (4, 4)."""
-    placement = np.eye(4)
-    placement[:3, :3], placement[:3, 3] = rotation, position
+    placement = np.zeros((4, 4))
+    placement[:3, :3], placement[:3, 3], placement[3, 3] = rotation, position, 1.0
     return placement
 
 

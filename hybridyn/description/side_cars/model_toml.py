@@ -122,7 +122,10 @@ def apply_model_file(
             )
     own = dict(model["effects"])
     robot.effects = (*((name, own.pop(name, values)) for name, values in robot.effects), *own.items())
-    robot.joints = [replace(joint, **model["joints"].get(joint.name, {})) for joint in robot.joints]
+    numbers = model["joints"]
+    robot.joints = [
+        replace(joint, **numbers[joint.name]) if joint.name in numbers else joint for joint in robot.joints
+    ]
     if "motors" in model:
         line = line_of(text, ("motors",))
         robot.motors.append(MotorStatement("model file", "model.toml", tuple(model["motors"]), file, line))

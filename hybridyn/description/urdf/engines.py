@@ -130,20 +130,23 @@ def _look(node: XmlNode, place: str, found: Dropped) -> None:
     _attributes(node, place, found)
     known = _WORDS[place]
     for child in node.children():
-        if f"{place}/{child.tag}" in KNOWN:
-            _look(child, f"{place}/{child.tag}", found)
-        elif child.tag == "plugin" and "plugin" not in known:
+        tag = child.tag
+        if (inside := f"{place}/{tag}") in KNOWN:
+            _look(child, inside, found)
+        elif tag == "plugin" and "plugin" not in known:
             _plugin(child, found)
-        elif child.tag not in known and not child.tag.startswith(OLD_GAZEBO) and not _is_neutral(child):
-            _add(f"<{child.tag}> in <{node.tag}>", child, found)
+        elif tag not in known and not tag.startswith(OLD_GAZEBO) and not _is_neutral(child):
+            _add(f"<{tag}> in <{node.tag}>", child, found)
 
 
 def _attributes(node: XmlNode, place: str, found: Dropped) -> None:
     """Add the attributes of an element that are dropped."""
     known = _WORDS[place]
-    for name, value in node.xml.attrib.items():
+    for name in node.xml.attrib:
         word = str(name).rpartition("}")[2]
-        if f"@{word}" not in known and not word.startswith(("xmlns", "xml:")) and not _is_zero(str(value)):
+        if f"@{word}" in known or word.startswith(("xmlns", "xml:")):
+            continue
+        if not _is_zero(str(node.xml.get(name))):
             _add(f"{word}= in <{node.tag}>", node, found)
 
 

@@ -21,7 +21,7 @@ from lxml import etree
 from ...errors import ModelError
 from ..bounds import refuse_above
 from ..names import closest, did_you_mean, listed
-from ..placement import placement_from, rotation_from_quaternion, rotation_from_rpy
+from ..placement import UNTURNED, placement_from, rotation_from_quaternion, rotation_from_rpy
 from ..records import Array
 
 #: Largest number accepted; its square is still finite, so no length or inertia overflows later.
@@ -146,6 +146,12 @@ def _written(xml: etree._Element) -> str:
     return f"{xml.prefix}:{name}" if xml.prefix else name
 
 
+def _is_one_of(xml: etree._Element, tags: tuple[str, ...]) -> bool:
+    """Return whether an element has one of these names, as written or without its namespace's prefix."""
+    tag = str(xml.tag)
+    return tag in tags or (tag[0] in "{:" and _written(xml) in tags)
+
+
 @cache
 def _patterns(tags: tuple[str, ...]) -> tuple[str, ...]:
     """Return what matches elements with one of these names, in any namespace; every element for no name."""
@@ -213,16 +219,15 @@ class XmlNode(NamedTuple):
 
     def children(self, *tags: str) -> list[XmlNode]:
         """Return the child elements in file order: all of them, or those with one of the tags."""
-        return [*self._chosen(self.xml.iterchildren(*_patterns(tags)), tags)] if len(self.xml) else []
+        if not tags:
+            return [XmlNode(xml, self.file) for xml in self.xml]
+        found = self.xml.iterchildren(*_patterns(tags)) if len(self.xml) else ()
+        return [XmlNode(xml, self.file) for xml in found if _is_one_of(xml, tags)]
 
     def descendants(self, *tags: str) -> Iterator[XmlNode]:
         """Return the elements below this one in file order: all of them, or those with one of the tags."""
-        return self._chosen(self.xml.iterdescendants(*_patterns(tags)), tags)
-
-    def _chosen(self, found: Iterable[etree._Element], tags: tuple[str, ...]) -> Iterator[XmlNode]:
-        return (
-            XmlNode(xml, self.file) for xml in found if not tags or xml.tag in tags or _written(xml) in tags
-        )
+        found = self.xml.iterdescendants(*_patterns(tags))
+        return (XmlNode(xml, self.file) for xml in found if not tags or _is_one_of(xml, tags))
 
     def child(self, *tags: str) -> XmlNode | None:
         """Return the only child with one of these tags, or None; raise ModelError if there are two."""
@@ -301,12 +306,14 @@ class XmlNode(NamedTuple):
 
     def refuse_misspelt(self, attributes: Sequence[str], children: Sequence[str]) -> None:
         """Raise for attributes and children that resemble an absent one of the given names; ignore others."""
-        written, nodes = dict.fromkeys(self.attributes()), {_written(xml): xml for xml in self.xml}
-        for name in written:
-            if name not in attributes and (
-                best := closest(name, [x for x in attributes if x not in written])
-            ):
-                raise self.error(f"unknown attribute '{name}'; did you mean '{best}'?")
+        if any(name not in attributes for name in self.xml.attrib):
+            written = dict.fromkeys(self.attributes())
+            for name in written:
+                if name not in attributes and (
+                    best := closest(name, [x for x in attributes if x not in written])
+                ):
+                    raise self.error(f"unknown attribute '{name}'; did you mean '{best}'?")
+        nodes = {_written(xml): xml for xml in self.xml}
         for tag, xml in nodes.items():
             if tag not in children and (best := closest(tag, [x for x in children if x not in nodes])):
                 raise XmlNode(xml, self.file).error(f"unknown in {self.label}; did you mean <{best}>?")
@@ -367,7 +374,8 @@ def origin_of(node: XmlNode | None) -> Array:
         return np.eye(4)
     position = node.numbers("xyz", 3, (0, 0, 0))
     if "quat_xyzw" not in node.xml.attrib:
-        return placement_from(rotation_from_rpy(*node.numbers("rpy", 3, (0, 0, 0))), position)
+        turn = rotation_from_rpy(*node.numbers("rpy", 3)) if "rpy" in node.xml.attrib else UNTURNED
+        return placement_from(turn, position)
     if "rpy" in node.xml.attrib:
         raise node.error("states both 'rpy' and 'quat_xyzw'; keep one")
     quaternion = node.numbers("quat_xyzw", 4)
