@@ -53,9 +53,9 @@ def placed(kind: JointKind, q: Array, axis: Array, slope: float) -> tuple[Array,
 
 
 def turn_parts(axis: Array) -> Array:
-    """Return C0, C1, C2 of rotations about an axis, C0 + C1 cos + C2 sin, shape (3, 3, 3)."""
-    along = np.outer(axis, axis)
-    return np.array([along, np.eye(3) - along, hat(axis)])
+    """Return C0, C1, C2 of rotations about axes (..., 3), C0 + C1 cos + C2 sin, shape (..., 3, 3, 3)."""
+    along = axis[..., :, None] * axis[..., None, :]
+    return np.stack([along, np.eye(3) - along, hat(axis)], axis=-3)
 
 
 def moved(kind: JointKind, q: Array, xi: Array) -> Array:

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..joints.displacement import bending, difference, moved, placed, turn_parts
+from ..joints.displacement import bending, difference, moved, placed
 from ..joints.kinds import JointKind
 from ..spatial import Array
 
@@ -59,12 +59,6 @@ class TreeJoint:
         """
         axis = self.axis if self.kind.single else np.array([0.0, 0.0, 1.0])
         return placed(self.kind, q, axis, self.slope)
-
-    @property
-    def turn_parts(self) -> Array:
-        """C0, C1, C2 of the child axes in the parent, C0 + C1 cos + C2 sin, shape (3, 3, 3)."""
-        parts: Array = np.matmul(self.R, turn_parts(self.axis))
-        return parts
 
     @property
     def neutral(self) -> Array:

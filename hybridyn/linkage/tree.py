@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import DTypeLike
 
+from ..joints.displacement import turn_parts
 from ..joints.kinds import Turn
 from ..spatial import (
     Array,
@@ -98,7 +99,8 @@ class Tree:
         Their rotations are C0 + C1 cos + C2 sin.
         """
         numbers, at, _ = self._where(lambda j: j.kind.single and j.kind.turn is turn)
-        parts = np.array([self.joints[i].turn_parts for i in numbers]).swapaxes(0, 1)
+        own = turn_parts(np.array([self.joints[i].axis for i in numbers]))
+        parts = np.matmul(self._placement_R[numbers, None], own).swapaxes(0, 1)
         return turn, run(numbers), at, parts[..., None]
 
     def _where(self, chosen: Callable[[TreeJoint], bool]) -> tuple[Index, Index, Index]:

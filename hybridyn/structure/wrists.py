@@ -21,7 +21,7 @@ from ..joints.kinds import JointKind, RotationKind
 from ..linkage.closures import TreeClosure
 from ..linkage.couplings import TreeCoupling
 from ..linkage.joints import TreeJoint
-from ..spatial import Array
+from ..spatial import Array, cross
 from .bodies import Body
 
 #: Axes of a wrist must intersect to this part of the robot's reach, and the cosine between the axes of a
@@ -174,12 +174,12 @@ class Cutting:
     def _crossing(self, first: TreeJoint, second: TreeJoint) -> Array | None:
         """Compute the point where two adjacent revolute axes intersect, in the body between them, or None."""
         a, b, p = first.axis, second.R @ second.axis, second.p
-        normal = np.cross(a, b)
+        normal = cross(a, b)
         if normal @ normal < 1e-6:
             return None  # nearly parallel axes do not form a wrist
         if abs(normal @ p) > EXACT * self.reach * np.linalg.norm(normal.astype(float)):
             return None
-        along = np.cross(p, b) @ normal / (normal @ normal)
+        along = cross(p, b) @ normal / (normal @ normal)
         return along * a
 
     def _equivalent(
@@ -245,6 +245,6 @@ def axis_frame(axis: Array) -> Array:
     """Return orthonormal axes, shape (3, 3), whose third axis is `axis`."""
     other = np.zeros(3)
     other[np.argmin(np.abs(axis))] = 1.0
-    x = np.cross(other, axis)
+    x = cross(other, axis)
     x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(axis, x), axis], axis=1)
+    return np.stack([x, cross(axis, x), axis], axis=1)
