@@ -9,7 +9,7 @@ the polygon of a planar loop lies in its plane. Bodies with given joints between
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ from ..linkage.targets import Target
 from ..spatial import Array, Index, rotate
 
 
-@dataclass(frozen=True, eq=False)
-class Corner:
+class Corner(NamedTuple):
     """A point that two bodies share.
 
     Attributes:
@@ -38,14 +37,14 @@ class Corner:
     points: Sequence[Array]
     axes: Sequence[Array]
     slack: float = 0.0
-    known: Array = field(default_factory=lambda: np.eye(3))
+    known: Array = np.eye(3)
     part: int = 0
 
     @property
     def reversed(self) -> Corner:
         """The same corner, from the other body."""
-        return replace(
-            self, bodies=self.bodies[::-1], points=self.points[::-1], axes=self.axes[::-1], part=1 - self.part
+        return self._replace(
+            bodies=self.bodies[::-1], points=self.points[::-1], axes=self.axes[::-1], part=1 - self.part
         )
 
     @property
@@ -57,7 +56,7 @@ class Corner:
         """Return the corner in a frame in which its own has the placement R, p, shapes (T, 3, 3), (T, 3)."""
         points = [rotate(R, point) + p for point in self.points]
         axes = [rotate(R, axis) for axis in self.axes]
-        return replace(self, points=points, axes=axes, known=np.matmul(self.known, np.swapaxes(R, 1, 2)))
+        return self._replace(points=points, axes=axes, known=np.matmul(self.known, np.swapaxes(R, 1, 2)))
 
 
 def shortfall(

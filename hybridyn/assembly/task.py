@@ -24,7 +24,6 @@ from ..structure.robot import HybridRobot
 from ..structure.samples import as_positions
 from .free_motions import IDLE, effects
 from .module_request import ModuleRequest
-from .shortfall import shortfall
 
 #: Rows over the free freedoms are singular if their reciprocal condition number is below this.
 SINGULAR_ROWS = 1e-10
@@ -192,6 +191,8 @@ class Task(NamedTuple):
 
     def lacking(self, q: Array, samples: Index) -> Array:
         """Return the length that the loops lack in any posture, see `shortfall`."""
+        from .shortfall import shortfall  # loops that close need none
+
         return shortfall(self.problem, self.with_known(q, samples), samples, self.given, self.tolerance)
 
     def mirrored(self, q: Array, samples: Index) -> Mask:

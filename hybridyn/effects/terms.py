@@ -14,7 +14,13 @@ from ..structure.robot import HybridRobot
 
 
 @dataclass(frozen=True)
-class Gravity:
+class WithoutParameters:
+    """Base class of these effects: all of one class are equal."""
+
+    name: ClassVar[str]
+
+
+class Gravity(WithoutParameters):
     """Weight of every body, as an acceleration -g of the first base: V_dot_0 - g.
 
     Unit: m/s^2, `robot.gravity`. Source: Ibrahim & Khalil (2010), below Eq. (29).
@@ -28,8 +34,7 @@ class Gravity:
         return rotate_back(rotation_from_quaternion(q[:, 3:7]), g) if robot.base == "moving" else g
 
 
-@dataclass(frozen=True)
-class Inertia:
+class Inertia(WithoutParameters):
     """Inertial forces of every body; without them the inverse model is static.
 
     Without this effect, rates and accelerations are zero in the recursion; joint laws and contacts still use
@@ -43,8 +48,7 @@ class Inertia:
         return v, a
 
 
-@dataclass(frozen=True)
-class LegInertia:
+class LegInertia(WithoutParameters):
     """The legs' part of gravity and inertia: H, F_b by RNEA, [[S1, D^T], [D, A]] by CRBA.
 
     It is on with gravity or inertia, unless legs are to be massless (`MasslessLegs`). Legs are all bodies
@@ -68,15 +72,13 @@ class LegInertia:
         return s.mechanism.legs.crba(s.q)
 
 
-@dataclass(frozen=True)
-class MasslessLegs:
+class MasslessLegs(WithoutParameters):
     """Legs without mass: the platform-only model, without the legs' part of gravity and inertia."""
 
     name: ClassVar[str] = "massless_legs"
 
 
-@dataclass(frozen=True)
-class VelocityTerms:
+class VelocityTerms(WithoutParameters):
     """Centrifugal, Coriolis and gyroscopic forces of legs and platforms.
 
     Without this effect, twists and rates are zero in the inertial forces of legs and platforms, and only
