@@ -8,7 +8,8 @@ b - a are one operation. All of that is exact in floating point.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -26,8 +27,7 @@ TWO = (
 TRUTH = ("lt", "le", "eq", "ne", "not", "and", "or")
 
 
-@dataclass(frozen=True)
-class Operation:
+class Operation(NamedTuple):
     """An operation.
 
     Attributes:
@@ -115,18 +115,25 @@ class Graph:
 
         for i, node in enumerate(self.nodes):
             inner = node.arguments if node.name == "input" else tuple(map(moved, node.arguments))
-            place.append(rule(out, i, replace(node, arguments=inner)))
+            place.append(rule(out, i, node._replace(arguments=inner)))
         out.outputs = [[out.plain(moved(x)) for x in output] for output in self.outputs]
         return out
 
     def used(self) -> Graph:
-        """Return the graph without operations that no output depends on."""
-        needed = {abs(x) - 1 for output in self.outputs for x in output}
-        for i in reversed(range(len(self.nodes))):
-            if i in needed and self.nodes[i].name != "input":
-                for x in self.nodes[i].arguments:
-                    needed.add(abs(x) - 1)
-        return self.rebuilt(lambda out, i, node: out.again(node) if i in needed else 0)
+        """Return the graph without operations that no output depends on; nothing is added to it later."""
+        needed = {x for output in self.outputs for x in output}
+        for i in range(len(self.nodes), 0, -1):
+            if i in needed and self.nodes[i - 1].name != "input":
+                needed.update(map(abs, self.nodes[i - 1].arguments))
+        place: dict[Reference, Reference] = {}
+        for k, i in enumerate(sorted(needed), 1):
+            place[i], place[-i] = k, -k
+        nodes = [self.nodes[i - 1] for i in sorted(needed)]
+        nodes = [
+            x if x.name == "input" else Operation(x.name, tuple(place[i] for i in x.arguments), x.value)
+            for x in nodes
+        ]
+        return Graph(self.sizes, nodes, [[place[x] for x in output] for output in self.outputs])
 
 
 def graph_of(function: ca.Function) -> Graph:

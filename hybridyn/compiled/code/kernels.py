@@ -79,6 +79,8 @@ def operations_of(function: ca.Function) -> Graph:
 def shared_quotients(graph: Graph) -> Graph:
     """Return a graph in which no divisor that is a constant, or that divides twice, divides at run time."""
     divisors = Counter(node.arguments[1] for node in graph.nodes if node.name == "div")
+    if all(n == 1 and graph.nodes[x - 1].name != "constant" for x, n in divisors.items()):
+        return graph
 
     def rule(out: Graph, i: int, node: Operation) -> Reference:
         """Return what becomes of an operation."""

@@ -64,7 +64,9 @@ class _Printed:
         self.sums = summed(program) if lanes > 1 else {}
         graphs = [kernel_graph(kernel) for kernel in program.kernels]
         texts = [kernel_text(graph) for graph in graphs]
-        adding = [kernel_text(graph, self.sums.get(k, ())) for k, graph in enumerate(graphs)]
+        adding = [
+            kernel_text(graphs[k], self.sums[k]) if self.sums.get(k) else text for k, text in enumerate(texts)
+        ]
         self.names, self.adding = ([_named(text) for text in every] for every in (texts, adding))
         self.bodies = dict(zip([*self.names, *self.adding], [*texts, *adding], strict=True))
         single = lanes > 1 and program.name in CALLED_ALONE
