@@ -127,6 +127,15 @@ def subtracted(a: Array, b: Array) -> Array:
     return a - b
 
 
+def multiplied(a: Array, b: Array) -> Array:
+    """Compute a * b, as `added` computes a + b."""
+    if symbolic(a, b):
+        from .symbols import times
+
+        return np.asarray(times(a, b))
+    return a * b
+
+
 def _in_order(x: Array) -> bool:
     """Return whether the last axes of an array change first in memory."""
     return x.flags.c_contiguous or list(x.strides) == sorted(x.strides, reverse=True)

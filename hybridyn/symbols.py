@@ -25,7 +25,12 @@ def is_zero(x: Any) -> bool:
 
 
 def times(x: Any, y: Any) -> Any:
-    """Multiply two scalars; the product is the float 0 if a factor is known to be zero."""
+    """Multiply two scalars or two arrays; a product is the float 0 if a factor is known to be zero."""
+    return _product(x, y) if isinstance(x, np.ndarray) else _of_two(x, y)
+
+
+def _of_two(x: Any, y: Any) -> Any:
+    """Multiply two scalars, as `times` does."""
     return 0.0 if is_zero(x) or is_zero(y) else _times(x, y)
 
 
@@ -54,7 +59,7 @@ def minus(x: Any, y: Any) -> Any:
     return _subtracted(x, y) if isinstance(x, np.ndarray) else _minus(x, y)
 
 
-_added, _subtracted, _product = (np.frompyfunc(f, 2, 1) for f in (_plus, _minus, times))
+_added, _subtracted, _product = (np.frompyfunc(f, 2, 1) for f in (_plus, _minus, _of_two))
 
 
 def dot(A: Expression, B: Expression) -> Expression:

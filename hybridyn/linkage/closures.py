@@ -15,13 +15,16 @@ from ..joints.kinds import RotationKind
 from ..spatial import (
     Array,
     Mask,
+    added,
     compose,
     cross,
+    multiplied,
     rotate,
     run,
     samples_inside,
     select,
     slices,
+    subtracted,
 )
 from .closure_rows import TURNING, directions_of, drift_of, residual_of, rows_of, slides_of, turns_dot
 from .couplings import CouplingRows, TreeCoupling
@@ -98,7 +101,7 @@ class _Group:
     def _placed(self, motion: Motion) -> tuple[Array, Array]:
         """Compute axes and origins of the frames A, then of the frames B, (T, 2 g, 3, 3), (T, 2 g, 3)."""
         R = select(motion.R, self.bodies)
-        return compose(R, self.R), select(motion.p, self.bodies) + rotate(R, self.p)
+        return compose(R, self.R), added(select(motion.p, self.bodies), rotate(R, self.p))
 
     def residual(self, motion: Motion) -> Array:
         """Compute the residuals, shape (T, g, rows): metres, then radians."""
@@ -108,9 +111,9 @@ class _Group:
     def matrix(self, tree: Tree, motion: Motion, columns: tuple[Array, Array]) -> Array:
         """Compute the rows over the involved freedoms, shape (T, g, rows, involved)."""
         A, _, B, pb = self.frames(motion)
-        linear, angular = (select(c, self.cols) * self.sign for c in columns)
+        linear, angular = (multiplied(select(c, self.cols), self.sign) for c in columns)
         origin = select(motion.p, tree.dof_body[self.cols])
-        at_b = linear + cross(angular, pb[:, :, None, :] - origin)
+        at_b = added(linear, cross(angular, subtracted(pb[:, :, None, :], origin)))
         return rows_of(directions_of(self.translations, self.rotation, A, B[..., 2]), (at_b, angular))
 
     def rates(self, motion: Motion) -> tuple[Array, Array]:
@@ -188,7 +191,7 @@ class Closures:
         for group in self._groups:
             rows = group.matrix(self.tree, motion, columns).transpose(1, 2, 3, 0)
             at, cols = group.rows[:, :, None], group.cols[:, None, :]
-            by_row[at, cols] = rows * (row_scale[at] * col_scale[cols])[..., None]
+            by_row[at, cols] = multiplied(rows, (row_scale[at] * col_scale[cols])[..., None])
         if self.couplings:
             first = self.rows - len(self.couplings)
             K[:, first:] = self._coupled.matrix(motion.q) * row_scale[first:, None] * col_scale

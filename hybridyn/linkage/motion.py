@@ -6,7 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..spatial import Array, Index, Mask, cross, rotate, rotate_back, rotation_from_vector
+from ..spatial import (
+    Array,
+    Index,
+    Mask,
+    added,
+    compose,
+    cross,
+    rotate,
+    rotate_back,
+    rotation_from_vector,
+    symbolic,
+)
 
 
 class Motion(NamedTuple):
@@ -68,8 +79,8 @@ class Motion(NamedTuple):
         r, w1, pd1 = rotate(self.R, inner.p), rotate(self.R, inner.w), rotate(self.R, inner.p_dot)
         wd1, pdd1 = rotate(self.R, inner.w_dot), rotate(self.R, inner.p_ddot)
         return Motion(
-            np.matmul(self.R, inner.R),
-            self.p + r,
+            (compose if symbolic(self.R, inner.R) else np.matmul)(self.R, inner.R),
+            added(self.p, r),
             self.w + w1,
             self.p_dot + cross(self.w, r) + pd1,
             self.w_dot + cross(self.w, w1) + wd1,

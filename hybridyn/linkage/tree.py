@@ -18,9 +18,11 @@ from ..spatial import (
     Array,
     Index,
     Mask,
+    added,
     compose,
     cos,
     cross,
+    multiplied,
     rotate,
     run,
     samples_inside,
@@ -172,7 +174,8 @@ class Tree:
         for turn, numbers, at, (still, by_cos, by_sin) in self._turning:
             x = q.T[at]
             c, s = (cos(x), sin(x)) if turn is Turn.ANGLE else (x, q.T[at + 1])
-            R[numbers] = still + by_cos * c[:, None, None] + by_sin * s[:, None, None]
+            turned = added(still, multiplied(by_cos, c[:, None, None]))
+            R[numbers] = added(turned, multiplied(by_sin, s[:, None, None]))
         if len(self._sliding):
             p[self._sliding] += self._slides * q.T[self._sliding_q][:, None]
         R, p = R.transpose(3, 0, 1, 2), p.transpose(2, 0, 1)
