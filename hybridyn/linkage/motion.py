@@ -81,9 +81,9 @@ class Motion(NamedTuple):
         return Motion(
             (compose if symbolic(self.R, inner.R) else np.matmul)(self.R, inner.R),
             added(self.p, r),
-            self.w + w1,
-            self.p_dot + cross(self.w, r) + pd1,
-            self.w_dot + cross(self.w, w1) + wd1,
+            added(self.w, w1),
+            added(added(self.p_dot, cross(self.w, r)), pd1),
+            added(added(self.w_dot, cross(self.w, w1)), wd1),
             self.p_ddot + cross(self.w_dot, r) + cross(self.w, cross(self.w, r) + 2 * pd1) + pdd1,
         )
 

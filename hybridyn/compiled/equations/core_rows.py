@@ -15,7 +15,7 @@ from ...linkage.closure_rows import closed_directions, directions_of, drift_of, 
 from ...linkage.closures import TreeClosure
 from ...linkage.couplings import CouplingRows
 from ...spatial import Array, cross, hat, rotate
-from ...symbols import Expression, dot, minus
+from ...symbols import Expression, dot, minus, plus, times
 from .chains import Chain, motion_map, point_acceleration, point_map, point_velocity
 from .expressions import numbers, scalar, zeros
 from .legs import turned_apart
@@ -60,7 +60,7 @@ def _side(chain: Chain, body: int, R: Expression, p: Expression) -> _Side:
     R0, V, c = chain.R0[body], chain.V[body], chain.c[body]
     return _Side(
         dot(R0, R),
-        chain.p0[body] + dot(R0, p),
+        plus(chain.p0[body], dot(R0, p)),
         dot(R0, point_velocity(V, p)),
         dot(R0, V[3:]),
         dot(R0, point_acceleration(V, c, p)),
@@ -143,7 +143,7 @@ def _rod_rows(
                 own[row, col] = 0.0
         own[2, [6 + col for col in rod.turns]] = 0.0
     moved = minus(far.J[:3], dot(hat(chain.p0[body] + dot(chain.R0[body], numbers(point))), far.J[3:]))
-    return R.T, minus(own, dot(R.T, moved)) * sign
+    return R.T, times(minus(own, dot(R.T, moved)), sign)
 
 
 def _closure(

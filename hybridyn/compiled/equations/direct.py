@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import Index, crf, hat, wrench_to_base
-from ...symbols import Expression, dot
+from ...symbols import Expression, dot, minus, plus
 from .chains import forces, mass_matrix, motion_map, wrench_map
 from .core import Core, motions_of, own_inertia, rank_guard
 from .direct_legs import LEG_SUMS
@@ -94,8 +94,8 @@ def _add_output(
     at_zero = np.concatenate([dot(R0, c[:3]), dot(R0, c[3:])])
     at_zero[:3] = at_zero[:3] + dot(hat(p0), at_zero[3:])
     W = dot(inertia, at_zero) + wrench_to_base(R0, p0, beta)
-    M[:] = M + congruence(J, inertia)
-    b[:] = b + dot(J.T, W)
+    M[:] = plus(M, congruence(J, inertia))
+    b[:] = plus(b, dot(J.T, W))
     return Needed(body, J, inertia, W)
 
 
@@ -160,9 +160,9 @@ def _over_base(core: Core, plan: ModulePlan, options: Options) -> tuple[Expressi
     """Return y over [V_dot_base, 1, u_dot] that keeps the loops closed, and the doubts of the pivots."""
     K = core.rows.K
     with_base = _with_base(core) if options.loaded else zeros(core.chain.nv, 6)
-    right = np.concatenate([-K[:, :6] - dot(K[:, 6:], with_base), -core.rows.gamma[:, None]], axis=1)
+    right = np.concatenate([minus(-K[:, :6], dot(K[:, 6:], with_base)), -core.rows.gamma[:, None]], axis=1)
     X, doubts = motions_of(plan, K[:, 6:], right)
-    X[:, :6] = X[:, :6] + with_base
+    X[:, :6] = plus(X[:, :6], with_base)
     return X, doubts
 
 
