@@ -2,6 +2,7 @@
 
 import gc
 import hashlib
+import inspect
 import itertools
 import os
 import re
@@ -11,7 +12,7 @@ import sys
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
@@ -170,12 +171,43 @@ def build_once() -> None:
     module_builder.Mechanism = built  # type: ignore[assignment,misc]
 
 
+@pytest.fixture(scope="session", autouse=True)
+def write_once() -> None:
+    """Write each model of a robot once a worker: many tests ask for the same, and programs never change."""
+    from hybridyn.compiled.programs import robot_programs, sources, whole_robot
+
+    write = whole_robot.programs_of
+    made: dict[object, Any] = {}
+
+    @wraps(write)
+    def written(asked: Any, models: tuple[str, ...]) -> Any:
+        slots = getattr(asked.arguments, "slots", ())
+        if asked.arguments is not None and not slots:
+            return write(asked, models)
+        facts = slots, asked.dtype, asked.compared, asked.links, models
+        key = sources.robot_key(asked.robot, asked.on), facts
+        if key not in made:
+            made[key] = write(asked, models)
+        return dict(made[key])
+
+    whole_robot.programs_of = robot_programs.programs_of = written
+
+
 @pytest.fixture
 def built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a test see how modules are built, whatever was built before."""
     from hybridyn.structure import mechanism, module_builder
 
     monkeypatch.setattr(module_builder, "Mechanism", mechanism.Mechanism)
+
+
+@pytest.fixture
+def written_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a test change how models are written: none that was written before is taken, or kept."""
+    from hybridyn.compiled.programs import robot_programs, whole_robot
+
+    for file in (robot_programs, whole_robot):
+        monkeypatch.setattr(file, "programs_of", inspect.unwrap(file.programs_of))
 
 
 def is_shipped(file: Any) -> bool:

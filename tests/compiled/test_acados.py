@@ -1,7 +1,8 @@
 """The direct model as acados calls it: built without acados, and called through CasADi."""
 
 import ctypes
-from functools import partial
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 
 import casadi as ca
@@ -24,20 +25,31 @@ ROUNDING = 1e-11
 LIBRARY = ("-shared", "-fPIC", "-O0")
 
 
-def built(robot: hybridyn.HybridRobot, folder: Path, *words: str) -> Path:
-    """Export a robot as "bar", and build it."""
-    export(robot, folder, name="bar", acados=True)
-    file = folder / "bar.so"
-    assert compiler(*STRICT, *LIBRARY, *words, "-o", file, folder / "bar.c", "-lm") == ""
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Export each robot once, as "bar"."""
+
+    @cache
+    def source(name: str) -> Path:
+        folder = tmp_path_factory.mktemp(name)
+        export(build_robot(shipped(name)), folder, name="bar", acados=True)
+        return folder / "bar.c"
+
+    return source
+
+
+def built(source: Path, file: Path, *words: str) -> Path:
+    """Build what is exported."""
+    assert compiler(*STRICT, *LIBRARY, *words, "-o", file, source, "-lm") == ""
     return file
 
 
 @pytest.mark.parametrize("name", ["five_bar", slow("gough_stewart"), slow("lx4")])
-def test_casadi_calls_what_acados_calls(name: str, tmp_path: Path) -> None:
+def test_casadi_calls_what_acados_calls(name: str, exported: Callable[[str], Path], tmp_path: Path) -> None:
     """The judges are the general path and the derivatives over motors."""
     robot = build_robot(shipped(name))
     fast = ("-O1", *NATIVE) if name != "five_bar" else ()  # equal legs in vectors
-    file = built(robot, tmp_path, "-Dcasadi_int=long long int", *fast)
+    file = built(exported(name), tmp_path / "bar.so", "-Dcasadi_int=long long int", *fast)
     ode, forward, adjoint, hessian = (ca.external(f"bar_{word}", str(file)) for word in SIGNATURES)
     m, random = len(robot.motors), np.random.default_rng(0)
     x = 5e-3 * random.normal(size=2 * m) + np.append(robot.home[robot.motor_q], np.zeros(m))
@@ -64,10 +76,12 @@ def test_casadi_calls_what_acados_calls(name: str, tmp_path: Path) -> None:
     close_to(both[1].full().ravel(), lower, ROUNDING)
 
 
-def test_acados_finds_shapes_and_memory_and_what_fails(tmp_path: Path) -> None:
+def test_acados_finds_shapes_and_memory_and_what_fails(
+    exported: Callable[[str], Path], tmp_path: Path
+) -> None:
     """With its own integers: dense arrays of known shapes; NaN and 1 where no posture follows."""
     robot = build_robot(shipped("five_bar"))
-    library = ctypes.CDLL(str(built(robot, tmp_path)))
+    library = ctypes.CDLL(str(built(exported("five_bar"), tmp_path / "bar.so")))
     f = library.bar_expl_vde_forw
     sizes = [ctypes.c_int() for _ in range(4)]
     assert library.bar_expl_vde_forw_work(*map(ctypes.byref, sizes)) == 0

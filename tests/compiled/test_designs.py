@@ -218,7 +218,7 @@ def test_new_models_are_tried_where_one_coordinate_of_each_position_moves() -> N
 
 @pytest.mark.slow
 def test_rows_that_hold_on_the_lines_of_rods_alone_are_not_used(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path, written_anew: None
 ) -> None:
     """A position moves a slide off the line of its rod; here the rows of that rod do not feel its turns."""
     monkeypatch.setenv(VARIABLE, str(tmp_path))

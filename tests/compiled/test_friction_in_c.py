@@ -170,7 +170,9 @@ def test_a_wedge_that_may_jam_is_left_to_the_general_path(tmp_path: Path, angle:
 
 
 @pytest.mark.parametrize("base", ["fixed", "floating"])
-def test_an_iteration_that_did_not_arrive_is_not_trusted(base: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_iteration_that_did_not_arrive_is_not_trusted(
+    base: str, monkeypatch: pytest.MonkeyPatch, written_anew: None
+) -> None:
     """Of one module, and of two."""
     robot = build_robot(shipped("five_bar"), base=base)
     effects = ["default", LoadFriction(radial=rubbing_law(robot).radial, width=0.05)]

@@ -65,7 +65,7 @@ def test_kinematics(name: str, base: Base) -> None:
 
 
 def test_effects_that_are_off_leave_no_code_and_base_parameters_make_it_shorter(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, written_anew: None
 ) -> None:
     robot = hybridyn.load("five_bar")
     chosen: tuple[list[str] | None, ...] = (

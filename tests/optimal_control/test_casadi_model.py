@@ -66,7 +66,7 @@ def test_samples_stay_apart(interpreted: None) -> None:
 
 def test_exact_hessians_save_iterations() -> None:
     robot, way = build_robot(shipped("five_bar")), np.array([0.6, 0.5])
-    exact, approximate = (solved(robot, way, 12, x) for x in ("exact", "limited-memory"))
+    exact, approximate = (solved(robot, way, 8, x) for x in ("exact", "limited-memory"))
     assert exact.success
     assert approximate.success
     close_to(exact.least, approximate.least, OPTIMUM)

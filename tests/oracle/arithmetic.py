@@ -91,8 +91,13 @@ class Extended:
         return Factor(Q[:, :rank][:, turned], inverse, V[:, :rank], V[:, rank:])
 
     def solve(self, A: Numbers, B: Numbers) -> Numbers:
-        """Solve the square system `A X = B`."""
-        return self.factor(A, 0.0).least_norm(B)
+        """Solve the square system `A X = B` by one QR."""
+        Q, R, order, _ = self._qr(A, 0.0, 0.0)
+        Y, X = Q.T @ B, np.empty_like(B)
+        for i in reversed(range(len(Y))):
+            Y[i] = ((Y[i] - R[i, i + 1 :] @ Y[i + 1 :]) if i + 1 < len(Y) else Y[i]) / R[i, i]
+        X[order] = Y
+        return X
 
     def _qr(self, A: Numbers, tolerance: float, largest: float) -> tuple[Numbers, Numbers, list[int], int]:
         """Compute Q (square), R, the column order and the rank of `A[:, order] = Q R`."""

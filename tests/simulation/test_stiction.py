@@ -260,6 +260,30 @@ def test_what_runs_have_no_stiction(tmp_path: Path, name: str) -> None:
     refused(lambda: simulate(block(tmp_path), [0.0], [0.0], times, effects=law, **options), kind, words)
 
 
+def test_a_joint_by_itself_holds_what_its_own_side_can() -> None:
+    """An effort of friction that is positive resists a negative motion."""
+    held = [Hold(np.eye(1)).share(np.array([x]), np.ones(1), np.full(1, 4.0)) for x in (2.0, -2.0)]
+    assert [one.ratio for one in held] == [0.5, 2.0]
+
+
+def test_a_load_that_hardly_exceeds_what_a_joint_holds_releases_it(tmp_path: Path) -> None:
+    """By a third of a percent at the end of the step."""
+    options = {"effects": ["default", CoulombFriction({"x": 3.0})], "stiction": True}
+    run = simulate(block(tmp_path), [0.0], [0.0], (0, 1.0), effort=ramp(3.01), **options)
+    start = 3.0 / 3.01
+    assert abs(released(run) - start) < EXACT
+    assert abs(run.v[-1, 0] - 3.01 * (1.0 - start) ** 2 / 4) < EXACT  # 2 v' = 3.01 (t - start)
+
+
+def test_a_joint_that_would_turn_back_at_once_sticks(tmp_path: Path) -> None:
+    """Its load exceeds what it holds for a nanosecond; friction must not drive it backwards then."""
+    options = {"effects": ["default", CoulombFriction({"x": 3.0})], "stiction": True}
+    run = simulate(block(tmp_path), [0.0], [0.0], (0, 1.0), **options,
+                   effort=lambda t, q, v: np.array([3.0 * (1.0 + 1e-9) - t]))  # fmt: skip
+    assert not run.v[-1].any()
+    assert np.abs(run.q).max() < EXACT
+
+
 def test_without_dry_friction_nothing_can_stick() -> None:
     robot = linkage([("arm", "revolute", "ground", "a", (0, 0), Z)], [], ["arm"])
     start, law = (robot.home, np.zeros(robot.nv), (0, 1)), ["default", ViscousFriction({"arm": 1.0})]

@@ -243,6 +243,9 @@ def test_draws_are_repeatable_and_differ_by_seed() -> None:
 
 
 def test_every_kind_of_closure_is_drawn() -> None:
-    drawn_kinds = {closure.kind for kind in KINDS for closure in random_mechanism(0, kind=kind).closures}
-    assert drawn_kinds == set(CLOSURES)
+    missing = set(CLOSURES)
+    for kind in KINDS:
+        if missing:
+            missing -= {closure.kind for closure in random_mechanism(0, kind=kind).closures}
+    assert not missing
     assert all(count > 0 for count in ROW_COUNT.values())

@@ -40,7 +40,7 @@ from hybridyn.studies.cost.variants import QUANTITIES, by_rates, study_models
 from hybridyn.tables.signals import WRENCH
 from tests import ROOT
 from tests.assembly.test_assembly import waves
-from tests.robots.robot_texts import CLOSED_FOUR_BAR
+from tests.robots.robot_texts import door
 from tests.support.clocks import Clock
 from tests.support.command_line import call, table_text
 from tests.support.comparing import refused
@@ -481,9 +481,9 @@ def test_effects_that_were_not_run_to_the_end_are_told(monkeypatch: pytest.Monke
 
 def test_effects_that_act_on_nothing_have_no_line(tmp_path: Path) -> None:
     """Files that state a rotor, a friction or none: of those that are not there, no word."""
-    before = '<dynamics damping="0.1" friction="0.2"/>'
+    limit = 'velocity="20" effort="50"/>'
     for stated in ("", '<dynamics damping="0.1"/>'):
-        robot = hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR.replace(before, stated), "bar.urdf"))
+        robot = hybridyn.load(save(tmp_path, door(1).replace(limit, limit + stated), "door.urdf"))
         some, names = motion(robot, 4), {"viscous_friction"} if "damping" in stated else set()
         on = choose(robot, "model")
         study = CostStudy("", "per sample")
