@@ -20,6 +20,7 @@ from .program import Program, stored
 from .programs.closing.tables import TableAssembler
 from .programs.designs import DesignsInSlots
 from .programs.evaluating import DesignEvaluator, DesignTable
+from .programs.module_loops import ModuleLoops
 from .programs.robot_programs import RobotPrograms
 from .programs.sources import asked_for
 from .repeated import ddm, idm
@@ -38,6 +39,7 @@ __all__ = [
     "InertialColumns",
     "JointChart",
     "Law",
+    "ModuleLoops",
     "Pieces",
     "Program",
     "RobotPrograms",

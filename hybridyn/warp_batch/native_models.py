@@ -12,6 +12,7 @@ from ..errors import ModelError
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
 from .functions import Native, native, own_text, sizes_text
+from .module_lanes import modules_text
 
 #: Fields of numbers on which the closures depend.
 GEOMETRY = ("placement", "frame_a", "frame_b", "offset")
@@ -81,22 +82,26 @@ class NativeModels:
         )
 
     def _close(self) -> Native:
-        return self._following("close", self._motions[1], {}, "walk")
+        text = self._modules_text()
+        return native("close", self._motions, {}, "follow(given, result)", self.dtype, text)
 
     def _control(self) -> Native:
         """Return the efforts from the motors' motion; the inverse model need not compare the loops again."""
         idm = self._programs.model("idm", compared=False)
-        outputs = [*self._motions[1], *idm.outputs]
-        return self._following("idm_from_motors", outputs, {"idm": idm}, "control", c_text("control.h"))
+        given, motion = self._motions
+        text = self._modules_text() + own_text("efforts.h")
+        ends = given, [*motion, *idm.outputs]
+        return native("idm_from_motors", ends, {"idm": idm}, "control(given, result)", self.dtype, text)
 
-    def _following(
-        self, name: str, outputs: Ends, more: dict[str, Program], way: str, after: str = ""
-    ) -> Native:
-        """Return a function of the motors' motion, which the C function `way` makes."""
-        close, motors = self._programs.model("close"), self.robot.motors
-        text = f"{self._programs.walk(close, motors)}{after}#define WAY {way}\n{own_text('motors.h')}"
-        ends, called = (self._motions[0], outputs), self._along(close, motors) | more
-        return native(name, ends, called, "follow(given, result)", self.dtype, text)
+    def _modules_text(self) -> str:
+        """Return the C that closes all loops from the motors, see `module_lanes`.
+
+        Raises:
+            SingularityError: The motors depend on each other.
+        """
+        motors = self.robot.motors
+        self._programs.check_independent(motors, "motors", CONTRADICTING)
+        return modules_text(self._programs, motors)
 
     def _along(self, close: Program, side: Sequence[str]) -> dict[str, Program]:
         """Return the programs of a walk: that which closes the loops, and that which compares them.

@@ -1,8 +1,9 @@
 /* The loops closed from one side's positions, along the branch of a posture: for exported C and for Warp. Needs the numbers
-   of `walking.walk_text`: NQ, NV, SIDE (joints of the side), GIVEN (size of what the program reads), NUMBERS (of which at its
-   end are parameters), POSED (whether the side's positions are among it), and the rules of a walk; the programs "close" and
-   "turning"; `newton.h`, `walk.h`; `at` and `turns`, the places of the side's joints in q, and `farthest`, how far each may move in one part of the
-   way; `unit_size`, how many coordinates of length one begin at each coordinate. `room`: memory of the programs. */
+   of `walking`: NQ, NV, SIDE (joints of the side), GIVEN (size of what the program reads), NUMBERS (of which at its end are
+   parameters), POSED (whether the side's positions are among it), and the rules of a walk; the programs "close", STEP (the
+   same where RATED, else its step without rates), and "turning"; `newton.h`, `walk.h`; `at` and `turns`, the places of the
+   side's joints in q, and `farthest`, how far each may move in one part of the way; `unit_size`, how many coordinates of
+   length one begin at each coordinate. `room`: memory of the programs. */
 static S position_of(const S *q, int m) { return turns(m) ? SCALAR(atan2)(q[at(m) + 1], q[at(m)]) : q[at(m)]; }
 
 static void place(S *given, int m, S x) {
@@ -32,7 +33,7 @@ static S turned(const S *given, const S *here, const S *there, S *room) {
 /* A walk from a closed posture, `start` with what else the program reads, to the positions `goal`. */
 typedef struct {
     const S *start, *goal;
-    S *result, *room, given[GIVEN], here[NQ], from[SIDE], way[SIDE], guard;
+    S *result, *room, given[GIVEN], here[NQ], from[SIDE + !SIDE], way[SIDE + !SIDE], guard;
 } Side;
 
 /* A step of Newton's method; its size is the guard, which measures it by that of closed loops. */
@@ -40,7 +41,7 @@ static S side_step(void *of, int k, int *left) {
     Side *w = (Side *)of;
     (void)left;
     for (int i = 0; k && i < NQ; i++) w->given[i] = w->result[i];
-    return w->guard = close_run(w->given, w->result, w->room);
+    return w->guard = STEP(w->given, w->result, w->room);
 }
 
 /* How many times as long the next part of a walk is: as long as lets the rows turn by AIM of what is allowed, if they turn
@@ -52,7 +53,7 @@ static S times_as_long(S turn, S length, int good) {
 
 /* One part of the walk, in which Newton's method agrees. Ends where numbers are not finite. */
 static int side_part(void *of, int *left, S done, S to, S *times) {
-    const S near = to < 1 ? (S)ROUGH : (S)SETTLED; /* the rates of the last part are those after its steps */
+    const S near = to < 1 ? (S)ROUGH : (S)LAST;
     const Limits limits = {(S)(LONGEST / CLOSED), (S)CONTRACTION, near, 1, FEW_STEPS, 0};
     Side *w = (Side *)of;
     S turn = 1;
@@ -66,6 +67,16 @@ static int side_part(void *of, int *left, S done, S to, S *times) {
     *left = w->guard == w->guard;
     for (int k = 0; good && k < NQ; k++) w->here[k] = w->result[k];
     return good;
+}
+
+/* The rates, where the steps gave none: those before a step that is settled are those after it. Gives the guard. */
+static S side_rated(Side *w) {
+    S guard = (S)LAST;
+    for (int n = 0; n < 2 && !(guard <= (S)SETTLED); n++) {
+        for (int k = 0; k < NQ; k++) w->given[k] = w->result[k];
+        guard = close_run(w->given, w->result, w->room);
+    }
+    return guard;
 }
 
 /* Gives the guard: OTHER_BRANCH where no way leads there. */
@@ -83,5 +94,6 @@ static S walk(const S *start, const S *goal, S *result, S *room) {
     }
     if (!(longest > 0)) return longest / longest; /* NaN: the way is not finite */
     if (longest < (S)SHORTEST) return (S)OTHER_BRANCH; /* a wild goal */
-    return walked(side_part, &w, 1, longest, longest) || w.guard != w.guard ? w.guard : (S)OTHER_BRANCH;
+    if (!walked(side_part, &w, 1, longest, longest)) return w.guard != w.guard ? w.guard : (S)OTHER_BRANCH;
+    return RATED ? w.guard : side_rated(&w);
 }

@@ -13,7 +13,7 @@ Modules do not depend on each other, so equal modules are copies.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Sized
 from functools import reduce
 
 import casadi as ca
@@ -75,7 +75,7 @@ def turning_program(request: Request, side: Sequence[str]) -> Program:
     """
     w = loop_writer(request, "turning", {"near": "q", "q": "q"}, {})
     for key, numbers, kernel in loop_kernels(request, freedoms_of(request.robot, side)):
-        w.add(key, numbers, _turning(kernel))
+        w.add(key, numbers, turning(kernel))
     return w.program()
 
 
@@ -123,7 +123,7 @@ def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
     step, v, doubts = loops.step(rows, loops.independent(v))
     a = loops.accelerations(rows, loops.independent(a), drift(tree, rows, q_col, w_col, v))
     guard = ca.fmax(squares(doubts), largest(step / loops.unit) / closed)
-    if len(K) and (kernel.specs or len(K) > len(loops.pivots.rows)):
+    if _has_more_rows(kernel, K):
         scale = m.spanning_row_scale
         speed = largest(v / loops.unit)
         guard = ca.fmax(guard, largest(residual * scale) / closed)
@@ -133,7 +133,26 @@ def by_motors(kernel: LoopKernel, closed: float) -> Kernel:
     return kernel.kernel("close", [q_col, v_col, a_col], [pack(moved), pack(v), pack(a), guard])
 
 
-def _turning(kernel: LoopKernel) -> Kernel:
+def newton_step(kernel: LoopKernel, closed: float) -> Kernel:
+    """Return the kernel of the Newton step of `by_motors`, with its inputs and without rates."""
+    loops = kernel.loops
+    (q_col, q), (v_col, _), (a_col, _) = (
+        symbols(name, n) for name, n in (("q", loops.tree.nq), ("v", loops.tree.nv), ("a", loops.tree.nv))
+    )
+    rows = kernel.rows(q)
+    step, _, doubts = loops.solved(rows.K, -rows.residual[:, None])
+    guard = ca.fmax(squares(doubts), largest(step[:, 0] / loops.unit) / closed)
+    if _has_more_rows(kernel, rows.K):
+        guard = ca.fmax(guard, largest(rows.residual * kernel.m.spanning_row_scale) / closed)
+    return kernel.kernel("newton", [q_col, v_col, a_col], [pack(loops.moved(q, step[:, 0])), guard])
+
+
+def _has_more_rows(kernel: LoopKernel, K: Sized) -> bool:
+    """Return whether rows without a pivot have to be watched: they may depend on the others no longer."""
+    return bool(len(K)) and (bool(kernel.specs) or len(K) > len(kernel.loops.pivots.rows))
+
+
+def turning(kernel: LoopKernel) -> Kernel:
     """Return the kernel that compares two postures of modules, see `turning_program`."""
     loops = kernel.loops
     (near_col, near), (q_col, q) = (symbols(name, loops.tree.nq) for name in ("near", "q"))

@@ -21,7 +21,8 @@ from .close import freedoms_of, lift_program, turning_program
 from .closed_motion import ClosedMotion, PrescribedLink, closed_motion, link_motion
 from .loop_kernels import loop_kernels
 from .map_programs import map_programs
-from .walking import joints_text, walk_text
+from .module_loops import ModuleLoops, module_loops
+from .walking import joints_text, module_walk_text, walk_text
 from .whole_robot import function_of, programs_of
 
 if TYPE_CHECKING:
@@ -131,6 +132,14 @@ class RobotPrograms:
     def walk(self, program: Program, side: Sequence[str], *, posed: bool = False) -> str:
         """Return the C of the walk along a branch, see `walking.walk_text`."""
         return walk_text(self._asked, program, side, posed=posed)
+
+    def modules(self, side: Sequence[str]) -> list[ModuleLoops]:
+        """Write what closes the loops of one module at a time, for the modules of each shape."""
+        return module_loops(self._asked, side)
+
+    def module_walk(self, loops: ModuleLoops) -> str:
+        """Return the C of the walk of one module, see `walking.module_walk_text`."""
+        return module_walk_text(self._asked, loops)
 
     def joints(self, side: Sequence[str]) -> str:
         """Return the C that says where joints are in q and v, see `walking.joints_text`."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...assembly.follow import FARTHEST
 from ...linkage.newton import LONGEST_STEP
+from ...spatial import Array
 from ...structure.robot import HybridRobot
 from ..code.plain_c import prototype
 from ..code.scalars import GUARD_LIMIT, c_text
@@ -21,6 +22,7 @@ from ..equations.scales import GUARD_CLOSED
 from ..program import Program, stored
 from .close import turning_program
 from .closing.closing_source import SHORTEST
+from .module_loops import ModuleLoops
 
 #: Guard of a walk that does not come to its end; no other guard has this value.
 OTHER_BRANCH = 1e30
@@ -55,21 +57,72 @@ def walk_text(
         settled: Guard at which the rates are taken; 1 if a guard of the rates follows.
     """
     robot = request.robot
-    closed = GUARD_CLOSED[request.dtype]
-    names = {
+    sizes: dict[str, int | str] = {
         "NQ": robot.nq, "NV": robot.nv, "SIDE": len(side), "POSED": int(posed), "GIVEN": program.sizes[0],
-        "NUMBERS": sum(size for _, size in request.parameter_inputs), "CLOSED": closed,
-        "LONGEST": LONGEST_STEP, "ROUGH": max(ROUGH_END[request.dtype] / closed, settled), "SETTLED": settled,
-        "SHORTEST": SHORTEST, "AIM": AIM, "OTHER_BRANCH": OTHER_BRANCH,
+        "NUMBERS": sum(size for _, size in request.parameter_inputs), "STEP": "close_run", "RATED": 1,
         "WRENCHES": sum(size for _, size in request.wrench_inputs),
     }  # fmt: skip
-    lines, units = [f"#define {name} {value!r}" for name, value in names.items()], ["0"] * robot.nq
+    tables = _units_text(_unit_sizes(robot)) + joints_text(robot, side)
+    return _text(sizes, request.dtype, settled) + tables + _walk()
+
+
+def module_walk_text(request: Request, loops: ModuleLoops) -> str:
+    """Return the C of the walk of one module, with the programs of its shape."""
+    robot = request.robot
+    modules = [robot.modules[k] for k in loops.modules]
+    tree = modules[0].mechanism.spanning
+    sizes: dict[str, int | str] = {
+        "NQ": tree.nq, "NV": tree.nv, "SIDE": len(loops.side), "POSED": 0, "GIVEN": loops.close.sizes[0],
+        "NUMBERS": loops.numbers.shape[1], "STEP": "newton_run", "RATED": 0,
+    }  # fmt: skip
+    starts = [at.start for at in tree.v_slices]
+    joints, farthest = [starts.index(column) for column in loops.side], _farthest(robot)
+    text = _joints_text(
+        [tree.q_slices[i].start for i in joints],
+        loops.side,
+        [tree.joints[i].kind.endless for i in joints],
+        farthest[modules[0].v_index[list(loops.side)]],
+    )
+    units = _units_text(_unit_sizes(robot)[modules[0].q_index])
+    return _text(sizes, request.dtype) + units + text + _walk()
+
+
+def _text(sizes: dict[str, int | str], dtype: str, last: float | None = None) -> str:
+    """Return the macros that `side.h` needs; the last part of a walk ends as others do, or at a guard `last`."""
+    closed = GUARD_CLOSED[dtype]
+    rough = ROUGH_END[dtype] / closed
+    names = sizes | {
+        "CLOSED": closed, "LONGEST": LONGEST_STEP, "ROUGH": max(rough, last or 0), "LAST": last or rough,
+        "SETTLED": SETTLED_GUARD, "SHORTEST": SHORTEST, "AIM": AIM, "OTHER_BRANCH": OTHER_BRANCH,
+    }  # fmt: skip
+    return "".join(f"#define {name} {value}\n" for name, value in names.items())
+
+
+def _walk() -> str:
+    """Return the C of a walk."""
+    return "".join(map(c_text, ("newton.h", "walk.h", "side.h")))
+
+
+def _units_text(sizes: Array) -> str:
+    """Return the C function `unit_size`."""
+    return TABLE.format("int", "unit_size", ", ".join(map(str, sizes.tolist())) or "0")
+
+
+def _unit_sizes(robot: HybridRobot) -> Array:
+    """Return how many coordinates of length one begin at each of q, shape (nq,)."""
+    out = np.zeros(robot.nq, dtype=int)
     for columns in robot.unit_coordinates:
-        for column in columns[:, 0].tolist():
-            units[column] = str(columns.shape[1])
-    table = TABLE.format("int", "unit_size", ", ".join(units) or "0")
-    text = "".join(map(c_text, ("newton.h", "walk.h", "side.h")))
-    return "\n".join([*lines, joints_text(robot, side) + table + text])
+        out[columns[:, 0]] = columns.shape[1]
+    return out
+
+
+def _farthest(robot: HybridRobot) -> Array:
+    """Return how far each freedom may move in one part of a walk, shape (nv,), [rad, m]."""
+    out = np.full(robot.nv, UNLIMITED)
+    for module in robot.modules:
+        if module.mechanism.spanning_closures.rows:
+            out[module.v_index] = FARTHEST * module.mechanism.spanning_col_scale
+    return out
 
 
 def joints_text(robot: HybridRobot, side: Sequence[str]) -> str:
@@ -77,16 +130,19 @@ def joints_text(robot: HybridRobot, side: Sequence[str]) -> str:
 
     The last, `farthest`, is how far each may move in one part of a walk [rad, m].
     """
-    numbers, farthest = [robot.joint_index[name] for name in side], np.full(robot.nv, UNLIMITED)
-    for module in robot.modules:
-        if module.mechanism.spanning_closures.rows:
-            farthest[module.v_index] = FARTHEST * module.mechanism.spanning_col_scale
+    numbers = [robot.joint_index[name] for name in side]
     columns = [robot.v_slices[i].start for i in numbers]
+    at = [robot.q_slices[i].start for i in numbers]
+    return _joints_text(at, columns, [robot.kinds[i].endless for i in numbers], _farthest(robot)[columns])
+
+
+def _joints_text(at: Sequence[int], columns: Sequence[int], turns: Sequence[bool], farthest: Array) -> str:
+    """Return the C of `joints_text`."""
     tables = [
-        ("int", "at", [robot.q_slices[i].start for i in numbers]),
+        ("int", "at", at),
         ("int", "column", columns),
-        ("int", "turns", [int(robot.kinds[i].endless) for i in numbers]),
-        ("S", "farthest", [f"(S){x!r}" for x in farthest[columns].tolist()]),
+        ("int", "turns", map(int, turns)),
+        ("S", "farthest", [f"(S){x!r}" for x in farthest.tolist()]),
     ]
     return "".join(TABLE.format(kind, name, ", ".join(map(str, of)) or "0") for kind, name, of in tables)
 
