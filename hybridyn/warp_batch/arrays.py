@@ -109,8 +109,8 @@ class Arrays:
             size = np.prod(shape, dtype=float) * np.dtype(self.dtype).itemsize
             raise self._full(f"an array of {size / 1e9:.3g} GB") from error
 
-    def launch(self, kernel: Any, count: int, inputs: Sequence[Any]) -> None:
-        """Launch a kernel for each sample.
+    def launch(self, kernel: Any, count: int | tuple[int, int], inputs: Sequence[Any]) -> None:
+        """Launch a kernel for each sample, or for each module of each sample.
 
         Raises:
             TrajectoryError: The device is full.

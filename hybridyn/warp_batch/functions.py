@@ -24,6 +24,11 @@ wp: Any = import_module("warp") if find_spec("warp") else None
 
 #: Python of the function and of the kernel that calls it for each sample.
 STUB = "@wp.func_native(text)\ndef {name}({arguments}) -> S:\n    ...\n"
+EACH = """@wp.kernel(module="unique", enable_backward=False)
+def kernel({arguments}, guards: wp.array(dtype=S, ndim=2)):
+    module, i = wp.tid()
+    guards[i, module] = function(module, {rows})
+"""
 KERNEL = """@wp.kernel(module="unique", enable_backward=False)
 def kernel({arguments}, guard: wp.array(dtype=S), failed: wp.array(dtype=wp.int32)):
     i = wp.tid()
@@ -53,12 +58,29 @@ class Native:
         inputs: Name and width of each array that it reads.
         outputs: Name and width of each array that it writes: NaN where the guard is above its limit.
         text: C of its body; the arrays have the names above.
+        by_modules: How kernels compute it in a thread for each module, if they do.
     """
 
     name: str
     inputs: tuple[tuple[str, int], ...]
     outputs: tuple[tuple[str, int], ...]
     text: str
+    by_modules: ByModules | None = None
+
+
+@dataclass(frozen=True)
+class ByModules:
+    """A function that is computed for each module of each sample, then for each sample.
+
+    Attributes:
+        each: The function of one module, whose number it reads first: it returns the module's guard.
+        last: The function of a sample; its last input has the modules' guards.
+        count: Number of modules.
+    """
+
+    each: Native
+    last: Native
+    count: int
 
 
 def native(
@@ -78,26 +100,61 @@ def native(
         more: C of members of the structure that follow the programs.
     """
     inputs, outputs = (tuple(end) for end in ends)
-    code = sample_code(programs, dtype, HEAD)
-    members = f"{code.functions}\n{more}"
     given, result = (max(sum(size for _, size in end), 1) for end in (inputs, outputs))
     read = "\n".join(_moved(n, size, f"given[{at} + k] = {{}}") for n, size, at in stored(inputs))
     written = "\n".join(_moved(n, size, f"{{}} = result[{at} + k]") for n, size, at in stored(outputs))
-    macros = re.findall(r"#define (\w+)", f"{code.head}\n{members}")
     lines = [
-        code.head,
-        f"struct Code {{\n{_on_device(members)}\n}};",
         f"S given[{given}], result[{result}];",
         read,
         f"const S guard = Code::{run};",
         f"if (!(guard <= {GUARD_LIMIT}))",
         f"    for (int k = 0; k < {result}; k++) result[k] = (S)(HUGE_VAL - HUGE_VAL);",
         written,
+    ]
+    return Native(name, inputs, outputs, _body(programs, dtype, more, lines))
+
+
+def on_rows(
+    name: str,
+    ends: tuple[Sequence[tuple[str, int]], Sequence[tuple[str, int]]],
+    programs: Mapping[str, Program],
+    run: str,
+    dtype: str,
+    more: str,
+) -> Native:
+    """Return a native function like `native`, whose C reads and writes the arrays in place.
+
+    Args:
+        ends, programs, more: As for `native`; the C has a structure `Row` (`rows.h`).
+        run: C expression of the guard, from rows named after the arrays, as `near_row`.
+    """
+    inputs, outputs = (tuple(end) for end in ends)
+    rows = (
+        f"const Code::Row {array}_row = {{(char *){array}.data, (long long){array}.strides[0]}};"
+        for array, _ in (*inputs, *outputs)
+    )
+    unknown = (
+        f"for (int k = 0; k < {size}; k++) {array}_row[k] = (S)(HUGE_VAL - HUGE_VAL);"
+        for array, size in outputs
+    )
+    lines = [*rows, f"const S guard = Code::{run};", f"if (!(guard <= {GUARD_LIMIT})) {{", *unknown, "}"]
+    return Native(name, inputs, outputs, _body(programs, dtype, more, lines))
+
+
+def _body(programs: Mapping[str, Program], dtype: str, more: str, lines: Sequence[str]) -> str:
+    """Return the C of a body: the structure of programs and more, then lines that compute `guard`."""
+    code = sample_code(programs, dtype, HEAD)
+    members = f"{code.functions}\n{more}"
+    macros = dict.fromkeys(re.findall(r"#define (\w+)", f"{code.head}\n{members}"))
+    text = [
+        code.head,
+        f"struct Code {{\n{_on_device(members)}\n}};",
+        *lines,
         "const S answer = guard;",
-        *(f"#undef {macro}" for macro in dict.fromkeys(macros)),
+        *(f"#undef {macro}" for macro in macros),
         "return answer;",
     ]
-    return Native(name, inputs, outputs, "\n" + "\n".join(lines) + "\n")
+    return "\n" + "\n".join(text) + "\n"
 
 
 def own_text(file: str) -> str:
@@ -132,27 +189,49 @@ class InWarp:
         function: The Warp function: one-dimensional arrays of its inputs and outputs, in this order; it
             returns the guard.
         kernel: The kernel that calls it for each row of two-dimensional arrays; then guards, shape (N,), and
-            a counter of guards above 1, shape (1,).
+            a counter of guards above 1, shape (1,). Where `before` is, it reads the modules' guards, too.
+        before: The kernel that computes each module of each row, with their guards, shape (N, modules); None
+            where one kernel computes all.
     """
 
     native: Native
     function: Any
     kernel: Any
+    before: Any = None
+
+    @property
+    def kernels(self) -> list[Any]:
+        """All kernels, in the order in which they run."""
+        return [kernel for kernel in (self.before, self.kernel) if kernel is not None]
 
 
 def in_warp(native: Native, dtype: str) -> InWarp:
     """Return a native function in Warp; Warp compiles it when it is first launched."""
+    function, parts = _function(native, dtype), native.by_modules
+    if parts is None:
+        return InWarp(native, function, _kernel(KERNEL, native, function, dtype))
+    each, last = (
+        _kernel(text, one, _function(one, dtype, first), dtype)
+        for text, one, first in ((EACH, parts.each, ("module: int",)), (KERNEL, parts.last, ()))
+    )
+    return InWarp(native, function, last, each)
+
+
+def _function(native: Native, dtype: str, first: tuple[str, ...] = ()) -> Any:
+    """Return the Warp function of one sample; `first` are arguments before its arrays."""
     # Warp knows functions by their names
     called = f"{native.name}_{hashlib.sha256(native.text.encode()).hexdigest()[:12]}"
+    arrays = (f"{name}: wp.array(dtype=S)" for name, _ in (*native.inputs, *native.outputs))
+    stub = STUB.format(name=called, arguments=", ".join([*first, *arrays]))
+    return defined(stub, called, {"S": getattr(wp, dtype), "text": native.text})
+
+
+def _kernel(text: str, native: Native, function: Any, dtype: str) -> Any:
+    """Return the kernel of a Python text that calls a function for rows."""
     names = [name for name, _ in (*native.inputs, *native.outputs)]
-    scope = {"S": getattr(wp, dtype)}
-    of_one, of_all = (
-        ", ".join(f"{name}: wp.array(dtype=S, ndim={ndim})" for name in names) for ndim in (1, 2)
-    )
-    stub = STUB.format(name=called, arguments=of_one)
-    function = defined(stub, called, scope | {"text": native.text})
-    text = KERNEL.format(arguments=of_all, rows=", ".join(f"{n}[i]" for n in names), limit=GUARD_LIMIT)
-    return InWarp(native, function, defined(text, "kernel", scope | {"function": function}))
+    arguments = ", ".join(f"{name}: wp.array(dtype=S, ndim=2)" for name in names)
+    written = text.format(arguments=arguments, rows=", ".join(f"{n}[i]" for n in names), limit=GUARD_LIMIT)
+    return defined(written, "kernel", {"S": getattr(wp, dtype), "function": function})
 
 
 def defined(text: str, name: str, scope: dict[str, Any]) -> Any:

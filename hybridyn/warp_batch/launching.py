@@ -64,7 +64,15 @@ class Launcher:
             results = [arrays.empty(count, width) for _, width in native.outputs]
             guard, counter = arrays.empty(count), self._counters[native.name]
             with as_compile_error(self._robot):
-                arrays.launch(made.kernel, count, [*read.values(), *results, guard, counter])
+                arguments = [*read.values()]
+                if native.by_modules is not None:
+                    guards = arrays.empty(count, native.by_modules.count)
+                    motion = results[: len(native.by_modules.each.outputs)]
+                    arrays.launch(
+                        made.before, (native.by_modules.count, count), [*arguments, *motion, guards]
+                    )
+                    arguments.append(guards)
+                arrays.launch(made.kernel, count, [*arguments, *results, guard, counter])
             if fallback is not None:
                 _hand_over(read, results, guard, fallback)
             back = arrays.back(like)

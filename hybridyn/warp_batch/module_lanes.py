@@ -1,22 +1,28 @@
-"""The C that closes the loops of a robot module by module, each along its own way."""
+"""The motion of all joints from the motors', module by module: each along its own way, and in its own thread.
+
+Modules do not depend on each other. A kernel closes each of each sample, and a second one joins them;
+functions for kernels of users close one after the other.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ..compiled import ModuleLoops, RobotPrograms, sample_code
+from ..compiled import ModuleLoops, Program, RobotPrograms, sample_code
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .functions import HEAD, own_text, sizes_text
+from .functions import HEAD, ByModules, Native, on_rows, own_text, sizes_text
 
 #: C function of the numbers of a module.
-NUMBERS = "INLINE void numbers_of(int k, const S *parameters, S *numbers) {{\n    {}\n}}\n"
+NUMBERS = "INLINE void numbers_of(int k, const Row &parameters, S *numbers) {{\n    {}\n}}\n"
 CONSTANT = (
     "static const S table[] = {{{}}};\n"
     "    for (int i = 0; i < NUMBERS; i++) numbers[i] = table[k * NUMBERS + i];"
 )
+OF_PARAMETERS = "S given[PARAMETERS];\n    for (int i = 0; i < PARAMETERS; i++) given[i] = parameters[i];"
 #: C function of a place of each module.
 PLACES = (
     "INLINE int {}(int k, int i) {{\n"
@@ -25,20 +31,43 @@ PLACES = (
 )
 
 
-def modules_text(programs: RobotPrograms, side: Sequence[str]) -> str:
-    """Return the C of `follow`, which closes all modules of a robot from its motors `side`."""
-    robot, shapes, text = programs.robot, programs.modules(side), ""
-    sizes = {"ROBOT_NQ": robot.nq, "ROBOT_NV": robot.nv, "MOTORS": len(side)}
-    sizes["ROBOT_GIVEN"] = robot.nq + 3 * len(side) + sum(size for _, size in programs.parameter_inputs)
-    sizes |= {"MODULES": sum(len(one.modules) for one in shapes), "BASE": 7 * (robot.base == "moving")}
-    cases, first = "", 0
+def following(programs: RobotPrograms, side: Sequence[str], idm: Program | None = None) -> Native:
+    """Return "close", from the motors `side`, or with a program "idm" the function "idm_from_motors"."""
+    robot, motors = programs.robot, len(side)
+    shapes, parameters = programs.modules(side), programs.parameter_inputs
+    given = [("near", robot.nq), *((name, motors) for name in ("position", "rate", "acceleration"))]
+    given += parameters
+    motion = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)]
+    count = sum(len(one.modules) for one in shapes)
+    sizes = {"ROBOT_NQ": robot.nq, "ROBOT_NV": robot.nv, "MOTORS": motors, "MODULES": count}
+    sizes |= {"PARAMETERS": sum(size for _, size in parameters), "BASE": 7 * (robot.base == "moving")}
+    head, text, cases, first = sizes_text(**sizes) + own_text("rows.h"), "", "", 0
     for n, one in enumerate(shapes):
         text += _shape_text(programs, one, side, n)
-        cases += f"    if (k < {first + len(one.modules)}) "
-        cases += f"return Shape{n}::module_closed(k - {first}, given, result);\n"
+        cases += f"    if (k < {first + len(one.modules)}) return Shape{n}::module_closed(k - {first}, r);\n"
         first += len(one.modules)
-    of = f"static S module_of(int k, const S *given, S *result) {{\n{cases}    return 0;\n}}\n"
-    return sizes_text(**sizes) + text + of + own_text("modules.h")
+    text += f"static S module_of(int k, const Rows &r) {{\n{cases}    return 0;\n}}\n"
+    tail = own_text("joined.h")
+    names = [name for name, _ in given[:4]] + ["parameters" if parameters else "near", "q", "v", "a"]
+    rows, name, outputs = f"{{{', '.join(f'{name}_row' for name in names)}}}", "close", motion
+    alone, after = f"follow({rows})", f"joined({rows}, guards_row)"
+    called = dict[str, Program]()
+    if idm is not None:
+        name, outputs, called = "idm_from_motors", [*motion, *idm.outputs], {"idm": idm}
+        alone, after = (
+            f"efforts({rows}, {idm.outputs[0][0]}_row, {of})" for of in (f"Code::{alone}", f"Code::{after}")
+        )
+        tail += own_text("efforts.h")
+    each = on_rows(
+        f"{name}_module", (given, motion), {}, f"module_of(module, {rows})", programs.dtype, head + text
+    )
+    last = on_rows(
+        f"{name}_joined", ([*given, ("guards", count)], outputs), called, after, programs.dtype, head + tail
+    )
+    whole = on_rows(
+        name, (given, outputs), called, alone, programs.dtype, head + text + tail + own_text("follow.h")
+    )
+    return replace(whole, by_modules=ByModules(each, last, count))
 
 
 def _shape_text(programs: RobotPrograms, loops: ModuleLoops, side: Sequence[str], number: int) -> str:
@@ -64,8 +93,8 @@ def _numbers_text(loops: ModuleLoops) -> str:
     if not loops.of_parameters:
         values = ", ".join(f"(S){float(x)!r}" for x in loops.numbers.ravel()) or "0"
         return NUMBERS.format(CONSTANT.format(values))
-    cases = (f"if (k == {k}) numbers_{k}_run(parameters, numbers, 0);" for k in range(len(loops.modules)))
-    return NUMBERS.format("\n    ".join(cases))
+    cases = (f"if (k == {k}) numbers_{k}_run(given, numbers, 0);" for k in range(len(loops.modules)))
+    return NUMBERS.format("\n    ".join([OF_PARAMETERS, *cases]))
 
 
 def _places_text(robot: HybridRobot, loops: ModuleLoops, side: Sequence[str]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
+from functools import partial
 
 from ..compiled import Program, RobotPrograms, c_text
 from ..dynamics.quantities.joint_map import motors_beside
@@ -12,7 +12,7 @@ from ..errors import ModelError
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
 from .functions import Native, native, own_text, sizes_text
-from .module_lanes import modules_text
+from .module_lanes import following
 
 #: Fields of numbers on which the closures depend.
 GEOMETRY = ("placement", "frame_a", "frame_b", "offset")
@@ -71,37 +71,19 @@ class NativeModels:
             for program, side in zip(self._programs.maps(joints), sides, strict=True)
         ]  # fmt: skip
 
-    @cached_property
-    def _motions(self) -> tuple[Ends, Ends]:
-        """Inputs and outputs of "close"."""
-        robot, motors = self.robot, len(self.robot.motors)
-        given = [(name, motors) for name in ("position", "rate", "acceleration")]
-        return (
-            [("near", robot.nq), *given, *self._programs.parameter_inputs],
-            [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)],
-        )
-
-    def _close(self) -> Native:
-        text = self._modules_text()
-        return native("close", self._motions, {}, "follow(given, result)", self.dtype, text)
-
-    def _control(self) -> Native:
-        """Return the efforts from the motors' motion; the inverse model need not compare the loops again."""
-        idm = self._programs.model("idm", compared=False)
-        given, motion = self._motions
-        text = self._modules_text() + own_text("efforts.h")
-        ends = given, [*motion, *idm.outputs]
-        return native("idm_from_motors", ends, {"idm": idm}, "control(given, result)", self.dtype, text)
-
-    def _modules_text(self) -> str:
-        """Return the C that closes all loops from the motors, see `module_lanes`.
+    def _close(self, idm: Program | None = None) -> Native:
+        """Return the motion of all joints from the motors', or with "idm" the efforts behind it.
 
         Raises:
             SingularityError: The motors depend on each other.
         """
         motors = self.robot.motors
         self._programs.check_independent(motors, "motors", CONTRADICTING)
-        return modules_text(self._programs, motors)
+        return following(self._programs, motors, idm)
+
+    def _control(self) -> Native:
+        """Return the efforts from the motors' motion; the inverse model need not compare the loops again."""
+        return self._close(self._programs.model("idm", compared=False))
 
     def _along(self, close: Program, side: Sequence[str]) -> dict[str, Program]:
         """Return the programs of a walk: that which closes the loops, and that which compares them.
