@@ -20,7 +20,6 @@ from .program import Program, stored
 from .programs.closing.tables import TableAssembler
 from .programs.designs import DesignsInSlots
 from .programs.evaluating import DesignEvaluator, DesignTable
-from .programs.module_loops import ModuleLoops
 from .programs.robot_programs import RobotPrograms
 from .programs.sources import asked_for
 from .repeated import ddm, idm
@@ -39,7 +38,6 @@ __all__ = [
     "InertialColumns",
     "JointChart",
     "Law",
-    "ModuleLoops",
     "Pieces",
     "Program",
     "RobotPrograms",

@@ -24,7 +24,7 @@ from .native_models import LAWS, NativeModels
 
 
 class Batch:
-    """The models of one robot for many samples at once, one thread each.
+    """The models of one robot for many samples at once, one thread each; loops close in one for each module.
 
     Arrays have the shape (N, n), or (n,) for the same numbers at each sample. Warp arrays, tensors of torch
     and JAX, and all that DLPack exchanges are read without a copy; NumPy's are copied to the device. Results

@@ -6,12 +6,12 @@ functions for kernels of users close one after the other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from ..compiled import ModuleLoops, Program, RobotPrograms, sample_code
+from ..compiled import Program, RobotPrograms, sample_code
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .functions import HEAD, ByModules, Native, on_rows, own_text, sizes_text
@@ -43,7 +43,9 @@ def following(programs: RobotPrograms, side: Sequence[str], idm: Program | None 
     sizes |= {"PARAMETERS": sum(size for _, size in parameters), "BASE": 7 * (robot.base == "moving")}
     head, text, cases, first = sizes_text(**sizes) + own_text("rows.h"), "", "", 0
     for n, one in enumerate(shapes):
-        text += _shape_text(programs, one, side, n)
+        own = _numbers_text(one.numbers, changing=bool(one.of_parameters))
+        own += _places_text(robot, one.modules, one.side, side)
+        text += _shape_text(n, one.called, programs.module_walk(one) + own, programs.dtype)
         cases += f"    if (k < {first + len(one.modules)}) return Shape{n}::module_closed(k - {first}, r);\n"
         first += len(one.modules)
     text += f"static S module_of(int k, const Rows &r) {{\n{cases}    return 0;\n}}\n"
@@ -70,38 +72,34 @@ def following(programs: RobotPrograms, side: Sequence[str], idm: Program | None 
     return replace(whole, by_modules=ByModules(each, last, count))
 
 
-def _shape_text(programs: RobotPrograms, loops: ModuleLoops, side: Sequence[str], number: int) -> str:
-    """Return the structure of the C of modules of one shape."""
-    called = {"newton": loops.newton, "close": loops.close, "turning": loops.turning}
-    called |= {f"numbers_{k}": program for k, program in enumerate(loops.of_parameters)}
-    walk = programs.module_walk(loops)
-    names = [line.split()[1] for line in walk.splitlines() if line.startswith("#define ")]
+def _shape_text(number: int, called: Mapping[str, Program], more: str, dtype: str) -> str:
+    """Return the structure of the C of modules of one shape; `more` is their walk, and what it needs."""
+    names = [line.split()[1] for line in more.splitlines() if line.startswith("#define ")]
     parts = [
         f"struct Shape{number} {{",
-        sample_code(called, programs.dtype, HEAD).functions,
+        sample_code(called, dtype, HEAD).functions,
         *(f"#undef {name}" for name in names),
-        walk,
-        _numbers_text(loops) + _places_text(programs.robot, loops, side),
+        more,
         own_text("module.h"),
         "};\n",
     ]
     return "\n".join(parts)
 
 
-def _numbers_text(loops: ModuleLoops) -> str:
-    """Return the C function `numbers_of`."""
-    if not loops.of_parameters:
-        values = ", ".join(f"(S){float(x)!r}" for x in loops.numbers.ravel()) or "0"
+def _numbers_text(numbers: Array, *, changing: bool) -> str:
+    """Return the C function `numbers_of`; they change with parameters, or are those given for each module."""
+    if not changing:
+        values = ", ".join(f"(S){float(x)!r}" for x in numbers.ravel()) or "0"
         return NUMBERS.format(CONSTANT.format(values))
-    cases = (f"if (k == {k}) numbers_{k}_run(given, numbers, 0);" for k in range(len(loops.modules)))
+    cases = (f"if (k == {k}) numbers_{k}_run(given, numbers, 0);" for k in range(len(numbers)))
     return NUMBERS.format("\n    ".join([OF_PARAMETERS, *cases]))
 
 
-def _places_text(robot: HybridRobot, loops: ModuleLoops, side: Sequence[str]) -> str:
-    """Return the C functions of where a module's coordinates, freedoms and motors are in the robot's."""
-    modules = [robot.modules[k] for k in loops.modules]
+def _places_text(robot: HybridRobot, chosen: Sequence[int], given: Sequence[int], side: Sequence[str]) -> str:
+    """Return the C functions of where in the robot coordinates, freedoms and motors of modules are."""
+    modules = [robot.modules[k] for k in chosen]
     motor = {robot.v_slices[robot.joint_index[name]].start: i for i, name in enumerate(side)}
-    motors = np.array([[motor[m.v_index[c]] for c in loops.side] for m in modules], dtype=int)
+    motors = np.array([[motor[m.v_index[c]] for c in given] for m in modules], dtype=int)
     tables: dict[str, Array] = {
         "q_of": np.array([m.q_index for m in modules]),
         "v_of": np.array([m.v_index for m in modules]),

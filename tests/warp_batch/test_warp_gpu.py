@@ -21,7 +21,7 @@ USED = {
     ("gough_stewart", "idm"): (215, 1320), ("gough_stewart", "ddm"): (255, 1410),
     ("lx4", "idm"): (255, 6410), ("lx4", "ddm"): (255, 9100),
     ("five_bar", "close"): (174, 48), ("gough_stewart", "close"): (255, 5100),
-    ("lx4", "close"): (255, 7060),
+    ("lx4", "close"): (255, 6220),
 }  # fmt: skip
 
 

@@ -88,6 +88,8 @@ def test_loops_close_along_the_way_and_efforts_follow(name: str) -> None:
     *found, guard = batch.close(position, rate, acceleration)
     assert (guard <= 1).all()
     assert hybridyn.closure_residual(robot, found[0]).max() < CLOSED
+    for one, other in zip(found, (q, v), strict=False):  # drawn by the function, which one thread runs
+        np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
     tau, *same, _ = batch.idm_from_motors(position, rate, acceleration)
     right, _ = batch.idm(*found)
     assert difference(tau, right).max() < 1e-9  # the loops' rates are closed to 1e-11

@@ -30,9 +30,9 @@ static S turned(const S *given, const S *here, const S *there, S *room) {
     return turning_run(both, both, room);
 }
 
-/* A walk from a closed posture, `start` with what else the program reads, to the positions `goal`. */
+/* A walk from a closed posture, in `given` with what else the program reads, to the positions `goal`. */
 typedef struct {
-    const S *start, *goal;
+    const S *goal;
     S *result, *room, given[GIVEN], here[NQ], from[SIDE + !SIDE], way[SIDE + !SIDE], guard;
 } Side;
 
@@ -60,7 +60,7 @@ static int side_part(void *of, int *left, S done, S to, S *times) {
     for (int k = 0; k < NQ; k++) w->given[k] = w->here[k];
     for (int m = 0; m < SIDE; m++) place(w->given, m, to < 1 ? w->from[m] + to * w->way[m] : w->goal[m]);
     const int there = iterated(side_step, w, 1, limits, 0);
-    if (there) turn = turned(w->start, w->here, w->result, w->room);
+    if (there) turn = turned(w->given, w->here, w->result, w->room);
     const int good = there && turn <= 1;
     *times = times_as_long(turn, to - done, good);
     if (turn != turn) w->guard = turn;
@@ -69,21 +69,17 @@ static int side_part(void *of, int *left, S done, S to, S *times) {
     return good;
 }
 
-/* The rates, where the steps gave none: those before a step that is settled are those after it. Gives the guard. */
+/* The rates, where the steps gave none: those before a step are those after it, as it is the second one that is small. */
 static S side_rated(Side *w) {
-    S guard = (S)LAST;
-    for (int n = 0; n < 2 && !(guard <= (S)SETTLED); n++) {
-        for (int k = 0; k < NQ; k++) w->given[k] = w->result[k];
-        guard = close_run(w->given, w->result, w->room);
-    }
-    return guard;
+    for (int k = 0; k < NQ; k++) w->given[k] = w->result[k];
+    return close_run(w->given, w->result, w->room);
 }
 
 /* Gives the guard: OTHER_BRANCH where no way leads there. */
 static S walk(const S *start, const S *goal, S *result, S *room) {
     S longest = 1;
     Side w;
-    w.start = start, w.goal = goal, w.result = result, w.room = room;
+    w.goal = goal, w.result = result, w.room = room;
     for (int k = 0; k < GIVEN; k++) w.given[k] = start[k];
     for (int k = 0; k < NQ; k++) w.here[k] = start[k];
     make_unit(w.here);

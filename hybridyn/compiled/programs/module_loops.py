@@ -50,6 +50,12 @@ class ModuleLoops:
     numbers: Array
     of_parameters: tuple[Program, ...]
 
+    @property
+    def called(self) -> dict[str, Program]:
+        """The programs that code of a module calls, by name; "numbers_k" are those of the k-th module."""
+        numbers = {f"numbers_{k}": program for k, program in enumerate(self.of_parameters)}
+        return {"newton": self.newton, "close": self.close, "turning": self.turning} | numbers
+
 
 def module_loops(request: Request, side: Sequence[str]) -> list[ModuleLoops]:
     """Write the programs of the modules of each shape, of which some joints of one freedom are given."""

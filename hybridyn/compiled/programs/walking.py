@@ -87,13 +87,14 @@ def module_walk_text(request: Request, loops: ModuleLoops) -> str:
     return _text(sizes, request.dtype) + units + text + _walk()
 
 
-def _text(sizes: dict[str, int | str], dtype: str, last: float | None = None) -> str:
-    """Return the macros that `side.h` needs; the last part of a walk ends as others do, or at a guard `last`."""
+def _text(sizes: dict[str, int | str], dtype: str, settled: float = SETTLED_GUARD) -> str:
+    """Return the macros that `side.h` needs."""
     closed = GUARD_CLOSED[dtype]
-    rough = ROUGH_END[dtype] / closed
+    rough = max(ROUGH_END[dtype] / closed, settled)
+    last = settled if sizes["RATED"] else min(rough, GUARD_LIMIT)
     names = sizes | {
-        "CLOSED": closed, "LONGEST": LONGEST_STEP, "ROUGH": max(rough, last or 0), "LAST": last or rough,
-        "SETTLED": SETTLED_GUARD, "SHORTEST": SHORTEST, "AIM": AIM, "OTHER_BRANCH": OTHER_BRANCH,
+        "CLOSED": closed, "LONGEST": LONGEST_STEP, "ROUGH": rough, "LAST": last, "SHORTEST": SHORTEST,
+        "AIM": AIM, "OTHER_BRANCH": OTHER_BRANCH,
     }  # fmt: skip
     return "".join(f"#define {name} {value}\n" for name, value in names.items())
 
