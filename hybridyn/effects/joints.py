@@ -192,7 +192,7 @@ def given(effect: str, *tables: Numbers) -> dict[str, tuple[float, ...]]:
     """Combine tables of parameters by joint.
 
     Raises:
-        ModelError: The tables do not name the same joints, or a number is negative or not finite.
+        ModelError: The tables do not name the same joints, or a number is negative or beyond `LARGEST`.
     """
     for table in tables[1:]:
         odd = sorted(set(table) ^ set(tables[0]))
@@ -202,9 +202,9 @@ def given(effect: str, *tables: Numbers) -> dict[str, tuple[float, ...]]:
     for name, values in out.items():
         if not all(0 <= x <= LARGEST for x in values):
             raise ModelError(
-                f"{effect}: joint '{name}' has {values}; numbers must be finite and not negative",
-                element=name,
-            )
+                f"{effect}: joint '{name}' has {', '.join(f'{x:g}' for x in values)}; numbers must be "
+                f"at most {LARGEST:g} and not negative", element=name,
+            )  # fmt: skip
     return out
 
 

@@ -18,6 +18,7 @@ from tests.support.files import save
 DRIVE = {"m1_right_drive": 0.1}
 FAST = 40.0  # widths of the smoothed sign: tanh(40) is 1
 ROUNDED = 1e-12  # of the largest: differences of loads, and a factor 1 / (1 - ratio) near a limit
+ANGLE = 1e-12  # of the self-locking angle, within which a joint begins to jam
 G = 9.81
 
 LINK = '<link name="{}"><inertial><mass value="{}"/><inertia ixx="{i}" ixy="0" ixz="0" iyy="{i}" iyz="0" izz="{i}"/></inertial></link>'  # noqa: E501
@@ -79,7 +80,11 @@ def test_the_self_locking_angle_is_the_friction_angle(tmp_path: Path) -> None:
         tau = hybridyn.idm(robot, q, v, a, wrenches=push, effects=friction)
         expected = 3.0 * G - 50.0 / np.tan(angle - phi)
         assert abs(tau[0] - expected) < 1e-9 * abs(expected)  # the angle differs by phi / 1000
-    for angle in (phi, 0.9 * phi):
+    robot = wedge(tmp_path, (1 + ANGLE) * phi, lifted=False)
+    q, v, a = at_speed(robot, -FAST)
+    tau = hybridyn.idm(robot, q, v, a, wrenches=push, effects=friction)
+    assert tau[0] == pytest.approx(-50.0 / np.tan(ANGLE * phi), rel=1e-2)  # the angle's digits that differ
+    for angle in (phi, (1 - ANGLE) * phi, 0.9 * phi):
         robot = wedge(tmp_path, angle, lifted=False)
         q, v, a = at_speed(robot, -FAST)
         with pytest.raises(ActuationError, match="joint 'ramp' may jam at sample 0") as error:
@@ -164,7 +169,8 @@ def test_bearings_that_share_their_load_are_refused() -> None:
     [
         (LoadFriction(radial={"elbow": 1e-3}), "no such movable joint 'elbow'"),
         (LoadFriction(normal={"m1_right_drive": 0.1}), "it has no 'normal'"),
-        (LoadFriction(radial={"m1_right_drive": -0.1}), "finite and not negative"),
+        (LoadFriction(radial={"m1_right_drive": -0.1}), "has -0.1; .* at most 1e\\+50 and not negative"),
+        (LoadFriction(radial={"m1_right_drive": 1e60}), "has 1e\\+60; .* at most 1e\\+50"),
         (LoadFriction(radial={"m1_right_drive": 0.1}, width=0.0), "width must be positive"),
         (LoadFriction(radial=DRIVE, static={"m1_right_drive": 2.0}), "lack one of the law's numbers"),
         (LoadFriction(radial=DRIVE, static={"m1_right_drive": 0.5}, speed=DRIVE), "0.5 is below 1"),
