@@ -40,6 +40,8 @@ ROBOTS = ("ur5", "five_bar", "gough_stewart", "lx4")
 OURS, GIVEN = "hybridyn, compiled", "hybridyn, compiled, given arrays"
 #: What follows the name of a model whose derivatives are over the motors.
 MOTORS = " over motors"
+#: Coordinates, what follows the name of a product over them, and what it is compared with.
+OVER = ("joints", "", "the model"), ("motors", MOTORS, "the model and closing")
 #: Largest error of hybridyn's derivatives.
 LIMIT = 1e-10
 #: Step of the differences: its fourth power, and the rounding of long doubles over it, are about 1e-15.
@@ -169,20 +171,20 @@ def _measure(robot: HybridRobot, case: str, model: Model, given: Blocks, rounds:
 def products(robot: HybridRobot, case: str, model: Model) -> list[Row]:
     """Count the operations of products of second derivatives, over those of the model; not timed."""
     out = []
-    for motors, over, what in (False, "", "the model"), (True, MOTORS, "the model and closing"):
-        count = f"{cost_of_product(robot, model, motors=motors):.3g} times the operations of {what}"
+    for coordinates, over, what in OVER:
+        count = f"{cost_of_product(robot, model, coordinates):.3g} times the operations of {what}"
         out.append(Row(case, f"{model} product{over}", OURS, count))
     return out
 
 
-def cost_of_product(robot: HybridRobot, model: Model, *, motors: bool) -> float:
+def cost_of_product(robot: HybridRobot, model: Model, coordinates: str) -> float:
     """Return the operations of a product of second derivatives over those of the model.
 
     Args:
-        motors: Whether the derivatives are over the motors; closing the loops belongs to the model then.
+        coordinates: "joints" or "motors"; closing the loops belongs to the model over motors.
     """
-    product = second_program(robot, choose(robot, None), model, "product", motors=motors)
-    own = programs(robot, models=(model, "close") if motors else (model,))
+    product = second_program(robot, choose(robot, None), model, "product", coordinates=coordinates)
+    own = programs(robot, models=(model, "close") if coordinates == "motors" else (model,))
     return total(product) / sum(map(total, own.values()))
 
 

@@ -86,7 +86,7 @@ def motor_programs(robot: HybridRobot, effects: Effects) -> list[Program]:
     check_smooth(robot, effects)
     check_coordinates(robot, "ddm", "motors")
     first = direct_derivatives(request(robot, effects), motors=True)
-    return [first, second_program(robot, effects, "ddm", "product", motors=True)]
+    return [first, second_program(robot, effects, "ddm", "product", coordinates="motors")]
 
 
 def acados_text(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -97,19 +97,24 @@ def check_trusted(designs: DesignsInSlots, model: str, given: dict[str, Array], 
     )
 
 
-def check_following(name: str, given: Array, found: Array) -> None:
-    """Check that rates or accelerations are those that the motors cause, with any idle motions.
+def check_following(given: Mapping[str, Array], found: Mapping[str, Array]) -> None:
+    """Check that rates and accelerations are those that the motors cause, with any idle motions.
+
+    Args:
+        given: Arguments by name.
+        found: The motion that the motors cause, by name.
 
     Raises:
         TrajectoryError: They are not.
     """
-    off = np.abs(found - given).max(axis=1, initial=0.0)
-    size = CAUSED * np.maximum(np.abs(given).max(axis=1, initial=0.0), 1.0)
-    if (off > size).any():
-        t = int(np.argmax(off / size))
-        raise TrajectoryError(
-            f"{name} differs by {off[t]:.1e} from what the motors cause{AT_SAMPLE} (limit {size[t]:.1e}): "
-            "over motors all joints follow them, but for idle motions; take q, v, a = "
-            "hybridyn.assemble(robot, motors=...)",
-            sample=t,
-        )
+    for name in [x for x in ("v", "a") if x in given]:
+        off = np.abs(found[name] - given[name]).max(axis=1, initial=0.0)
+        size = CAUSED * np.maximum(np.abs(given[name]).max(axis=1, initial=0.0), 1.0)
+        if (off > size).any():
+            t = int(np.argmax(off / size))
+            raise TrajectoryError(
+                f"{name} differs by {off[t]:.1e} from what the motors cause{AT_SAMPLE} (limit "
+                f"{size[t]:.1e}): over motors all joints follow them, but for idle motions; take "
+                "q, v, a = hybridyn.assemble(robot, motors=...)",
+                sample=t,
+            )

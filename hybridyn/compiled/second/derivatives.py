@@ -13,18 +13,16 @@ from ...errors import ModelError
 from ...spatial import Array
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
-from ...structure.samples import as_accelerations, as_batch, as_efforts, as_positions, as_rates, same_samples
-from ..programs.derivatives.coordinates import check_closing, check_coordinates
+from ...structure.samples import as_positions, as_rates, same_samples
 from ..programs.designs import DesignsInSlots
 from ..programs.sources import asked_for
-from .asking import AlongPath, Product, check_following, check_trusted, everywhere, three
+from .asking import AlongPath, Product, check_following, check_trusted, three
+from .models import MODELS
 from .paths import MOTION
+from .places import places_of
 from .prepared import Prepared
-from .programs import RESULT, inputs_of, name_of, second_program
+from .programs import name_of, second_program
 from .smooth import check_smooth
-
-#: Quantities that are not over the coordinates.
-WHOLE = ("tau", MOTION)
 
 
 class SecondDerivatives:
@@ -76,17 +74,16 @@ class SecondDerivatives:
             ModelError: `model` or `coordinates` is unknown or not possible for this robot, `threads` is less
                 than one, a parameter is unknown, or an effect has no second derivative.
         """
-        if model not in RESULT:
+        if model not in MODELS:
             raise ModelError(f"there are second derivatives of 'idm', 'ddm' and 'close', not of '{model}'")
         if threads < 1:
             raise ModelError(f"threads must be at least 1, not {threads}")
         check_smooth(robot, effects)
-        (check_closing if model == "close" else check_coordinates)(robot, model, coordinates)
+        self._model, self._coordinates = MODELS[model], coordinates
+        self._model.check(robot, model, coordinates)
         self.robot, self._effects, self.parameters = asked_for(robot, effects, parameters, "float64")
         self._designs, self.threads = DesignsInSlots(self.robot, self._effects, self.parameters), threads
-        self._model, self._motors = model, coordinates == "motors"
-        self._of, self._inputs = RESULT[model], inputs_of(model, motors=self._motors)
-        self._joints = robot.motor_v if self._motors else np.arange(robot.nv)
+        self._inputs, self._places = self._model.inputs(coordinates), places_of(robot, coordinates)
 
     def product(
         self,
@@ -120,8 +117,8 @@ class SecondDerivatives:
             HybridynError: As the general path raises for a sample.
         """
         given, single = self._given(q, v, x, parameters)
-        spread = self._spread_all(direction, len(given[0]))
-        return self._product(given, self._weighted(weights, len(given[0])), spread, single=single)
+        T = len(given[0])
+        return self._product(given, self._weighted(weights, T), self._spread(direction, T), single=single)
 
     def _product(
         self, given: Sequence[Array], weighted: Array, spread: Sequence[Array], *, single: bool
@@ -129,10 +126,11 @@ class SecondDerivatives:
         """Return a product from checked arguments, with weights and a direction as the program reads them."""
         found, first = self._run(self._products, given, *spread, weighted), 0 if single else slice(None)
         slope, product = (
-            {name: self._own(name, found[f"{of}_{what}"])[first] for name, of in self._inputs.items()}
+            {x: self._places.own(x, found[f"{of}_{what}"])[first] for x, of in self._inputs.items()}
             for what in ("slope", "product")
         )
-        return Product(self._own(self._of, found[self._of])[first], slope, product)
+        of = self._model.result
+        return Product(self._places.own(of, found[of])[first], slope, product)
 
     def hessian(
         self,
@@ -158,12 +156,12 @@ class SecondDerivatives:
             HybridynError: As `product`.
         """
         given, single = self._given(q, v, x, parameters)
-        T, sizes = len(given[0]), [self._width(name) for name in self._inputs]
+        T, sizes = len(given[0]), [self._places.width(name) for name in self._inputs]
         n = sum(sizes)
         many = [np.repeat(one, n, axis=0) for one in given]
         weighted = np.repeat(self._weighted(weights, T), n, axis=0)
         units = np.split(np.tile(np.eye(n), (T, 1)), np.cumsum(sizes)[:-1], axis=1)
-        found = self._product(many, weighted, self._spread_all(units, n * T), single=False).product
+        found = self._product(many, weighted, self._spread(units, n * T), single=False).product
         out = np.concatenate([*found.values()], axis=1).reshape(T, n, n)
         return out[0] if single else out
 
@@ -189,7 +187,7 @@ class SecondDerivatives:
             HybridynError: As `product`.
         """
         given, single = self._given(q, v, x, parameters)
-        spread = self._spread_all(direction, len(given[0]))
+        spread = self._spread(direction, len(given[0]))
         return self._path(given, single, spread, [np.zeros(one.shape) for one in spread])
 
     def rates(
@@ -217,11 +215,11 @@ class SecondDerivatives:
             ModelError: The model is "ddm".
             HybridynError: As `product`.
         """
-        if self._model != "idm":
+        if self._model.result != "tau":
             raise ModelError("rates in time are those of efforts: take SecondDerivatives(robot, 'idm')")
         given, single = self._given(q, v, a, parameters)
         T = len(given[0])
-        j, s = (self._spread(name, one, T, "a") for name, one in (("jerk", jerk), ("snap", snap)))
+        j, s = (self._places.spread("a", x, T, name) for name, x in (("jerk", jerk), ("snap", snap)))
         return self._path(given, single, [*given[1:3], j], [given[2], j, s])
 
     def _path(
@@ -229,25 +227,14 @@ class SecondDerivatives:
     ) -> AlongPath:
         """Return results along a path with given derivatives of the inputs."""
         found, at = self._run(self._rates, given, *first, *second), 0 if single else slice(None)
-        return AlongPath(*(self._own(self._of, found[self._of + o])[at] for o in ("", "_dot", "_ddot")))
-
-    @property
-    def _size(self) -> int:
-        """Number of results."""
-        if self._model == "close":
-            return self.robot.nq + 2 * self.robot.nv
-        return len(self.robot.motors) if self._of == "tau" or self._motors else self.robot.nv
-
-    def _width(self, name: str) -> int:
-        """Return the number of coordinates of an input."""
-        return len(self.robot.motors) if name == "tau" else len(self._joints)
+        of = self._model.result
+        return AlongPath(*(self._places.own(of, found[of + o])[at] for o in ("", "_dot", "_ddot")))
 
     def _given(
         self, q: ArrayLike, v: ArrayLike, x: ArrayLike, parameters: ArrayLike | None
     ) -> tuple[list[Array], bool]:
         """Return checked arguments, and whether they are a single sample."""
-        third = (as_efforts if self._model == "ddm" else as_accelerations)(self.robot, x)
-        pairs = [as_positions(self.robot, q), as_rates(self.robot, v), third]
+        pairs = [as_positions(self.robot, q), as_rates(self.robot, v), self._model.read(self.robot, x)]
         same_samples(**dict(zip(self._inputs, (array for array, _ in pairs), strict=True)))
         given, single = [array for array, _ in pairs], pairs[0][1]
         if self.parameters.size or parameters is not None:
@@ -256,41 +243,23 @@ class SecondDerivatives:
 
     def _weighted(self, weights: ArrayLike, samples: int) -> Array:
         """Return weights of results as programs read them, for every sample."""
-        rows, _ = as_batch(weights, self._size, "weights")
-        return self._over_joints(self._of, everywhere(rows, samples))
+        return self._places.spread(self._model.result, weights, samples, "weights")
 
-    def _spread_all(self, direction: Sequence[ArrayLike], samples: int) -> list[Array]:
-        """Return a direction as programs read it."""
-        return [self._spread(*one, samples) for one in zip(self._inputs, three(direction), strict=True)]
-
-    def _spread(self, name: str, given: ArrayLike, samples: int, of: str = "") -> Array:
-        """Return changes of an input as its program reads them, shape (T, n)."""
-        own, _ = as_batch(given, self._width(of or name), f"direction of {name}" if not of else name)
-        return self._over_joints(of or name, everywhere(own, samples))
-
-    def _over_joints(self, name: str, own: Array) -> Array:
-        """Return a quantity over these coordinates as programs read it, zero at other joints."""
-        if name in WHOLE:
-            return own
-        out = np.zeros((len(own), self.robot.nv))
-        out[:, self._joints] = own
-        return out
-
-    def _own(self, name: str, found: Array) -> Array:
-        """Return a quantity that a program found over these coordinates."""
-        return found if name in WHOLE else found[:, self._joints]
+    def _spread(self, direction: Sequence[ArrayLike], samples: int) -> list[Array]:
+        """Return a direction as programs read it, for every sample."""
+        pairs = zip(self._inputs, three(direction), strict=True)
+        return [self._places.spread(x, one, samples, f"direction of {x}") for x, one in pairs]
 
     def _run(self, prepared: Prepared, given: Sequence[Array], *more: Array) -> dict[str, Array]:
         """Run a program, and check its guards and that the motion follows the motors."""
         found, guard = prepared.run(*given, *more, threads=self.threads)
         arrays = dict(zip((*self._inputs, "parameters"), given, strict=False))
-        check_trusted(self._designs, self._model, arrays, guard)
-        if self._model == "close":
+        check_trusted(self._designs, self._model.name, arrays, guard)
+        if MOTION in found:
             parts = np.split(found[MOTION], np.cumsum([self.robot.nq, self.robot.nv]), axis=1)
             found = found | dict(zip("qva", parts, strict=True))
-        for name in ("v", "a") if self._motors else ():
-            if name in arrays:
-                check_following(name, arrays[name], found[name])
+        if self._coordinates == "motors":
+            check_following(arrays, found)
         return found
 
     @cached_property
@@ -305,9 +274,9 @@ class SecondDerivatives:
 
     def _prepared(self, what: str) -> Prepared:
         """Return a program over these coordinates."""
-        name = name_of(self._model, what, motors=self._motors)
+        name = name_of(self._model.name, what, self._coordinates)
         write = partial(
-            second_program, self.robot, self._effects, self._model, what,
-            motors=self._motors, slots=self.parameters.slots,
+            second_program, self.robot, self._effects, self._model.name, what,
+            coordinates=self._coordinates, slots=self.parameters.slots,
         )  # fmt: skip
         return Prepared(self.robot, self._effects, name, write, self.parameters)

@@ -7,8 +7,8 @@ joints follow the motors' entries of delta, rates and accelerations, such that l
 
     xi = E delta,  q moved by xi - K^-1 (K_dot xi) / 2      (E: how joints follow motors; K_dot along xi)
 
-Idle motions stay besides. Both hold to second order in delta, which is zero; derivatives
-over delta are those over the freedoms.
+Idle motions stay besides. Both hold to second order in delta, which is zero; derivatives over delta are
+those over the freedoms.
 """
 
 from __future__ import annotations

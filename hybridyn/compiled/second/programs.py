@@ -10,19 +10,10 @@ from ...structure.robot import HybridRobot
 from ..equations.request import request
 from ..failures import as_compile_error
 from ..program import Program
-from .paths import A_NEAR, DELTA, MOTION, V_NEAR, along_closing, along_joints, along_motors
+from .models import MODELS
+from .paths import DELTA
 from .products import product_program
 from .rates import rate_program
-
-#: Result of each model.
-RESULT = {"idm": "tau", "ddm": "a", "close": MOTION}
-
-
-def inputs_of(model: str, *, motors: bool) -> dict[str, str]:
-    """Return the inputs of a model over which it is differentiated, with their names in programs."""
-    third = "tau" if model == "ddm" else "a"
-    names = (DELTA, V_NEAR, A_NEAR if third == "a" else third) if motors else (DELTA, "v", third)
-    return dict(zip(("q", "v", third), names, strict=True))
 
 
 def second_program(
@@ -31,7 +22,7 @@ def second_program(
     model: str,
     what: str,
     *,
-    motors: bool,
+    coordinates: str,
     slots: Sequence[Slot] = (),
 ) -> Program:
     """Build a program of second derivatives.
@@ -39,27 +30,24 @@ def second_program(
     Args:
         robot: The robot.
         effects: Its effects.
-        model: "idm", "ddm" or, over motors, "close".
+        model: A name of `MODELS`.
         what: "product" or "path".
-        motors: Whether the motors are the coordinates.
+        coordinates: "joints" or "motors".
         slots: Numbers of the description that are an input, "parameters".
 
     Raises:
         ModelError: An effect is not available in compiled models.
         CompileError: The program cannot be written.
     """
-    over, name = [*inputs_of(model, motors=motors).values()], name_of(model, what, motors=motors)
+    asks, name = MODELS[model], name_of(model, what, coordinates)
+    over = [*asks.inputs(coordinates).values()]
     with as_compile_error(robot):
-        asked = request(robot, effects, parameters=slots, contacts=True)
-        closing = model == "close"
-        program = (
-            along_closing(asked) if closing else (along_motors if motors else along_joints)(asked, model)
-        )
+        program = asks.write[coordinates](request(robot, effects, parameters=slots, contacts=True))
         if what == "product":
-            return product_program(program, name, RESULT[model], over, [DELTA])
+            return product_program(program, name, asks.result, over, [DELTA])
         return rate_program(program, name, over, [DELTA])
 
 
-def name_of(model: str, what: str, *, motors: bool) -> str:
+def name_of(model: str, what: str, coordinates: str) -> str:
     """Return the name of a program."""
-    return f"{model}_{'motor_' * motors}{what}"
+    return f"{model}_{'motor_' * (coordinates == 'motors')}{what}"
