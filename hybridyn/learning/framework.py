@@ -15,7 +15,7 @@ class Framework(NamedTuple):
         still: The same of an argument that carries no gradient.
         constant: Returns an array without its derivatives.
         found: Computes an array without derivatives: a function of NumPy arrays, shape (T, n), that returns
-            such an array in a tuple, its width, and the function's arguments, shapes (..., n).
+            such an array, its width, and the function's arguments, shapes (..., n).
         apply: Computes a `SmoothFunction` from postures without derivatives and three arrays, shapes
             (..., n).
     """

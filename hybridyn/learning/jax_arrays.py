@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import prod
 from typing import Any
 
@@ -15,40 +16,23 @@ from jax.interpreters import ad, batching, mlir
 from ..errors import TrajectoryError
 from ..spatial import Array
 from .framework import Framework
-from .functions import SmoothFunction
+from .functions import SmoothFunction, changed, check_order, weighed
 
 DOUBLE = np.dtype(float)
 #: A function of NumPy arrays, shapes (T, n), on arrays with equal leading axes, without derivatives.
 numbers = Primitive("hybridyn_numbers")
-#: The derivative of a `SmoothFunction` along as many directions as are given, or weights times the next one.
-#: Arguments are postures, x as one array, weights if `weighted`, and directions.
+#: y or a derivative of a `SmoothFunction`.
 derivative = Primitive("hybridyn_derivative")
-#: Methods of `SmoothFunction`, without and with weights, by the number of directions.
-METHODS = ("value", "pushed", "curved"), ("pulled", "bent")
 
 
-def _derivative(function: SmoothFunction, *, weighted: bool, given: Sequence[Any]) -> Any:
-    """Compute a derivative.
+def _derivative(function: SmoothFunction, weighted: bool, given: Sequence[Any]) -> Any:
+    """Compute y or a derivative.
 
     Raises:
         NotImplementedError: It is of third order.
     """
-    if len(given) - 2 - weighted >= len(METHODS[weighted]):
-        raise NotImplementedError("hybridyn's models have derivatives of first and second order")
+    check_order(given)
     return derivative.bind(*given, function=function, weighted=weighted)
-
-
-def _call(given: Sequence[Any], function: SmoothFunction, weighted: bool) -> tuple[Callable[..., Array], int]:
-    """Return the function of NumPy arrays that computes a derivative, and its width."""
-    method = getattr(function, METHODS[weighted][len(given) - 2 - weighted])
-    *ends, width = np.cumsum(function.sizes[1:4])
-
-    def call(near: Array, x: Array, *more: Array) -> Array:
-        """Compute it."""
-        parts = [part for one in (x, *more[weighted:]) for part in np.split(one, ends, axis=1)]
-        return np.concatenate(method(near, *parts[:3], *more[:weighted], *parts[3:]), axis=1)
-
-    return call, int(width if weighted else function.sizes[4])
 
 
 def _now(call: Callable[..., Array], *given: Any) -> Any:
@@ -66,15 +50,11 @@ def _later(call: Callable[..., Array], width: int, *given: Any) -> Any:
 
 
 def _changed(given: Sequence[Any], changes: Sequence[Any], *, function: Any, weighted: bool) -> Any:
-    """Compute a derivative, and its change with x and with what stands behind it, in which it is linear."""
+    """Compute a derivative, and its change with x and with what stands behind it."""
     _refuse(given, changes[:1])
-    parts = [[*given, changes[1]], *([*given[:i], changes[i], *given[i + 1 :]] for i in range(2, len(given)))]
-    moved = [
-        _derivative(function, weighted=weighted, given=part)
-        for part, change in zip(parts, changes[1:], strict=True)
-        if not isinstance(change, ad.Zero)
-    ]
-    return _derivative(function, weighted=weighted, given=given), sum(moved[1:], moved[0])
+    moved = [(i, change) for i, change in enumerate(changes) if not isinstance(change, ad.Zero)]
+    first, *more = (_derivative(function, weighted, changed(given, i, change)) for i, change in moved)
+    return _derivative(function, weighted, given), sum(more, first)
 
 
 def _refuse(given: Sequence[Any], changes: Sequence[Any], **_: object) -> Any:
@@ -90,16 +70,8 @@ def _refuse(given: Sequence[Any], changes: Sequence[Any], **_: object) -> Any:
 def _transposed(w: Any, *given: Any, function: SmoothFunction, weighted: bool) -> list[Any]:
     """Compute what weights of a derivative give for the argument in which it is linear."""
     i = next(i for i, x in enumerate(given) if ad.is_undefined_primal(x))
-    w, out = ad.instantiate_zeros(w), [None] * len(given)
-    near, x, *behind = given
-    del behind[i - 2]
-    if weighted and i == 2:
-        out[i] = _derivative(function, weighted=False, given=(near, x, *behind, w))
-    elif weighted:
-        out[i] = _derivative(function, weighted=True, given=(near, x, *behind, w))
-    else:
-        out[i] = _derivative(function, weighted=True, given=(near, x, w, *behind))
-    return out
+    found = _derivative(function, *weighed(weighted, given, i, ad.instantiate_zeros(w)))
+    return [found if k == i else None for k in range(len(given))]
 
 
 def _prepare(primitive: Primitive, call_of: Callable[..., tuple[Callable[..., Array], int]]) -> None:
@@ -107,7 +79,7 @@ def _prepare(primitive: Primitive, call_of: Callable[..., tuple[Callable[..., Ar
 
     def shape(*given: Any, **words: Any) -> Any:
         """Return what is known of the result before it is computed."""
-        return jax.core.ShapedArray((*given[0].shape[:-1], call_of(given, **words)[1]), DOUBLE)
+        return jax.core.ShapedArray((*given[0].shape[:-1], call_of(**words)[1]), DOUBLE)
 
     def many(given: Sequence[Any], axes: Sequence[Any], **words: Any) -> tuple[Any, int]:
         """Put the axis of samples first."""
@@ -118,17 +90,20 @@ def _prepare(primitive: Primitive, call_of: Callable[..., tuple[Callable[..., Ar
         ]
         return primitive.bind(*front, **words), 0
 
-    primitive.def_impl(lambda *given, **words: jnp.asarray(_now(call_of(given, **words)[0], *given)))
+    primitive.def_impl(lambda *given, **words: jnp.asarray(_now(call_of(**words)[0], *given)))
     primitive.def_abstract_eval(shape)
-    later = mlir.lower_fun(
-        lambda *given, **words: _later(*call_of(given, **words), *given), multiple_results=False
-    )
+    later = mlir.lower_fun(lambda *given, **words: _later(*call_of(**words), *given), multiple_results=False)
     mlir.register_lowering(primitive, later)
     batching.primitive_batchers[primitive] = many
 
 
-_prepare(numbers, lambda given, call, width: (lambda *x: call(*x)[0], width))
-_prepare(derivative, _call)
+def _of_derivative(function: SmoothFunction, weighted: bool) -> tuple[Callable[..., Array], int]:
+    """Return the function of NumPy arrays that computes a derivative, and its width."""
+    return partial(function.compute, weighted), function.width(weighted=weighted)
+
+
+_prepare(numbers, lambda call, width: (call, width))
+_prepare(derivative, _of_derivative)
 ad.primitive_jvps[numbers], ad.primitive_jvps[derivative] = _refuse, _changed
 ad.primitive_transposes[derivative] = _transposed
 
@@ -169,7 +144,7 @@ def _alike(given: Sequence[Any]) -> list[Any]:
     return [jnp.broadcast_to(x, (*axes, x.shape[-1])) for x in given]
 
 
-def _found(call: Callable[..., Sequence[Array]], width: int, *given: Any) -> Any:
+def _found(call: Callable[..., Array], width: int, *given: Any) -> Any:
     """Compute an array without derivatives."""
     return numbers.bind(*_alike(given), call=call, width=width)
 
@@ -177,7 +152,7 @@ def _found(call: Callable[..., Sequence[Array]], width: int, *given: Any) -> Any
 def _apply(function: SmoothFunction, *given: Any) -> Any:
     """Compute a function."""
     near, *x = _alike(given)
-    return _derivative(function, weighted=False, given=(near, jnp.concatenate(x, axis=-1)))
+    return _derivative(function, False, [near, jnp.concatenate(x, axis=-1)])
 
 
 JAX = Framework(jnp, _array, _array, jax.lax.stop_gradient, _found, _apply)

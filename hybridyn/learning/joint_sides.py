@@ -136,7 +136,7 @@ class JointSides:
         units = self._framework.array("", np.eye(len(self.motors)), len(self.motors))
         return self._moved(position[..., None, :], units, near[..., None, :])[1][..., self._v]
 
-    def _posture(self, near: Array, position: Array) -> tuple[Array, ...]:
+    def _posture(self, near: Array, position: Array) -> Array:
         """Return the postures at positions of the output joints, each from its own posture."""
         held = holding(self._robot, self.joints)
         close = None if held is not self._robot else self._fast.assemble
@@ -144,4 +144,4 @@ class JointSides:
             posture_at(held, dict(zip(self.joints, y, strict=True)), start, close)
             for start, y in zip(near, position, strict=True)
         ]
-        return (np.array(rows).reshape(len(near), self._robot.nq),)
+        return np.array(rows).reshape(len(near), self._robot.nq)

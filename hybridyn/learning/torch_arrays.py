@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -12,111 +14,79 @@ from torch.autograd import Function
 from ..errors import TrajectoryError
 from ..spatial import Array
 from .framework import Framework
-from .functions import SmoothFunction
+from .functions import SmoothFunction, changed, check_order, weighed
+
+
+def _numbers(call: Callable[..., Array], *given: Any) -> Any:
+    """Compute a function of NumPy arrays, shapes (T, n), from tensors with equal leading axes."""
+    axes = given[0].shape[:-1]
+    rows = (np.ascontiguousarray(x.numpy(force=True)).reshape(prod(axes), x.shape[-1]) for x in given)
+    found = torch.from_numpy(np.ascontiguousarray(call(*rows)))
+    return found.reshape(*axes, found.shape[-1])
 
 
 class OnNumbers(Function):  # type: ignore[misc]
     """A function of NumPy arrays, shapes (T, n), on tensors with equal leading axes, without derivatives."""
 
     @staticmethod
-    def forward(call: Callable[..., Sequence[Array]], *given: Any) -> tuple[Any, ...]:
+    def forward(call: Callable[..., Array], *given: Any) -> Any:
         """Compute it."""
-        axes = given[0].shape[:-1]
-        found = call(*(np.ascontiguousarray(x.numpy()).reshape(-1, x.shape[-1]) for x in given))
-        return tuple(torch.from_numpy(np.ascontiguousarray(x)).reshape(*axes, x.shape[-1]) for x in found)
+        return _numbers(call, *given)
 
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
         """Keep nothing."""
 
     @staticmethod
-    def backward(ctx: Any, *weights: Any) -> Any:
-        """Refuse it."""
-        raise NotImplementedError("hybridyn's models have derivatives of first and second order")
-
-    @staticmethod
     def vmap(info: Any, in_dims: Any, call: Any, *given: Any) -> Any:
         """Put the axis of samples first."""
-        found = OnNumbers.apply(call, *_in_front(info, in_dims[1:], given))
-        return found, (0,) * len(found)
+        return OnNumbers.apply(call, *_in_front(info, in_dims[1:], given)), 0
 
 
-class ModelValue(Function):  # type: ignore[misc]
-    """The value of a `SmoothFunction`."""
+class Derivative(Function):  # type: ignore[misc]
+    """y or a derivative of a `SmoothFunction`."""
 
     @staticmethod
-    def forward(function: SmoothFunction, near: Any, *x: Any) -> Any:
+    def forward(function: SmoothFunction, weighted: bool, *given: Any) -> Any:
         """Compute it."""
-        return OnNumbers.apply(function.value, near, *x)[0]
+        return _numbers(partial(function.compute, weighted), *given)
 
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
         """Keep the arguments."""
-        _keep(ctx, inputs)
+        ctx.function, ctx.weighted, *tensors = inputs
+        ctx.save_for_backward(*tensors)
+        ctx.save_for_forward(*tensors)
 
     @staticmethod
     def backward(ctx: Any, w: Any) -> Any:
-        """Compute w^T f'."""
-        return None, None, *ModelSlope.apply(ctx.function, *ctx.saved_tensors, w)
+        """Compute the gradients of w times it."""
+        given, wanted = ctx.saved_tensors, ctx.needs_input_grad[2:]
+        parts = (weighed(ctx.weighted, given, i, w) if i and wanted[i] else None for i in range(len(given)))
+        return None, None, *(part and _derivative(ctx.function, *part) for part in parts)
 
     @staticmethod
-    def jvp(ctx: Any, *d: Any) -> Any:
-        """Compute f' d."""
-        x = ctx.saved_tensors
-        return OnNumbers.apply(ctx.function.pushed, *x, *_full(d[2:], x[1:]))[0]
+    def jvp(ctx: Any, *changes: Any) -> Any:
+        """Compute its change with x and with what stands behind it."""
+        given, moved = ctx.saved_tensors, [*enumerate(changes[2:])][1:]
+        parts = [changed(given, i, change) for i, change in moved if change is not None]
+        first, *more = (_derivative(ctx.function, ctx.weighted, part) for part in parts)
+        return sum(more, first)
 
     @staticmethod
-    def vmap(info: Any, in_dims: Any, function: Any, *given: Any) -> Any:
+    def vmap(info: Any, in_dims: Any, function: Any, weighted: Any, *given: Any) -> Any:
         """Put the axis of samples first."""
-        return ModelValue.apply(function, *_in_front(info, in_dims[1:], given)), 0
+        return Derivative.apply(function, weighted, *_in_front(info, in_dims[2:], given)), 0
 
 
-class ModelSlope(Function):  # type: ignore[misc]
-    """w^T f' of a `SmoothFunction`."""
+def _derivative(function: SmoothFunction, weighted: bool, given: Sequence[Any]) -> Any:
+    """Compute y or a derivative.
 
-    @staticmethod
-    def forward(function: SmoothFunction, near: Any, *x: Any) -> Any:
-        """Compute it; w stands behind x."""
-        return OnNumbers.apply(function.pulled, near, *x)
-
-    @staticmethod
-    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
-        """Keep the arguments."""
-        _keep(ctx, inputs)
-
-    @staticmethod
-    def backward(ctx: Any, *d: Any) -> Any:
-        """Compute d of its change with x, w^T f'' d, and with w, f' d."""
-        near, *x, _ = given = ctx.saved_tensors
-        along = _full(d, x)
-        bent = OnNumbers.apply(ctx.function.bent, *given, *along)
-        return None, None, *bent, OnNumbers.apply(ctx.function.pushed, near, *x, *along)[0]
-
-    @staticmethod
-    def jvp(ctx: Any, *d: Any) -> Any:
-        """Compute its change along x and w."""
-        near, *x, _ = given = ctx.saved_tensors
-        *along, more = _full(d[2:], given[1:])
-        bent = OnNumbers.apply(ctx.function.bent, *given, *along)
-        slope = OnNumbers.apply(ctx.function.pulled, near, *x, more)
-        return tuple(first + second for first, second in zip(bent, slope, strict=True))
-
-    @staticmethod
-    def vmap(info: Any, in_dims: Any, function: Any, *given: Any) -> Any:
-        """Put the axis of samples first."""
-        return ModelSlope.apply(function, *_in_front(info, in_dims[1:], given)), (0, 0, 0)
-
-
-def _keep(ctx: Any, inputs: Sequence[Any]) -> None:
-    """Keep the arguments of a function for its derivatives."""
-    ctx.function, *tensors = inputs
-    ctx.save_for_backward(*tensors)
-    ctx.save_for_forward(*tensors)
-
-
-def _full(given: Sequence[Any], like: Sequence[Any]) -> list[Any]:
-    """Return changes or weights, zero where there are none."""
-    return [torch.zeros_like(y) if x is None else x for x, y in zip(given, like, strict=True)]
+    Raises:
+        NotImplementedError: It is of third order.
+    """
+    check_order(given)
+    return Derivative.apply(function, weighted, *given)
 
 
 def _in_front(info: Any, dims: Sequence[int | None], given: Sequence[Any]) -> list[Any]:
@@ -172,14 +142,15 @@ def _alike(given: Sequence[Any]) -> list[Any]:
     return [x.expand(*axes, x.shape[-1]) for x in given]
 
 
-def _found(call: Callable[..., Sequence[Array]], width: int, *given: Any) -> Any:
+def _found(call: Callable[..., Array], width: int, *given: Any) -> Any:
     """Compute an array without derivatives."""
-    return OnNumbers.apply(call, *_alike(given))[0]
+    return OnNumbers.apply(call, *_alike(given))
 
 
 def _apply(function: SmoothFunction, *given: Any) -> Any:
     """Compute a function."""
-    return ModelValue.apply(function, *_alike(given))
+    near, *x = _alike(given)
+    return _derivative(function, False, [near, torch.cat(x, dim=-1)])
 
 
 TORCH = Framework(torch, _array, _still, lambda x: x.detach(), _found, _apply)

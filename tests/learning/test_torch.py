@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -95,11 +96,12 @@ def test_transforms_of_functions() -> None:
     def power(x: Any) -> Any:
         return efforts(model, x, u) @ u
 
-    H = by.jacrev(by.jacrev(power))(p)
+    modes = product((by.jacfwd, by.jacrev), repeat=2)
+    *others, H = (outer(inner(power))(p) for outer, inner in modes)
     second = hybridyn.SecondDerivatives(robot, coordinates="motors")
     known = second.hessian(*hybridyn.assemble(robot, motors=(position, rate, 0 * rate)), rate)[:2, :2]
     close_to(H.numpy(), known, ROUNDING)
-    close_to(by.hessian(power)(p).numpy(), known, ROUNDING)
+    close_to([x.numpy() for x in others], [known] * 3, ROUNDING)
     both = torch.stack([p, p + 0.01])
     close_to(by.vmap(by.hessian(power))(both)[0].numpy(), known, ROUNDING)
     close_to(by.vmap(by.grad(power))(both)[1].numpy(), by.jacfwd(power)(both[1]).numpy(), ROUNDING)
