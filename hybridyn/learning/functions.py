@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ..compiled import CompiledRobot, SecondDerivatives
-from ..errors import HybridynError
 from ..spatial import Array
 
 #: Arguments of a derivative, arrays of NumPy or of a framework, and how many those of second order have.
@@ -132,15 +131,8 @@ def closed_function(fast: CompiledRobot) -> SmoothFunction:
     nq, nv = robot.nq, robot.nv
 
     def value(near: Array, *motion: Array) -> Array:
-        """Close the loops, sample by sample."""
-        out = np.empty((len(near), nq + 2 * nv))
-        for t, (start, *given) in enumerate(zip(near, *motion, strict=True)):
-            try:
-                out[t] = np.concatenate(fast.close(*given, last=start))
-            except HybridynError as error:
-                error.sample = t
-                raise
-        return out
+        """Close the loops."""
+        return np.concatenate(fast.close(*motion, last=near), axis=1)
 
     return SmoothFunction(
         "close", (nq, motors, motors, motors, nq + 2 * nv),

@@ -43,7 +43,7 @@ class ClosedRows:
         held, integer, pointer = ctypes.PyDLL(str(built.path)), ctypes.c_longlong, ctypes.c_void_p
         self._held, self._rows = held, (ctypes.CDLL(str(built.path)) if free else held).closed_rows
         self._rows.restype = None
-        self._rows.argtypes = [*[integer] * 3, *[pointer] * 4, *[ctypes.c_int] * 2, *[pointer] * 8]
+        self._rows.argtypes = [*[integer] * 3, *[pointer] * 4, *[ctypes.c_int] * 3, *[pointer] * 8]
         self._room = integer.in_dll(held, "rows_work").value
         motors = hasattr(held, "close_call")
         if motors and sys.implementation.name == "cpython" and knows_arrays(held, DOUBLE):
@@ -61,7 +61,7 @@ class ClosedRows:
             slots: Numbers in the slots, shape (designs, slots); (1, 0) for the robot itself.
             start: Positions of the spanning tree and of platforms, and what is prescribed there, shapes
                 (nq,), (platforms,), (n,), or (designs, nq) ... if each has its own.
-            given: What is prescribed, its rates and accelerations, shapes (T, n).
+            given: What is prescribed, its rates and accelerations, shapes (T, n), or (designs, T, n).
             out: Room for q, v, a, shapes (designs, T, nq), (designs, T, nv), (designs, T, nv). Numbers of
                 rows that are not certain are no states.
             threads: Number of threads.
@@ -71,7 +71,7 @@ class ClosedRows:
         Returns:
             Number of rows of each design that are certain, shape (designs,).
         """
-        (designs, rows), each = out[0].shape[:2], start[0].ndim == 2
+        (designs, rows), each, own = out[0].shape[:2], start[0].ndim == 2, given[0].ndim == 3
         arrays = [np.ascontiguousarray(x, dtype=float) for x in (slots, *start, *given)]
         certain = np.empty(designs)
         first, *levels = ([x.ctypes.data for x in some] for some in (arrays[:4], arrays[4:], (*out, certain)))
@@ -83,7 +83,7 @@ class ClosedRows:
             work = np.empty(self._room + 64, np.uint8)
             aligned = -(-work.ctypes.data // 64) * 64
             taken, room = levels
-            self._rows(at, stop, rows, *first, guess, each, *taken, *room, aligned)
+            self._rows(at, stop, rows, *first, guess, each, own, *taken, *room, aligned)
 
         in_blocks(run, designs, BLOCK, threads)
         return certain.astype(int)

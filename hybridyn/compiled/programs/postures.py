@@ -13,11 +13,13 @@ from ...assembly.posture import holding
 from ...assembly.posture import posture_at as assembled_at
 from ...assembly.redundancy import LEAST
 from ...assembly.requests import Requests, asked_requests, first_guess, gather_requests
+from ...errors import HybridynError
 from ...spatial import Array
 from ...structure.given import by_name, motors_by_name
-from ...structure.samples import as_positions
+from ...structure.samples import as_positions, same_samples
 from ..library.closed_rows import ClosedRows
 from ..library.direct_calls import again, refuse
+from .closing.apart import Apart
 from .closing.assembling import Assembler
 from .closing.own_requests import requests_of_motors
 from .evaluating import DesignEvaluator, DesignTable
@@ -128,15 +130,19 @@ class Postures:
             acceleration: Their accelerations, of the same shape; zero by default.
             last: Posture of the last tick, shape (nq,), as this function returned it; the home posture by
                 default. C starts from any other posture that closes the loops, too; from one that does not,
-                such as one in single precision, the general path does.
+                such as one in single precision, the general path does. Of shape (T, nq), each sample has its
+                own.
 
         Returns:
             q, v, a on the spanning tree. The motors move straight from `last` to the first sample, on its
-            assembly branch, which must not end on the way. A base keeps its pose.
+            assembly branch, which must not end on the way; or each sample from its own. A base keeps its
+            pose.
 
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
         """
+        if last is not None and np.ndim(last) == 2:
+            return self._close_each(position, rate, acceleration, last)
         nq, nv = self.robot.nq, self.robot.nv
         out = np.empty(nq + 2 * nv)
         start, still = self.robot.home if last is None else last, self.still
@@ -151,6 +157,26 @@ class Postures:
         follower = self.follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
         self._close_at_once = follower.from_motors if follower else refuse
         return q, v, a
+
+    def _close_each(
+        self, position: ArrayLike, rate: ArrayLike | None, acceleration: ArrayLike | None, starts: Array
+    ) -> tuple[Array, Array, Array]:
+        """Close the loops as `close`, each sample from its own posture; one in doubt is closed alone."""
+        near, _ = as_positions(self.robot, starts, "last")
+        requests = requests_of_motors(self.robot, position, (rate, acceleration))
+        still = np.zeros((len(near), len(self.robot.motors)))
+        given = [still if x is None else np.atleast_2d(x) for x in (position, rate, acceleration)]
+        same_samples(position=given[0], last=near)
+        found, doubtful = self._apart.close(requests, near, self._models.threads)
+        for t in doubtful.tolist():
+            try:
+                alone = self.close(*(x[t] for x in given), last=near[t])
+            except HybridynError as error:
+                error.sample = t
+                raise
+            for rows, row in zip(found, alone, strict=True):
+                rows[t] = row
+        return found
 
     def closure_residual(self, q: Array) -> Array | None:
         """Compute the largest closure residual of each posture, like `hybridyn.closure_residual`.
@@ -173,6 +199,11 @@ class Postures:
         residuals = lift.batch([q, still, still], self._models.threads)[0][-1]
         out: Array = np.asarray(residuals.max(axis=1, initial=0.0), dtype=float)
         return out[0] if single else out
+
+    @cached_property
+    def _apart(self) -> Apart:
+        """Close samples that do not follow each other."""
+        return Apart(self.robot)
 
     @cached_property
     def _evaluator(self) -> DesignEvaluator:

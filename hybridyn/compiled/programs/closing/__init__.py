@@ -4,7 +4,8 @@ Read `extended` (the tree after the cuts, with its wrists), `given` (what is pre
 `own_requests`, `coupled` and `members` (which modules are closed, alone or together), `rows` (closures and
 targets as expressions), `unknowns`, `kernels`, `closing_source` (programs and their C), `closing_library`,
 `checked_rows` and `libraries` (found, or built and checked), `assembling` (rows in C, `library.closed_rows`,
-and the general path behind them) and `tables` (which rows of a table are closed in C).
+and the general path behind them), `apart` (samples that do not follow each other) and `tables` (which rows of
+a table are closed in C).
 
 May import: `writer`, `equations`, `loops`, `code`, `library`, and what `programs` may.
 """

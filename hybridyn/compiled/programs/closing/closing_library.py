@@ -111,8 +111,7 @@ def place_of(
         x = m.cut.positions(q[None, at])
         if m.closures.rows:
             scale = m.reduction.row_scale
-            open_by = np.abs(m.closures.residual(x, m.tree.sweep(x)) * scale).max()
-            if not open_by <= CLOSED_TO_ROUNDING:
+            if not open_by(part, x)[0] <= CLOSED_TO_ROUNDING:
                 every = np.ones(m.tree.nv, dtype=bool)
                 found = close(LoopProblem(m.closures, scale, m.reduction.col_scale, every), x)
                 if not found.residual[0] <= max(robot.closure_tolerance, 1e-12):
@@ -126,3 +125,26 @@ def place_of(
         own = known[len(numbers) : len(numbers) + one.given.size]
         numbers = np.concatenate([numbers, one.numbers_at(robot, q[None], own, met=met)[0]])
     return q, p[0], numbers
+
+
+def places_of(parts: list[Part], postures: Array) -> tuple[Rows, Array]:
+    """Return postures as `ClosedRows.close` starts from them, and which of them are closed, shape (T,).
+
+    Args:
+        parts: The modules; poses couple none of them.
+        postures: Positions of the spanning tree, shape (T, nq).
+    """
+    cut = [part.module.mechanism.cut.positions(postures[:, part.module.q_index]) for part in parts]
+    closed = np.ones(len(postures), dtype=bool)
+    for part, x in zip(parts, cut, strict=True):
+        if part.module.mechanism.closures.rows:
+            closed &= open_by(part, x) <= CLOSED_TO_ROUNDING
+    p, g = places_at(parts, cut, len(postures))
+    return (postures, p, g), closed
+
+
+def open_by(part: Part, x: Array) -> Array:
+    """Return by how much a module's loops are open, without units, at postures of its tree after the cuts."""
+    m = part.module.mechanism
+    out: Array = np.abs(m.closures.residual(x, m.tree.sweep(x)) * m.reduction.row_scale).max(axis=1)
+    return out
