@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from ..dynamics.reactions import Reactions
     from .program import Program
+    from .second.derivatives import SecondDerivatives
 
 
 class CompiledRobot:
@@ -173,6 +174,25 @@ class CompiledRobot:
         if self.robot.base == "moving" or base_acceleration is not None:
             given["base_acceleration"] = everywhere(base_acceleration, samples_of(q, "q"), models.dtype)
         return models.run("ddm", given, parameters)
+
+    def second_derivatives(self, model: str = "idm", *, coordinates: str = "joints") -> SecondDerivatives:
+        """Return the second derivatives of a model with these effects, parameters and threads.
+
+        They are in double precision, and programs of their own.
+
+        Args:
+            model: "idm", "ddm" or "close", as for `hybridyn.SecondDerivatives`.
+            coordinates: "joints" or "motors", likewise.
+
+        Raises:
+            ModelError: As `hybridyn.SecondDerivatives`.
+        """
+        from .second.derivatives import SecondDerivatives  # which other calls need not
+
+        return SecondDerivatives(
+            self.robot, model, self.effects, coordinates=coordinates, parameters=self.parameters.names,
+            threads=self.threads,
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         """Describe the models: the robot and what is computed, its coordinates, and what was handed over."""

@@ -113,12 +113,11 @@ def model_function(fast: CompiledRobot, name: str) -> SmoothFunction:
     """
     robot, model = fast.robot, fast.idm if name == "idm" else fast.ddm
     third, out = (robot.nv, len(robot.motors)) if name == "idm" else (len(robot.motors), robot.nv)
-    derivatives = partial(SecondDerivatives, robot, name, fast.effects, threads=fast.threads)
     return SmoothFunction(
         name, (robot.nq, robot.nv, robot.nv, third, out),
         lambda near, delta, v, x: np.asarray(model(near, v, x), dtype=float),
         lambda near, delta, v, x: [near, v, x],
-        derivatives,
+        partial(fast.second_derivatives, name),
     )  # fmt: skip
 
 
@@ -138,7 +137,5 @@ def closed_function(fast: CompiledRobot) -> SmoothFunction:
         "close", (nq, motors, motors, motors, nq + 2 * nv),
         value,
         lambda *given: np.split(value(*given), [nq, nq + nv], axis=1),
-        partial(
-            SecondDerivatives, robot, "close", fast.effects, coordinates="motors", threads=fast.threads
-        ),
+        partial(fast.second_derivatives, "close", coordinates="motors"),
     )  # fmt: skip

@@ -3,6 +3,7 @@
     python -m tests.compiled.fuzzing 1000 0             a thousand mechanisms, from seed 0 on
     python -m tests.compiled.fuzzing 300 0 repeated     whose modules and legs repeat, mirrored and turned
     python -m tests.compiled.fuzzing 200 0 second       second derivatives alone, along paths of the oracle
+    python -m tests.compiled.fuzzing 50 0 second_repeated
 
 Both models at trusted states, and the derivatives of both, over joints and motors, along random motions that
 keep the loops closed: against differences of the general path, as new libraries are checked. The program that
@@ -84,7 +85,8 @@ def shaped(description: Description, rng: np.random.Generator, shape: str) -> De
 
 def compare(seed: int, found: Found, family: str) -> None:
     """Compare the programs of a mechanism; what is refused in one line is counted."""
-    description, base = (repeated(seed), BASES[seed % len(BASES)]) if family == "repeated" else drawn(seed)
+    of_copies = family.endswith("repeated")
+    description, base = (repeated(seed), BASES[seed % len(BASES)]) if of_copies else drawn(seed)
     case = f"seed {seed}, {description.name}, base {base}"
     try:
         robot = build_robot(description, base=base)
@@ -92,7 +94,7 @@ def compare(seed: int, found: Found, family: str) -> None:
     except hybridyn.HybridynError:
         found.count["refused"] += 1
         return
-    if family == "second":
+    if family.startswith("second"):
         compare_second(robot, seed, case, found)
         return
     compare_models(robot, states, case, found)

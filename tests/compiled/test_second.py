@@ -357,6 +357,20 @@ def test_parameters_are_those_of_a_changed_robot(names: list[str], interpreted: 
     refused(wrong, hybridyn.ModelError, "negative")
 
 
+def test_a_compiled_robot_offers_them(interpreted: None) -> None:
+    """With its effects, parameters and threads."""
+    robot, names = build_robot(shipped("five_bar")), ["upper_length", "mass:m1_tool"]
+    on = ["default", *CASES["viscous_friction"](robot)]
+    fast = hybridyn.compile(robot, on, parameters=names, threads=2, wait=False)
+    found = fast.second_derivatives("ddm", coordinates="motors")
+    known = hybridyn.SecondDerivatives(robot, "ddm", on, coordinates="motors", parameters=names)
+    assert (found.threads, found.parameters.labels) == (2, known.parameters.labels)
+    q, v, _, tau = random_states(robot, 2)
+    d, p = np.random.default_rng(0).normal(size=(3, 2)), known.parameters.nominal
+    one, other = (x.product(q, v, tau, [1.0, -0.5], d, parameters=p) for x in (found, known))
+    same_bits(one.product, other.product)
+
+
 def test_what_has_no_second_derivative_is_refused(interpreted: None) -> None:
     robot = build_robot(shipped("five_bar"))
     make = partial(hybridyn.SecondDerivatives, robot)

@@ -124,7 +124,7 @@ OTHERS = {
     "assemble", "assemblies", "base_parameters", "check", "compile", "convert", "excitation", "identify",
     "from_pinocchio", "geometry_model", "load", "near_singularity", "simulate", "sweep", "jax",
     "torch", "warp", "with_effects", "accelerations", "assemble_requests", "designs", "hand_over",
-    "say_of_table", "wait_until_optimised", "at_joints", "at_motors", "casadi_model",
+    "say_of_table", "wait_until_optimised", "at_joints", "at_motors", "casadi_model", "second_derivatives",
 }  # fmt: skip
 
 BUILT = ("idm_jacobian", "ddm_jacobian")  # which take seconds to build

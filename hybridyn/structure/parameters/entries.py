@@ -272,6 +272,7 @@ class Parameters:
     """The parameters of a model, in order.
 
     Attributes:
+        names: What was asked for, in order.
         entries: The parameters.
         labels: Name of each number.
         slots: The slots that they set, each once.
@@ -290,6 +291,7 @@ class Parameters:
         Raises:
             ModelError: A name is unknown, or two parameters set the same number.
         """
+        self.names = tuple(names)
         arguments = [name for name in names if isinstance(name, str) and ":" not in name]
         xacro = [XacroArguments(description, arguments)] if arguments else []
         self.arguments = next(iter(xacro), None)
