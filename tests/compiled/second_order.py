@@ -257,7 +257,7 @@ def compare_second(robot: hybridyn.HybridRobot, seed: int, case: str, found: Fou
             found.wrong.append(f"{case}: {model} over {coordinates} {error}")
         except hybridyn.SingularityError:
             found.count["not trusted"] += 1
-        except hybridyn.ModelError:
+        except (hybridyn.ModelError, hybridyn.ActuationError):
             found.count["refused derivatives"] += 1
         else:
             found.add(f"{model} over {coordinates}", case, max(offs), ORACLE)

@@ -41,6 +41,8 @@ DIFFERENCES, STEP = 1e-6, 3e-3
 SLOPE, BEND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
 #: Most operations of a product, as a multiple of the model.
 COST = 8.0
+#: Angle of both motors, turned towards each other, at which the five-bar's outer links lie on one line [rad].
+LAST = 0.9350555417546272
 States = tuple[Array, Array, Array]
 
 
@@ -74,6 +76,21 @@ def test_products_near_a_pivot_that_vanishes(model: str, distance: float, interp
     judge = Judge(robot, near=near_a_lost_pivot(robot, distance, robot.home))
     for coordinates in ("joints", "motors"):
         agree(judge.offs(model, coordinates))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("distance", [0.1, 0.01, 1e-4])
+def test_products_where_the_assembly_ends(distance: float, interpreted: None) -> None:
+    """The five-bar's outer links close to one line: rows of condition 17 and 150; refused at 900."""
+    robot, angle = build_robot(shipped("five_bar")), LAST - distance
+    near = hybridyn.assemble(robot, motors=[-angle, angle], guess=robot.home)[0]
+    judge = Judge(robot, near=near)
+    agree(judge.offs("ddm", "joints"))
+    for model in ("idm", "ddm"):
+        if distance < 0.01:
+            refused(partial(judge.offs, model, "motors"), hybridyn.SingularityError, "nearly vanishes")
+        else:
+            agree(judge.offs(model, "motors"))
 
 
 #: Of drawn mechanisms: rods that spin, on a crank and on a platform, and rows that depend on others to the
