@@ -7,7 +7,7 @@ from functools import partial
 
 from ..effects.choice import Choice, Effects
 from ..errors import HybridynError, ModelError
-from ..structure.parameters.entries import Parameters
+from ..structure.parameters.chosen import Parameters
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
 from ..threads import one_thread

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effects.choice import Effects
 from ..errors import CompileError
-from ..structure.parameters.entries import Parameters
+from ..structure.parameters.chosen import Parameters
 from ..structure.robot import HybridRobot
 from .equations.coefficients import at_robot
 from .failures import as_compile_error, needs_casadi

@@ -93,40 +93,6 @@ def spring_effect(springs: Iterable[StatedSpring]) -> tuple[str, dict[str, Any]]
     return "spring", {"stiffness": {spring.name: spring.stiffness for spring in stated}, "rest": rest}
 
 
-@dataclass(frozen=True)
-class StatedLoadFriction:
-    """Load friction of a joint, as `hybridyn.effects.LoadFriction` has it.
-
-    Attributes:
-        name: Name of the joint.
-        radial, axial, tilt, normal: Its coefficients, 0 where there is none.
-    """
-
-    name: str
-    radial: float = 0.0
-    axial: float = 0.0
-    tilt: float = 0.0
-    normal: float = 0.0
-
-
-@dataclass(frozen=True)
-class StatedGear:
-    """A gear with losses, as `hybridyn.effects.GearEfficiency` has it.
-
-    Attributes:
-        name: Name of the motor.
-        efficiency, back: Its numbers; back as follows from the efficiency where it is not stated.
-    """
-
-    name: str
-    efficiency: float
-    back: float
-
-
-#: The coefficients of load friction.
-LOAD_FRICTION = ("radial", "axial", "tilt", "normal")
-
-
 @dataclass(frozen=True, eq=False)
 class Joint:
     """A joint of the spanning tree.
@@ -452,50 +418,6 @@ class Description:
         at = names.index(name) if name in names else len(names)
         left = (effect for effect in self.effects[at:] if effect[0] != name)
         return replace(self, effects=(*self.effects[:at], (name, values), *left))
-
-    @property
-    def load_friction(self) -> tuple[StatedLoadFriction, ...]:
-        """The load friction in `effects`, joint by joint."""
-        tables = [values for name, values in self.effects if name == "load_friction"]
-        joints = dict.fromkeys(joint for x in tables for word in LOAD_FRICTION for joint in x.get(word, {}))
-        return tuple(
-            StatedLoadFriction(joint, *(x.get(word, {}).get(joint, 0.0) for word in LOAD_FRICTION))
-            for x in tables
-            for joint in joints
-        )
-
-    def with_load_friction(self, stated: Iterable[StatedLoadFriction]) -> Description:
-        """Return the description with other coefficients of load friction of each joint."""
-        joints = [*stated]
-        found = next((values for name, values in self.effects if name == "load_friction"), {})
-        values = {word: {x.name: getattr(x, word) for x in joints} for word in LOAD_FRICTION}
-        tables = {  # a zero stays where one is stated; numbers of a trace are not compared
-            word: {
-                joint: x
-                for joint, x in table.items()
-                if joint in found.get(word, {}) or not (isinstance(x, float | int) and x == 0)
-            }
-            for word, table in values.items()
-        }
-        return self.with_effect("load_friction", found | tables)
-
-    @property
-    def gears(self) -> tuple[StatedGear, ...]:
-        """The gears in `effects`, motor by motor."""
-        return tuple(
-            StatedGear(motor, efficiency, values["back"][motor] if "back" in values else 2 - 1 / efficiency)
-            for name, values in self.effects
-            if name == "gear_efficiency"
-            for motor, efficiency in values.get("efficiency", {}).items()
-        )
-
-    def with_gears(self, stated: Iterable[StatedGear]) -> Description:
-        """Return the description with other numbers of the gear of each motor; "back" where it is stated."""
-        gears = [*stated]
-        found = next((values for name, values in self.effects if name == "gear_efficiency"), {})
-        words = [word for word in ("efficiency", "back") if word in found]
-        tables = {word: {x.name: getattr(x, word) for x in gears} for word in words}
-        return self.with_effect("gear_efficiency", found | tables)
 
     @property
     def root(self) -> str:

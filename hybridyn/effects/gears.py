@@ -82,7 +82,7 @@ class OnGears(NamedTuple):
         return out
 
 
-def slopes(half: Any, v: Any, width: float) -> Any:
+def slopes(half: Any, v: Any, width: Any) -> Any:
     """Compute what the direction of motion adds to the effort that a motor needs, per size of the effort.
 
     This and the next two run on numbers and symbols.

@@ -73,13 +73,14 @@ class DryFriction(JointEffect):
     """tau = -level tanh(v / width): friction whose direction alone is smoothed where the rate changes sign.
 
     Attributes:
-        width: Where the sign is smoothed [m/s or rad/s].
+        width: Where the sign is smoothed [m/s or rad/s], the last of its parameters.
     """
 
     width: float
+    for_all = ("width",)
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Return the law's parameters by joint."""
+        """Return the law's parameters by joint, but for the width."""
         positive(self.name, "width", self.width)
         return super().numbers(robot)
 
@@ -89,7 +90,7 @@ class DryFriction(JointEffect):
 
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the friction effort."""
-        sign = np.tanh(v / self.width)
+        sign = np.tanh(v / p[-1])
         return -self.size(p, v, sign) * sign
 
 

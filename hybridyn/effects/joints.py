@@ -30,6 +30,7 @@ class JointEffect(ABC):
     Attributes:
         name: Name of the effect.
         by_joint: Its fields that hold a number by joint.
+        for_all: Its fields that hold one number for all joints, which follow in the law's parameters.
         symbols: What identification calls its first numbers, in which the effort is linear; it finds none
             of a law without.
         from_files: Attribute of the files' joints that replaces the first field where this is None.
@@ -41,6 +42,7 @@ class JointEffect(ABC):
 
     name: ClassVar[str]
     by_joint: ClassVar[tuple[str, ...]]
+    for_all: ClassVar[tuple[str, ...]] = ()
     symbols: ClassVar[tuple[str, ...]] = ()
     from_files: ClassVar[str] = ""
     several: ClassVar[tuple[JointKind, ...]] = ()
@@ -48,7 +50,7 @@ class JointEffect(ABC):
     acts_on: ClassVar[str] = "joint"
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
-        """Return the law's parameters by joint.
+        """Return the law's parameters by joint, but for those that all share.
 
         Raises:
             ModelError: They are invalid.
@@ -58,6 +60,10 @@ class JointEffect(ABC):
             return given(self.name, *tables)
         stated = {j.joint.name: float(getattr(j.joint, self.from_files)) for j in robot.bodies.joints}
         return {name: (number,) for name, number in stated.items() if number}
+
+    def fields(self, count: int) -> list[tuple[str, tuple[int, ...]]]:
+        """Return the field, and the place in it, of each of `count` parameters by joint; "" for none."""
+        return [(field, ()) for field in (*self.by_joint, *[""] * (count - len(self.by_joint)))]
 
     def by_freedom(self, values: tuple[float, ...], freedoms: int) -> list[tuple[float, ...]]:
         """Return the parameters of each freedom of a joint; by default all have the joint's."""
@@ -155,7 +161,8 @@ def placed(effect: JointEffect, robot: HybridRobot) -> OnJoints | None:
             )
         place = robot.q_slices[index].start, robot.kinds[index].endless
         each = effect.by_freedom(values, freedoms.stop - freedoms.start)
-        rows += [(at, *place, *own) for at, own in enumerate(each, freedoms.start)]
+        shared = [float(getattr(effect, field)) for field in effect.for_all]
+        rows += [(at, *place, *own, *shared) for at, own in enumerate(each, freedoms.start)]
     refuse_cut(effect.name, robot, numbers)
     if not rows:
         return None

@@ -10,10 +10,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..description.records import LOAD_FRICTION
 from ..errors import ModelError
 from ..joints.kinds import JointKind
 from ..spatial import Array, Index
+from ..structure.parameters.effect_numbers import LOAD_FRICTION
 from ..structure.robot import HybridRobot
 from .joints import WIDTH, Numbers, given, joint_number, positive, refuse_cut
 

@@ -32,6 +32,10 @@ class Spring(JointEffect):
     symbols = ("k",)
     by_joint = ("stiffness",)
 
+    def fields(self, count: int) -> list[tuple[str, tuple[int, ...]]]:
+        """Return those of k and rest."""
+        return [("stiffness", ()), ("rest", ()), ("", ())]
+
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return k, rest and whether the joint is continuous (1 or 0) by joint."""
         odd = sorted(set(self.rest) - set(self.stiffness))
@@ -67,6 +71,10 @@ class _Polynomial(JointEffect):
     by_joint = ("coefficients",)
     coefficients: Mapping[str, Sequence[float]]
 
+    def fields(self, count: int) -> list[tuple[str, tuple[int, ...]]]:
+        """Return those of the coefficients."""
+        return [("coefficients", (i,)) for i in range(count)]
+
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return the coefficients by joint, all of one number: zeros follow."""
         most = max(map(len, self.coefficients.values()), default=0)
@@ -92,6 +100,10 @@ class PolynomialSpring(_Polynomial):
     coefficients: Mapping[str, Sequence[float]] = field(default_factory=dict)
     rest: Numbers = field(default_factory=dict)
     name: ClassVar[str] = "polynomial_spring"
+
+    def fields(self, count: int) -> list[tuple[str, tuple[int, ...]]]:
+        """Return those of rest and coefficients."""
+        return [("rest", ()), *super().fields(count - 1)]
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return rest and coefficients by joint."""
@@ -221,6 +233,11 @@ class Stop(JointEffect):
     name: ClassVar[str] = "stop"
     symbols = ("k_stop",)
     by_joint = ("stiffness",)
+    for_all = ("damping",)
+
+    def fields(self, count: int) -> list[tuple[str, tuple[int, ...]]]:
+        """Return those of k and the limits."""
+        return [("stiffness", ()), ("lower", ()), ("upper", ())]
 
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return k, lower and upper limit by joint."""
@@ -241,8 +258,8 @@ class Stop(JointEffect):
     def effort(self, p: Numerals, x: Array, v: Array) -> Array:
         """Compute the effort."""
         low, high = np.maximum(p[1] - x, 0.0), np.maximum(x - p[2], 0.0)
-        push_low = low * np.maximum(1.0 - self.damping * v, 0.0)
-        push_high = high * np.maximum(1.0 + self.damping * v, 0.0)
+        push_low = low * np.maximum(1.0 - p[3] * v, 0.0)
+        push_high = high * np.maximum(1.0 + p[3] * v, 0.0)
         out: Array = p[0] * (push_low - push_high)
         return out
 

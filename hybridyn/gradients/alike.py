@@ -11,7 +11,7 @@ from ..effects.choice import Choice, Effects
 from ..errors import ModelError
 from ..spatial import Index
 from ..structure.building import rebuilt
-from ..structure.parameters.entries import Parameters
+from ..structure.parameters.chosen import Parameters
 from ..structure.robot import HybridRobot
 
 #: Change of a number, as a part of its size or of one, at which no comparison may have another outcome.

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from ..dynamics.loads import in_every_sample
 from ..errors import ModelError, TrajectoryError
 from ..spatial import Array
-from ..structure.parameters.entries import Parameters
-from ..structure.parameters.slots import check_signs
+from ..structure.parameters.chosen import Parameters
 from ..structure.samples import same_samples
 
 
@@ -72,7 +71,7 @@ def samples_of(
             f"({', '.join(parameters.labels[:6])}{', ...' if parameters.size > 6 else ''})"
         )
     slots = parameters.slot_values(p[None])[0]
-    check_signs(parameters.slots, slots)
+    parameters.check(slots)
     return Samples(q, v, x, np.tile(slots, (len(q), 1)), p, single, wrenches)
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from ..spatial import Array, Mask
-from ..structure.parameters.entries import Numbers, Parameters
+from ..structure.parameters.chosen import Parameters
+from ..structure.parameters.entries import Numbers
 
 #: Imaginary step of functions that take complex numbers: no digit is lost.
 COMPLEX_STEP = 1e-30

@@ -119,8 +119,8 @@ def _far_frame(description: Description) -> str:
 
 def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> HybridRobot:
     """Build a robot with other parameters, see `HybridRobot.with_parameters`."""
-    from .parameters.entries import Parameters  # which few robots are asked for, as the next
-    from .parameters.slots import check_signs, with_values
+    from .parameters.chosen import Parameters  # which few robots are asked for, as the next
+    from .parameters.slots import with_values
     from .parameters.xacro import XacroArguments
 
     description, arguments = robot.description, [name for name in values if ":" not in name]
@@ -129,7 +129,7 @@ def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> Hyb
     named = {name: value for name, value in values.items() if ":" in name}
     parameters = Parameters(description, list(named))
     slots = parameters.slot_values(parameters.vector(named)[None])[0]
-    check_signs(parameters.slots, slots)
+    parameters.check(slots)
     return rebuilt(robot, with_values(description, parameters.slots, slots.tolist()), like=robot)
 
 

@@ -12,7 +12,7 @@ from ..compiled import DesignsInSlots, as_compile_error
 from ..description.names import did_you_mean
 from ..effects.choice import Effects
 from ..errors import ModelError, TrajectoryError
-from ..structure.parameters.entries import Parameters
+from ..structure.parameters.chosen import Parameters
 from ..structure.robot import HybridRobot
 from .arrays import Arrays
 from .drawing import Draw

@@ -15,7 +15,7 @@ from hybridyn.compiled.exporting import export
 from hybridyn.compiled.programs.designs import changed
 from hybridyn.effects import Bushings, GravityCompensation, GroundContact, LineSprings
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.entries import Parameters
+from hybridyn.structure.parameters.chosen import Parameters
 from hybridyn.structure.robot import HybridRobot
 from tests.compiled.test_export import run_test
 from tests.oracle import Base

@@ -18,7 +18,7 @@ from hybridyn.compiled.programs.closing.platform_program import (
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.entries import Parameters
+from hybridyn.structure.parameters.chosen import Parameters
 from tests.linkage.test_winding import OFFSET, gear
 from tests.oracle import Base
 from tests.robots.mechanisms import KINDS, random_mechanism

@@ -18,7 +18,7 @@ from hybridyn.compiled.programs.sources import kept
 from hybridyn.description.cache_folder import VARIABLE
 from hybridyn.spatial import Array, Mask
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.entries import Parameters
+from hybridyn.structure.parameters.chosen import Parameters
 from hybridyn.structure.parameters.slots import Slot
 from hybridyn.structure.robot import joint_position
 from tests.assembly.test_assembly import waves

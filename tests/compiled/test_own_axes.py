@@ -19,7 +19,7 @@ from hybridyn.compiled.programs.direct import direct_program
 from hybridyn.compiled.programs.inverse import inverse_program
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.entries import Parameters
+from hybridyn.structure.parameters.chosen import Parameters
 from tests.compiled import rods
 from tests.support.samples import slow
 

@@ -17,7 +17,8 @@ from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.effects import GearEfficiency, LoadFriction, Payload, Spring
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.entries import Parameters
+from hybridyn.structure.parameters.chosen import Parameters
+from hybridyn.structure.parameters.effect_numbers import stated_numbers
 from tests.robots.mechanisms import random_mechanism
 from tests.robots.shipped import shipped
 from tests.structure.test_parameters import CASES
@@ -283,7 +284,8 @@ def test_designs_state_back_where_the_effect_that_is_asked_for_does(back: float 
     law, name = GearEfficiency({motor: 0.8}, back=back and {motor: back}), f"gear_efficiency:{motor}"
     stated, on, _ = asked_for(robot, ["default", law], [name], "float64")
     design = stated.with_parameters({name: 0.5})
-    assert [gear.back for gear in design.description.gears] == [back or 0.0]
+    found = dict(stated_numbers(design.description))
+    assert found.get(("gear_efficiency", motor, "back")) == back
     gears = at_robot(on, design).gears
     assert gears is not None
     assert gears.effect.back == law.back

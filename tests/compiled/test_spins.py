@@ -25,7 +25,7 @@ from hybridyn.dynamics.forward import forward
 from hybridyn.effects.joint_laws import ViscousFriction
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.entries import Parameters
+from hybridyn.structure.parameters.chosen import Parameters
 from tests.compiled import rods
 from tests.compiled.test_derivatives import DIFFERENCES, along_a_motion
 from tests.robots.shipped import shipped

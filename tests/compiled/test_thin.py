@@ -21,7 +21,7 @@ from hybridyn.dynamics.backward import unbalanced
 from hybridyn.effects.choice import choose
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.entries import Parameters
+from hybridyn.structure.parameters.chosen import Parameters
 from tests.compiled import rods
 from tests.support.samples import slow
 

@@ -13,7 +13,7 @@ from hybridyn.dynamics.link_motion import kinematics
 from hybridyn.gradients.kept import has_undriven
 from hybridyn.joints import displacement
 from hybridyn.spatial import Array
-from hybridyn.structure.parameters.entries import Parameters
+from hybridyn.structure.parameters.chosen import Parameters
 from hybridyn.structure.robot import HybridRobot
 from tests.robots.posing import position
 

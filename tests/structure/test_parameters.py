@@ -16,7 +16,8 @@ from hybridyn.description.records import Description
 from hybridyn.effects import GearEfficiency, LoadFriction, Payload, Spring, with_effects
 from hybridyn.errors import AssemblyError, ModelError
 from hybridyn.structure.building import build_robot
-from hybridyn.structure.parameters.entries import Parameters, _angles
+from hybridyn.structure.parameters.chosen import Parameters
+from hybridyn.structure.parameters.entries import _angles
 from hybridyn.structure.parameters.slots import Slot, differences, values_of, with_values
 from tests.robots.shipped import changed_copy, shipped
 from tests.support.comparing import refused
@@ -300,7 +301,7 @@ def test_friction_by_load_may_vanish_in_a_design() -> None:
 
 def test_what_follows_from_an_efficiency_is_no_number_of_its_own() -> None:
     motor = "m1_left_drive"
-    back, efficiency = (Slot("gears", motor, field) for field in ("back", "efficiency"))
+    back, efficiency = (Slot("gear_efficiency", motor, field) for field in ("back", "efficiency"))
     cases: list[tuple[dict[str, Any], list[Slot]]] = [
         ({}, [efficiency]),
         ({"back": {motor: 0.7}}, [back, efficiency]),

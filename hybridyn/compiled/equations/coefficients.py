@@ -1,44 +1,49 @@
-"""Coefficients of the files' joint laws as arguments."""
+"""Coefficients of effects as arguments."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...description.records import LOAD_FRICTION, Description, StatedSpring
+import numpy as np
+
 from ...effects.choice import Effects
 from ...effects.gears import OnGears, on_gears
-from ...effects.joints import JointEffect, OnJoints, placed
-from ...effects.load_friction import OnLoads, coefficients, on_loads
-from ...effects.springs import Spring
+from ...effects.joints import OnJoints, placed
+from ...effects.load_friction import OnLoads, on_loads
 from ...effects.tendons import OnTendons
 from ...errors import ModelError
-from ...structure.parameters.entries import OF_EFFECTS
+from ...structure.parameters.effect_numbers import EFFECT_NUMBERS, stated_numbers
+from ...structure.parameters.entries import OF_EFFECTS, name_of
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 
 
 def slots_of(robot: HybridRobot, law: OnJoints | OnTendons, i: int) -> list[Slot | None]:
     """Return for each coefficient of a law's freedom i the number of the description that it is, or None."""
-    none: list[Slot | None] = [None] * len(law.p)
-    if isinstance(law, OnTendons):
-        return none
-    if type(law.effect) is Spring:
-        joint = _joint_of(robot, law, i)
-        return [Slot("springs", joint, "stiffness"), Slot("springs", joint, "rest"), *none[2:]]
-    field = OF_EFFECTS.get(law.effect.name)
-    if field is None or getattr(law.effect, law.effect.by_joint[0]) is not None:
-        return none
-    return [Slot("joints", _joint_of(robot, law, i), field), *none[1:]]
+    if isinstance(law, OnTendons) or not {law.effect.name} & {*EFFECT_NUMBERS, *OF_EFFECTS}:
+        return [None] * len(law.p)
+    effect, joint = law.effect, _joint_of(robot, law, i)
+    out: list[Slot | None] = [
+        Slot(effect.name, joint, field, at) if field else None
+        for field, at in effect.fields(len(law.p) - len(effect.for_all))
+    ]
+    if getattr(effect, effect.by_joint[0]) is None:
+        out[0] = Slot("joints", joint, OF_EFFECTS[effect.name])
+    return [*out, *(Slot(effect.name, effect.name, field) for field in effect.for_all)]
 
 
-def friction_slots(law: OnLoads | None) -> list[Slot]:
-    """Return the number of the description that each term's coefficient of load friction is."""
-    if law is None:
+def friction_slots(law: OnLoads | None, joint: str) -> list[Slot]:
+    """Return the numbers of the description that load friction of a joint has.
+
+    They are those of its terms, static part, Stribeck velocity and width.
+    """
+    if law is None or joint not in law.joints:
         return []
-    terms = zip(law.of_joint, law.words, strict=True)
-    return [Slot("load_friction", law.joints[joint], word) for joint, word in terms]
+    effect, terms = law.effect.name, np.flatnonzero(law.of_joint == law.joints.index(joint))
+    words = *(law.words[k] for k in terms), "static", "speed"
+    return [*(Slot(effect, joint, word) for word in words), width_slot(law.effect)]
 
 
 def gear_slots(gears: OnGears | None, motor: str) -> list[Slot]:
@@ -46,7 +51,12 @@ def gear_slots(gears: OnGears | None, motor: str) -> list[Slot]:
     if gears is None or motor not in gears.effect.efficiency:
         return []
     fields = ("efficiency",) if gears.effect.back is None else ("efficiency", "back")
-    return [Slot("gears", motor, field) for field in fields]
+    return [Slot(gears.effect.name, motor, field) for field in fields]
+
+
+def width_slot(effect: Any) -> Slot:
+    """Return the number of the description that the width of an effect is."""
+    return Slot(effect.name, effect.name, "width")
 
 
 def _joint_of(robot: HybridRobot, law: OnJoints, i: int) -> str:
@@ -55,95 +65,74 @@ def _joint_of(robot: HybridRobot, law: OnJoints, i: int) -> str:
     return next(n for n, own in zip(robot.joints, robot.v_slices, strict=True) if own.start <= at < own.stop)
 
 
+def _laws(effects: Effects) -> Iterator[Any]:
+    """Yield the effects whose numbers may be parameters."""
+    for law in (*effects.joints, effects.loaded, effects.gears):
+        if law is not None and law.effect.name in EFFECT_NUMBERS:
+            yield law.effect
+
+
+def _tables(effects: Effects) -> dict[str, dict[str, Any]]:
+    """Return the numbers of effects as files state them, but of effects that state one number twice."""
+    out, twice = dict[str, dict[str, Any]](), set[str]()
+    for effect in _laws(effects):
+        tables = out.setdefault(effect.name, {})
+        for word in EFFECT_NUMBERS[effect.name]:
+            numbers, known = getattr(effect, word), tables.get(word)
+            if isinstance(numbers, Mapping):
+                if known and {*known} & {*numbers}:
+                    twice.add(effect.name)
+                plain = {name: np.asarray(x, dtype=float).tolist() for name, x in numbers.items()}
+                tables[word] = (known or {}) | plain
+            elif numbers is not None:
+                if known not in (None, float(numbers)):
+                    twice.add(effect.name)
+                tables[word] = float(numbers)
+    return {name: tables for name, tables in out.items() if tables and name not in twice}
+
+
 def with_stated_effects(robot: HybridRobot, effects: Effects) -> HybridRobot:
-    """Return a robot whose description states springs and losses of its models, which are its parameters.
-
-    Raises:
-        ModelError: Several springs act on a joint.
-    """
-    description = _with_losses(robot.description, effects)
-    if description is not robot.description:
-        robot = replace(robot, description=description)
-    springs = [
-        StatedSpring(joint, *values[:2])
-        for law in effects.joints
-        if type(law.effect) is Spring
-        for joint, values in law.effect.numbers(robot).items()
-    ]
-    if not springs or tuple(springs) == robot.description.springs:
-        return robot
-    names = [spring.name for spring in springs]
-    for name in names:
-        if names.count(name) > 1:
-            raise ModelError(
-                f"several springs act on joint '{name}': a model with parameters takes one", element=name
-            )
-    return replace(robot, description=robot.description.with_springs(springs))
-
-
-def _with_losses(description: Description, effects: Effects) -> Description:
-    """Return a description that states the load friction and the gears of some effects."""
-    if effects.loaded is not None:
-        law = effects.loaded.effect
-        numbers: dict[str, Any] = {
-            word: {joint: float(x) for joint, x in table.items()}
-            for word, table in {**coefficients(law), "static": law.static, "speed": law.speed}.items()
-        }
-        description = description.with_effect("load_friction", numbers | {"width": law.width})
-    if effects.gears is not None:
-        gear = effects.gears.effect
-        numbers = {
-            "efficiency": {motor: float(x) for motor, x in gear.efficiency.items()},
-            "width": gear.width,
-        }
-        if gear.back is not None:
-            numbers["back"] = {
-                motor: float(gear.back.get(motor, 2 - 1 / x)) for motor, x in gear.efficiency.items()
-            }
-        description = description.with_effect("gear_efficiency", numbers)
-    return description
+    """Return a robot whose description states the numbers of its models' effects, which may be parameters."""
+    description = robot.description
+    for name, tables in _tables(effects).items():
+        description = description.with_effect(name, {word: x for word, x in tables.items() if x != {}})
+    return replace(robot, description=description)
 
 
 def at_robot(effects: Effects, robot: HybridRobot) -> Effects:
     """Return effects whose laws have the coefficients of another robot's description."""
+    known, numbers = _tables(effects), dict(stated_numbers(robot.description))
 
-    def stated(group: Sequence[Any]) -> tuple[Any, ...]:
+    def stated(effect: Any) -> Any:
+        """Return an effect with the coefficients of the description."""
+        if effect.name not in known:
+            return effect
+        names = {
+            name for word in EFFECT_NUMBERS[effect.name]
+            if isinstance(table := getattr(effect, word), Mapping) for name in table
+        }  # fmt: skip
+        tables: dict[str, Any] = {}
+        for word in EFFECT_NUMBERS[effect.name]:
+            before = getattr(effect, word)
+            if isinstance(before, Mapping):
+                own = {name: numbers.get((effect.name, name, word)) for name in names}
+                tables[word] = {name: x for name, x in own.items() if name in before or x}
+            elif before is not None:
+                tables[word] = numbers[effect.name, effect.name, word]
+        return replace(effect, **tables)
+
+    def laws(group: Sequence[Any]) -> tuple[Any, ...]:
         """Return laws with the coefficients of the description; those of tendons stay."""
-        laws = (
-            one if isinstance(one, OnTendons) else placed(_stated(one.effect, robot), robot) for one in group
-        )
-        return tuple(law for law in laws if law is not None)
+        found = (one if isinstance(one, OnTendons) else placed(stated(one.effect), robot) for one in group)
+        return tuple(law for law in found if law is not None)
 
-    loaded = effects.loaded
-    if loaded is not None and (own := robot.description.load_friction):
-        tables: dict[str, Any] = {  # zeros stay where the law has numbers: a static part needs them
-            word: dict.fromkeys(table, 0.0) | {x.name: getattr(x, word) for x in own if getattr(x, word)}
-            for word, table in coefficients(loaded.effect).items()
-        }
-        loaded = on_loads(replace(loaded.effect, **tables), robot)
-    gears = effects.gears
-    if gears is not None and (lossy := robot.description.gears):
-        back = None if gears.effect.back is None else {x.name: x.back for x in lossy}
-        law = replace(gears.effect, efficiency={x.name: x.efficiency for x in lossy}, back=back)
-        gears = on_gears(law, robot)
     return replace(
         effects,
-        loaded=loaded,
-        gears=gears,
-        joints=stated(effects.joints),
-        rotors=stated(effects.rotors),
+        loaded=None if effects.loaded is None else on_loads(stated(effects.loaded.effect), robot),
+        gears=None if effects.gears is None else on_gears(stated(effects.gears.effect), robot),
+        joints=laws(effects.joints),
+        rotors=laws(effects.rotors),
         links=tuple(law.bound(robot) for law in effects.links),
-    )
-
-
-def _stated(effect: JointEffect, robot: HybridRobot) -> JointEffect:
-    """Return an effect with the coefficients that a robot's description states for its joints."""
-    if type(effect) is not Spring:
-        return effect
-    known = {spring.name: spring for spring in robot.description.springs if spring.name in effect.stiffness}
-    return Spring(
-        {**effect.stiffness, **{name: spring.stiffness for name, spring in known.items()}},
-        {**effect.rest, **{name: spring.rest for name, spring in known.items()}},
     )
 
 
@@ -151,22 +140,34 @@ def check_coefficients(robot: HybridRobot, effects: Effects, slots: tuple[Slot, 
     """Check that a law uses each coefficient that is an argument.
 
     Raises:
-        ModelError: The effect is off, or the coefficient is zero in the robot's files.
+        ModelError: The effect is off, several of them state the number, or the coefficient is zero in the
+            robot's files.
     """
     used = {
         slot for law in effects.joints for i in range(len(law.columns)) for slot in slots_of(robot, law, i)
     }
-    used.update(friction_slots(effects.loaded))
-    used.update(slot for motor in robot.motors for slot in gear_slots(effects.gears, motor))
-    names = {field: name for name, field in OF_EFFECTS.items()}
-    names |= {word: f"load_friction_{word}" for word in LOAD_FRICTION}
-    names |= {"stiffness": "spring_stiffness", "rest": "spring_rest"}
-    names |= {"efficiency": "gear_efficiency", "back": "gear_back"}
+    for joint in robot.joints:
+        used.update(friction_slots(effects.loaded, joint))
+    if (gears := effects.gears) is not None:
+        used.update(slot for motor in robot.motors for slot in gear_slots(gears, motor))
+        used.add(width_slot(gears.effect))
+    known = _tables(effects)
+    fields = {field: name for name, field in OF_EFFECTS.items()}
     for slot in slots:
-        if slot.field in names and slot not in used:
-            name = names[slot.field]
+        of_file = slot.table == "joints" and slot.field in fields
+        if not of_file and slot.table not in EFFECT_NUMBERS:
+            continue
+        name = f"{fields[slot.field]}:{slot.name}" if of_file else name_of(slot)
+        kind = name.partition(":")[0]
+        if slot not in used:
             raise ModelError(
-                f"parameter '{name}:{slot.name}': '{name}' does not act on the joint with a number of the "
-                "robot's files; name the effect in effects=, or state a coefficient that is not zero",
+                f"parameter '{name}': '{kind}' does not act on the joint with a number of the robot's files; "
+                "name the effect in effects=, or state a coefficient that is not zero",
+                element=slot.name,
+            )
+        if not of_file and slot.table not in known:
+            raise ModelError(
+                f"parameter '{name}': several effects '{slot.table}' act with numbers of their own: a model "
+                "with such parameters takes one",
                 element=slot.name,
             )

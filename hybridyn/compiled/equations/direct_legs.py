@@ -57,7 +57,7 @@ def write_direct_legs(
     outputs = {name: pack(sums[name]) for name, _ in LEG_SUMS}
     rubbing = of_legs(options.rubbing, plan.parts)[n]
     if rubbing[0]:
-        rubs = RubbingLeg.of(unforced, group, rubbing, v)
+        rubs = RubbingLeg.of(unforced, group, rubbing, v, plan.column)
         outputs["rubbing"] = pack(*_answers(written, rubs, sums, options))
     certain = written.idle.unforced(plan, sums["f"], leg.tree_v) if written.idle else 0.0
     outputs["guard"] = written.guarded(plan) + certain

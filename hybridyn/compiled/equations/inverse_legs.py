@@ -56,7 +56,7 @@ def write_inverse_legs(
         outputs["motors"] = pack(*(written.wrench(written.X[k]) for k in driven))
     rubbing = of_legs(options.rubbing, plan.parts)[n]
     if rubbing[0] and not motions:
-        rubs = RubbingLeg.of(written, group, rubbing, v)
+        rubs = RubbingLeg.of(written, group, rubbing, v, plan.column)
         alone = plus(rubs.required(carried(moving)), dot(rubs.through, H))
         outputs["rubbing"] = pack(alone, -rubs.through[:, driven], rubs.of_frictions(), rubs.pushes)
     inputs = GivenColumns(known | {"numbers": written.folding.symbol()} | given)

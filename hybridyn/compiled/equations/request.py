@@ -148,8 +148,8 @@ class Request:
 
     def _argued(self, module: Module) -> bool:
         """Return whether a coefficient of load friction of a module is an argument."""
-        own = friction_slots(self.on.loaded)
-        return any(slot in self.slots and slot.name in module.joints for slot in own)
+        own = (slot for joint in module.joints for slot in friction_slots(self.on.loaded, joint))
+        return not set(self.slots).isdisjoint(own)
 
     @cached_property
     def undriven(self) -> list[bool]:

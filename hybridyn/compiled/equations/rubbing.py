@@ -19,7 +19,7 @@ from .core import Core
 from .expressions import numbers, plain, zeros
 from .guarded_elimination import Triangular
 from .module_plan import ModulePlan
-from .rubbing_joints import Rubbing, of_core, rows_of_terms
+from .rubbing_joints import Rubbing, of_core, rows_of_terms, with_arguments
 from .rubbing_legs import LegAnswers
 
 
@@ -35,7 +35,7 @@ def pushed_by(
     """
     own, out = plan.parts.tree_v, zeros(6 + core.chain.nv, len(rubbing))
     place = {int(col): k for k, col in enumerate(own)}
-    for j, one in enumerate(of_core(rubbing, plan.parts)):
+    for j, one in enumerate(with_arguments(of_core(rubbing, plan.parts), plan.column)):
         at = [place[col] for col in one.cols]
         effort = one.effort(np.array([v[plan.parts.v[k]] for k in at], dtype=object))
         out[[6 + k for k in at], j] = -effort

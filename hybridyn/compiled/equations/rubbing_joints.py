@@ -23,13 +23,15 @@ ROUNDED_PART = 1e-14
 
 
 class Argument(NamedTuple):
-    """A coefficient that is an argument of the models.
+    """A number that is an argument of the models.
 
     Attributes:
         place: Its place in the input "parameters".
+        less: What is taken from it.
     """
 
     place: int
+    less: float = 0.0
 
 
 class LoadTerm(NamedTuple):
@@ -51,15 +53,16 @@ class Rubbing(NamedTuple):
         joint: Its number in the whole tree.
         cols: Its freedoms in the tree after the cuts.
         terms: Those of the law.
-        rise, speed, width: By how much friction is larger at rest, its Stribeck velocity, and `width`.
+        rise, speed, width: By how much friction is larger at rest, its Stribeck velocity, and `width`: each
+            like a term's factor.
     """
 
     joint: int
     cols: tuple[int, ...]
     terms: tuple[LoadTerm, ...]
-    rise: float
-    speed: float
-    width: float
+    rise: Any
+    speed: Any
+    width: Any
 
     def effort(self, v: Expression) -> Expression:
         """Compute the efforts over its freedoms per unit of friction at their rates v."""
@@ -88,7 +91,7 @@ def rubbing_joints(
     Raises:
         ModelError: Friction acts along an idle motion, or inside a wrist that carries a platform.
     """
-    out, own = list[Rubbing](), friction_slots(law)
+    out = list[Rubbing]()
     spec, tree = module.mechanism.spec, module.mechanism.tree
     idle = {col for motion in parts.all_idle for col in motion.cols}
     for n, name in enumerate(() if law is None else law.joints):
@@ -102,41 +105,50 @@ def rubbing_joints(
                 f"the effect '{law.effect.name}' cannot be compiled on joint '{name}': {where}. Use the "
                 "general path for it", element=name,
             )  # fmt: skip
-        T = parts.turns[joint + 1]
+        *own, static, speed, width = friction_slots(law, name)
+        part = [_in_aligned(law.part[k], parts.turns[joint + 1]) for k in np.flatnonzero(law.of_joint == n)]
+        factor = law.factor[law.of_joint == n].tolist()
         terms = tuple(
-            LoadTerm(
-                Argument(slots.index(own[k])) if own[k] in slots else float(law.factor[k]),
-                _in_aligned(law.part[k], T),
-            )
-            for k in np.flatnonzero(law.of_joint == n)
+            LoadTerm(_given(slots, slot, x), one) for slot, x, one in zip(own, factor, part, strict=True)
         )
         out.append(Rubbing(
-            joint, cols, terms, float(law.rise[n]), float(law.speed[n]), float(law.effect.width),
+            joint, cols, terms, _given(slots, static, float(law.rise[n]), 1.0),
+            _given(slots, speed, float(law.speed[n])), _given(slots, width, float(law.effect.width)),
         ))  # fmt: skip
     legs = [joint for group in parts.groups for leg in group for joint in leg.links]
     order = [*parts.links, *legs]
     return tuple(sorted(out, key=lambda one: order.index(one.joint)))
 
 
+def _given(slots: Sequence[Slot], slot: Slot, number: float, less: float = 0.0) -> Any:
+    """Return a number of the law, as an argument if its slot is one."""
+    return Argument(slots.index(slot), less) if slot in slots else number
+
+
 def argued(rubbing: Sequence[Rubbing]) -> bool:
-    """Return whether a coefficient is an argument."""
-    return any(isinstance(term.factor, Argument) for one in rubbing for term in one.terms)
+    """Return whether a number is an argument."""
+    numbers = (x for one in rubbing for x in (*one[3:], *(term.factor for term in one.terms)))
+    return any(isinstance(x, Argument) for x in numbers)
 
 
 def with_arguments(rubbing: Sequence[Rubbing], column: ca.SX | None) -> tuple[Rubbing, ...]:
-    """Return joints with the arguments among their coefficients as expressions.
+    """Return joints with the arguments among their numbers as expressions.
 
     Args:
         column: Symbols of all arguments, or None without any.
     """
 
-    def filled_in(term: LoadTerm) -> LoadTerm:
-        """Return a term whose factor is an expression where it is an argument."""
-        if column is None or not isinstance(term.factor, Argument):
-            return term
-        return term._replace(factor=column[term.factor.place])
+    def filled_in(x: Any) -> Any:
+        """Return a number, as an expression where it is an argument."""
+        return column[x.place] - x.less if column is not None and isinstance(x, Argument) else x
 
-    return tuple(one._replace(terms=tuple(map(filled_in, one.terms))) for one in rubbing)
+    return tuple(
+        Rubbing(
+            one.joint, one.cols, tuple(LoadTerm(filled_in(term.factor), term.part) for term in one.terms),
+            *map(filled_in, one[3:]),
+        )
+        for one in rubbing
+    )  # fmt: skip
 
 
 def of_core(rubbing: Sequence[Rubbing], parts: Parts) -> list[Rubbing]:

@@ -12,16 +12,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from ...effects.load_friction import against
 from ...spatial import cross, numpy_on_symbols
 from ...symbols import Expression, dot, minus, plus
-from .expressions import zeros
+from .expressions import filled, zeros
 from .leg_groups import Leg
 from .legs import WrittenLeg
 from .parts import Parts
-from .rubbing_joints import Rubbing, of_core, of_legs
+from .rubbing_joints import Rubbing, of_core, of_legs, with_arguments
 from .stages import GivenColumns
 
 
@@ -44,7 +45,12 @@ class RubbingLeg(NamedTuple):
 
     @classmethod
     def of(
-        cls, leg: WrittenLeg, group: Sequence[Leg], rubbing: Sequence[Sequence[Rubbing]], v: Expression
+        cls,
+        leg: WrittenLeg,
+        group: Sequence[Leg],
+        rubbing: Sequence[Sequence[Rubbing]],
+        v: Expression,
+        column: ca.SX | None,
     ) -> RubbingLeg:
         """Return the joints that rub.
 
@@ -52,7 +58,9 @@ class RubbingLeg(NamedTuple):
             leg: The legs.
             rubbing: Those of each leg.
             v: Rates of the leg.
+            column: Symbols of all arguments, or None without any.
         """
+        rubbing = [with_arguments(own, column) for own in rubbing]
         own, folding, chain = group[0].tree_v.tolist(), leg.folding, leg.chain
         parts, through, efforts = list[Expression](), [zeros(0, len(v))], zeros(len(v), len(rubbing[0]))
         for j, each in enumerate(zip(*rubbing, strict=True)):
@@ -62,9 +70,9 @@ class RubbingLeg(NamedTuple):
             arm = minus(leg.point, chain.p0[body])
             lines = np.concatenate([plus(force, cross(moment, arm[None])), moment], axis=1)
             parts, through = [*parts, part], [*through, -dot(lines, leg.X.T)]
-            rise, speed = folding.array([np.array([one.rise, one.speed]) for one in each])
+            rise, speed, width = folding.array([filled(one[3:], 3) for one in each])
             with numpy_on_symbols():
-                efforts[at, j] = against(v[at], each[0].width, rise, speed)
+                efforts[at, j] = against(v[at], width, rise, speed)
         pushes = np.stack([leg.wrench(x) for x in dot(leg.X.T, efforts).T], axis=1)
         return cls([one.joint for one in rubbing[0]], parts, np.concatenate(through), efforts, pushes)
 

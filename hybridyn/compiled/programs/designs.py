@@ -13,8 +13,8 @@ from ...effects.choice import Effects
 from ...errors import HybridynError, ModelError, TrajectoryError
 from ...spatial import Array, Index
 from ...structure.building import rebuilt
-from ...structure.parameters.entries import Parameters
-from ...structure.parameters.slots import check_signs, with_values
+from ...structure.parameters.chosen import Parameters
+from ...structure.parameters.slots import with_values
 from ...structure.robot import HybridRobot
 from ..equations.coefficients import at_robot
 from .general import general_rows
@@ -51,7 +51,7 @@ def changed(robot: HybridRobot, parameters: Parameters, numbers: Array) -> Hybri
     Raises:
         HybridynError: There is no such robot.
     """
-    check_signs(parameters.slots, numbers)
+    parameters.check(numbers)
     return rebuilt(robot, with_values(robot.description, parameters.slots, numbers.tolist()), like=robot)
 
 
@@ -90,7 +90,7 @@ class DesignsInSlots:
                 + f" ({', '.join(self.parameters.labels[:6])}{', ...' if size > 6 else ''})"
             )
         slots = self.parameters.slot_values(np.atleast_2d(values))
-        check_signs(self.parameters.slots, slots)
+        self.parameters.check(slots)
         return slots[0] if not shape else np.broadcast_to(slots, (*shape, slots.shape[1]))
 
     def possible(self, p: Array) -> tuple[Array, dict[int, ModelError]]:
@@ -102,7 +102,7 @@ class DesignsInSlots:
         if p.shape[1:] != (self.parameters.size,) or not np.isfinite(p).all():
             return self.numbers(p, (len(p),)), {}  # says what is wrong
         slots, errors = self.parameters.possible(p)
-        check_signs(self.parameters.slots, slots)
+        self.parameters.check(slots)
         return slots, errors
 
     def general(self, name: str, given: Mapping[str, Array], rows: Index) -> Array:

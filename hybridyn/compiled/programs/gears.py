@@ -7,7 +7,7 @@ import numpy as np
 
 from ...effects.gears import OnGears, needed, passed_on, slopes
 from ...spatial import Index, numpy_on_symbols
-from ..equations.coefficients import gear_slots
+from ..equations.coefficients import gear_slots, width_slot
 from ..equations.request import Request
 from ..program import Constants, Each, GivenPlace, ResultPlace, Shared, Source, Worst
 from .writer import Writer
@@ -30,10 +30,10 @@ def write_needed(
         joint_side: Efforts behind the gears.
         result: Where those before the gears go.
     """
-    tau, mean, half, v = (ca.SX.sym(name) for name in ("tau", "mean", "half", "v"))
+    tau, mean, half, v, width = (ca.SX.sym(name) for name in ("tau", "mean", "half", "v", "width"))
     with numpy_on_symbols():
-        effort = needed(mean, slopes(half, v, gears.effect.width), tau)
-    function = ca.Function("gear", [tau, mean, half, v], [effort])
+        effort = needed(mean, slopes(half, v, width), tau)
+    function = ca.Function("gear", [tau, mean, half, v, width], [effort])
     target = ResultPlace(result.index.reshape(-1, 1))
     sources = [Each(joint_side.start, 1), *_numbers(request, w, gears, motors)]
     w.call(w.kernel("gears, inverse", function, "effects"), len(motors), sources, [target])
@@ -50,12 +50,12 @@ def write_passed_on(
         motors: Numbers of the motors in the robot, shape (copies, entries).
         given: Efforts of the motors.
     """
-    tau, mean, half, v = (ca.SX.sym(name) for name in ("tau", "mean", "half", "v"))
+    tau, mean, half, v, width = (ca.SX.sym(name) for name in ("tau", "mean", "half", "v", "width"))
     with numpy_on_symbols():
-        slope = slopes(half, v, gears.effect.width)
+        slope = slopes(half, v, width)
         effort, least = passed_on(mean, slope, tau), mean - np.abs(slope)
     guard = ca.if_else(least > 0, 0.0, np.inf)
-    function = ca.Function("gear", [tau, mean, half, v], [effort, guard])
+    function = ca.Function("gear", [tau, mean, half, v, width], [effort, guard])
     place = w.each(*motors.shape)
     single = type(given)(given.index.reshape(-1, 1))
     sources: list[Source] = [single, *_numbers(request, w, gears, motors.ravel())]
@@ -65,20 +65,27 @@ def write_passed_on(
 
 
 def _numbers(request: Request, w: Writer, gears: OnGears, motors: Index) -> list[Source]:
-    """Return the sources of mean, half and rate of motors; a gear without loss has 1, 0, and any rate."""
+    """Return the sources of mean, half, rate and width of motors.
+
+    A gear without loss has 1, 0, and any rate.
+    """
     at = {int(motor): n for n, motor in enumerate(gears.motors)}
     own = [at.get(int(motor)) for motor in motors]
     mean = np.array([[1.0 if n is None else gears.mean[n]] for n in own])
     half = np.array([[0.0 if n is None else gears.half[n]] for n in own])
     rates = np.array([[gears.columns[n or 0]] for n in own])
     names = [request.robot.motors[int(motor)] for motor in motors]
-    if set(request.slots).isdisjoint(slot for name in names for slot in gear_slots(gears, name)):
-        return [Constants(mean), Constants(half), w.from_given("v", rates)]
+    width, slots = width_slot(gears.effect), request.slots
+    last: list[Source] = [w.from_given("v", rates), Constants(np.full(rates.shape, gears.effect.width))]
+    if width in slots:
+        last[1] = w.from_given("parameters", np.full(rates.shape, slots.index(width)))
+    if set(slots).isdisjoint(slot for name in names for slot in gear_slots(gears, name)):
+        return [Constants(mean), Constants(half), *last]
     places = w.each(len(motors), 1), w.each(len(motors), 1)
     for i, name in enumerate(names):
         values = [Constants(np.array([[x]])) for x in (mean[i, 0] + half[i, 0], mean[i, 0] - half[i, 0])]
         _write_numbers(request, w, gears, name, values, [Shared(place.start + i, 1) for place in places])
-    return [*places, w.from_given("v", rates)]
+    return [*places, *last]
 
 
 def _write_numbers(

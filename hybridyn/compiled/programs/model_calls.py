@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ...effects.choice import Effects
 from ...spatial import Array
-from ...structure.parameters.entries import Parameters
+from ...structure.parameters.chosen import Parameters
 from ...structure.robot import HybridRobot
 from ..interpreted import at_once
 from ..library.artifact import Artifact

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 from ...effects.choice import Choice, Effects, choose, without_losses
 from ...effects.others import is_other
 from ...errors import ModelError
-from ...structure.parameters.entries import Parameters
+from ...structure.parameters.chosen import Parameters
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ..code.scalars import REAL, Scalar

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...effects.choice import Effects
 from ...spatial import Array
-from ...structure.parameters.entries import Parameters
+from ...structure.parameters.chosen import Parameters
 from ...structure.robot import HybridRobot
 from ..comparing import compare_at_states, random_states
 from ..failures import as_compile_error

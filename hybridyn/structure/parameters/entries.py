@@ -1,18 +1,18 @@
 """Parameters by name: "mass:LINK", "position:JOINT", ..., and the numbers of a description that they set."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ...description.names import did_you_mean
-from ...description.records import LOAD_FRICTION, Description
+from ...description.records import Description
 from ...errors import ModelError
 from ...extensions import Extension, added, every_name, running
-from ...spatial import Array, slices
+from ...spatial import Array
+from .effect_numbers import EFFECT_NUMBERS, stated_numbers
 from .slots import Slot, check_load, check_one, values_of
-from .xacro import XacroArguments
 
 #: Numbers in slots of each design, shape (T, slots), and the errors of the designs that are not possible.
 Numbers = tuple[Array, dict[int, ModelError]]
@@ -124,22 +124,23 @@ _FIELDS = {
     **{kind: ("links", "link", *where) for kind, where in _OF_LINKS.items()},
     "offset": ("couplings", "coupling", "offset", ("offset",), ((),)),
     **{kind: ("joints", "joint", field, (kind,), ((),)) for kind, field in OF_EFFECTS.items()},
-    **{
-        f"spring_{field}": ("springs", "spring on the joint", field, (field,), ((),))
-        for field in ("stiffness", "rest")
-    },
-    **{
-        f"load_friction_{word}": ("load_friction", "load friction on the joint", word, (word,), ((),))
-        for word in LOAD_FRICTION
-    },
-    "gear_efficiency": ("gears", "gear with losses at the motor", "efficiency", ("efficiency",), ((),)),
-    "gear_back": ("gears", "gear with losses at the motor", "back", ("back",), ((),)),
     **{PAYLOAD + kind: ("loads", "payload on the link", *where) for kind, where in _OF_LINKS.items()},
 }
+#: Names of efficiencies of gears.
+_GEARS = {"gear_efficiency": ("gear_efficiency", "efficiency"), "gear_back": ("gear_efficiency", "back")}
+#: Numbers of effects by joint or motor: the effect and its key.
+_OF_EFFECTS = _GEARS | {
+    f"{effect}_{word}": (effect, word)
+    for effect, words in EFFECT_NUMBERS.items()
+    for word, of in words.items()
+    if not of.shared and effect != "gear_efficiency"
+}
+#: Numbers that all joints of an effect share, which go by its name.
+_SHARED = dict.fromkeys(word for words in EFFECT_NUMBERS.values() for word, of in words.items() if of.shared)
 #: What follows the name of a closure: its frame on the predecessor and on the successor.
 _SIDES = {"predecessor": "frame_a", "successor": "frame_b"}
 #: Kinds of parameters, before the colon.
-KINDS = (*_FRAMED, *_FIELDS)
+KINDS = (*_FRAMED, *_FIELDS, *_OF_EFFECTS, *_SHARED)
 
 
 def entry_of(description: Description, name: str) -> Entry:
@@ -150,14 +151,15 @@ def entry_of(description: Description, name: str) -> Entry:
         name: "mass:LINK", "centre:LINK" or "inertia:LINK" (about the centre of mass: xx, xy, xz, yy, yz,
             zz); "position:JOINT", "rotation:JOINT" (roll, pitch, yaw) or "placement:JOINT" (both), also of
             "CLOSURE/predecessor" and "CLOSURE/successor"; "offset:COUPLING"; "viscous_friction:JOINT" and
-            "coulomb_friction:JOINT", the coefficients in the robot's files; "spring_stiffness:JOINT" and
-            "spring_rest:JOINT"; "load_friction_radial:JOINT", and so "axial", "tilt" and "normal";
-            "gear_efficiency:MOTOR" and "gear_back:MOTOR"; "payload_mass:LINK", "payload_centre:LINK" and
+            "coulomb_friction:JOINT", the coefficients in the robot's files; "EFFECT_KEY:JOINT" for the
+            numbers of `EFFECT_NUMBERS`, such as "spring_rest:JOINT", "load_friction_static:JOINT" or
+            "polynomial_damper_coefficients:JOINT", and "gear_efficiency:MOTOR" and "gear_back:MOTOR";
+            "width:EFFECT" and "damping:stop"; "payload_mass:LINK", "payload_centre:LINK" and
             "payload_inertia:LINK", those of the payload on a link.
 
     Raises:
-        ModelError: The name has another form, or there is no such link, joint, closure, coupling, spring or
-            payload.
+        ModelError: The name has another form, or there is no such link, joint, closure, coupling, payload or
+            number of an effect.
     """
     kind, colon, of = name.partition(":")
     if colon and (made := added("parameters", kind)) is not None:
@@ -170,15 +172,47 @@ def entry_of(description: Description, name: str) -> Entry:
             f"{', '.join(known)}, or the name of a xacro argument of the robot's file",
             element=name,
         )
+    if kind in _OF_EFFECTS or kind in _SHARED:
+        return _of_effect(description, name, kind, of)
     if kind in _FIELDS:
         table, what, field, labels, places = _FIELDS[kind]
         check_one(name, of, [record.name for record in getattr(description, table)], what)
         if table == "loads":
             check_load(name, description, of)
-        return _entry(name, labels, [Slot(table, of, field, at) for at in places])
+        return entry_for(name, labels, [Slot(table, of, field, at) for at in places])
     labels, places, numbers, own = _FRAMED[kind]
     table, record, field = _frame_of(description, name, of)
-    return _entry(name, labels, [Slot(table, record, field, at) for at in places], numbers, own)
+    return entry_for(name, labels, [Slot(table, record, field, at) for at in places], numbers, own)
+
+
+def name_of(slot: Slot) -> str:
+    """Return the name of the parameter that is a number of an effect."""
+    kinds = {number: kind for kind, number in _OF_EFFECTS.items()}
+    return f"{kinds.get((slot.table, slot.field), slot.field)}:{slot.name}"
+
+
+def _of_effect(description: Description, name: str, kind: str, of: str) -> Entry:
+    """Return a parameter that is a number of an effect, or several.
+
+    Args:
+        name: Its name: its kind, a colon, and `of`.
+
+    Raises:
+        ModelError: No effect of the description states it.
+    """
+    effect, word = _OF_EFFECTS.get(kind, (of, kind))
+    found = [(at[1], x) for at, x in stated_numbers(description) if at[::2] == (effect, word)]
+    what = f"{effect.replace('_', ' ')} on the joint"
+    if kind in _SHARED:
+        what = f"stated '{word}' of the effect"
+    elif kind in _GEARS:
+        what = "gear with losses at the motor" if word == "efficiency" else "gear with 'back' at the motor"
+    check_one(name, of, [own for own, _ in found], what)
+    value = dict(found)[of]
+    if not isinstance(value, Sequence):
+        return entry_for(name, (word,), [Slot(effect, of, word)])
+    labels = tuple(f"c{i + 1}" for i in range(len(value)))
+    return entry_for(name, labels, [Slot(effect, of, word, (i,)) for i in range(len(value))])
 
 
 def _frame_of(description: Description, name: str, of: str) -> tuple[str, str, str]:
@@ -230,7 +264,7 @@ def _added_entry(found: Extension, description: Description, name: str) -> Entry
     return out
 
 
-def _entry(
+def entry_for(
     name: str,
     labels: tuple[str, ...],
     slots: Sequence[Slot],
@@ -240,134 +274,3 @@ def _entry(
     """Return a parameter; a single number is called like the parameter."""
     full = (name,) if len(labels) == 1 else tuple(f"{name}.{label}" for label in labels)
     return Entry(name, full, tuple(slots), numbers, own)
-
-
-def of_xacro(arguments: XacroArguments) -> Entry:
-    """Return the parameter whose numbers are arguments of a xacro file."""
-    name = ", ".join(arguments.names)
-    return Entry(name, arguments.names, arguments.slots, arguments.numbers, arguments.own)
-
-
-def _check_owners(entries: Sequence[Entry]) -> None:
-    """Raise if two parameters set the same number, or a link's numbers and those of its payload."""
-    owner: dict[Slot, str] = {}
-    for entry in entries:
-        for slot in entry.slots:
-            if slot in owner:
-                raise ModelError(
-                    f"parameters '{owner[slot]}' and '{entry.name}' both set {slot}", element=entry.name
-                )
-            owner[slot] = entry.name
-    both = {slot.name for slot in owner if slot.table == "loads"}
-    for slot, name in owner.items():
-        if slot.table == "links" and slot.name in both:
-            raise ModelError(
-                f"parameter '{name}': link '{slot.name}' has parameters of its payload, which are part "
-                "of its numbers: name one of both",
-                element=slot.name,
-            )
-
-
-class Parameters:
-    """The parameters of a model, in order.
-
-    Attributes:
-        names: What was asked for, in order.
-        entries: The parameters.
-        labels: Name of each number.
-        slots: The slots that they set, each once.
-        arguments: Those of the robot's xacro file, or None.
-        nominal: The numbers in the robot's description, shape (size,).
-    """
-
-    def __init__(self, description: Description, names: Sequence[str | Slot]) -> None:
-        """Find the parameters in a description.
-
-        Args:
-            description: The robot's description.
-            names: Names as `entry_of` takes them, slots, and arguments of the robot's xacro file. These stand
-                together, where the first of them is named.
-
-        Raises:
-            ModelError: A name is unknown, or two parameters set the same number.
-        """
-        self.names = tuple(names)
-        arguments = [name for name in names if isinstance(name, str) and ":" not in name]
-        xacro = [XacroArguments(description, arguments)] if arguments else []
-        self.arguments = next(iter(xacro), None)
-        self.entries = tuple(
-            _entry(str(name), ("value",), [name]) if isinstance(name, Slot)
-            else entry_of(description, name) if ":" in name
-            else of_xacro(xacro[0])
-            for name in names
-            if name not in arguments[1:]
-        )  # fmt: skip
-        self.labels = tuple(label for entry in self.entries for label in entry.labels)
-        self._at = slices(entry.size for entry in self.entries)
-        self.slots = tuple(slot for entry in self.entries for slot in entry.slots)
-        _check_owners(self.entries)
-        held = iter(values_of(description, self.slots))
-        parts = [entry.own(np.array([next(held) for _ in entry.slots])) for entry in self.entries]
-        self.nominal: Array = np.concatenate([np.zeros(0), *parts])
-
-    @property
-    def size(self) -> int:
-        """Number of numbers."""
-        return len(self.labels)
-
-    def near(self, factor: float) -> Array:
-        """Return the numbers of another design, shape (size,): all but those of rotation matrices, scaled."""
-        fixed = [entry.of_matrix for entry in self.entries for _ in entry.labels]
-        return np.where(np.array(fixed, dtype=bool), 1.0, factor) * self.nominal
-
-    def beside(self, part: float, place: int) -> Array:
-        """Return the numbers of a design, shape (size,), in which one coordinate of each position moves.
-
-        Args:
-            part: How far, as a part of the largest coordinate.
-            place: Which one: 0 for the least, 1 for the one after it.
-        """
-        out = self.nominal.copy()
-        for entry, at in zip(self.entries, self._at, strict=True):
-            if entry.origin:
-                own = out[at][:3]  # a view
-                own[np.argsort(np.abs(own), kind="stable")[place]] += part * np.abs(own).max()
-        return out
-
-    def slot_values(self, p: Array) -> Array:
-        """Compute the numbers in the slots, shape (T, slots), from parameters, shape (T, size).
-
-        Raises:
-            ModelError: A design is not possible.
-        """
-        values, errors = self.possible(p)
-        if errors:
-            raise errors[min(errors)]
-        return values
-
-    def possible(self, p: Array) -> Numbers:
-        """Compute `slot_values` with NaN for designs that are not possible, and these designs' errors."""
-        parts, errors = [np.zeros((len(p), 0))], dict[int, ModelError]()
-        for entry, at in zip(self.entries, self._at, strict=True):
-            values, wrong = entry.numbers(p[:, at])
-            parts.append(values)
-            errors |= wrong
-        return np.concatenate(parts, axis=1), errors
-
-    def vector(self, values: Mapping[str, Any]) -> Array:
-        """Return the numbers of all parameters, shape (size,), those left out as in the description.
-
-        Raises:
-            ModelError: A name is unknown, or a value has a wrong size.
-        """
-        out, names = self.nominal.copy(), [entry.name for entry in self.entries]
-        for name, given in values.items():
-            check_one(name, name, names, "parameter")
-            at = self._at[names.index(name)]
-            own = np.asarray(given, dtype=float).ravel()
-            if own.shape != out[at].shape or not np.isfinite(own).all():
-                raise ModelError(
-                    f"parameter '{name}' has {len(out[at])} finite numbers, not {given!r}", element=name
-                )
-            out[at] = own
-        return out

@@ -1,17 +1,18 @@
 """Slots: single numbers of a description, which can be read and replaced."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from ...description.names import did_you_mean
-from ...description.records import LOAD_FRICTION, Description
+from ...description.records import Description
 from ...description.residual_frames import joints_of_frames
 from ...errors import ModelError
-from ...spatial import Array
+from ...spatial import Array, Mask
 from ..bodies import loaded
+from .effect_numbers import ANY, EFFECT_NUMBERS, NOT_NEGATIVE, Range, stated_numbers, with_numbers
 
 #: Fields with slots, by the tuple of a description.
 NUMBERS = {
@@ -19,9 +20,6 @@ NUMBERS = {
     "joints": ("placement", "damping", "friction"),
     "closures": ("frame_a", "frame_b"),
     "couplings": ("offset",),
-    "springs": ("stiffness", "rest"),
-    "load_friction": LOAD_FRICTION,
-    "gears": ("efficiency", "back"),
     "loads": ("mass", "com", "inertia"),
 }
 #: Tuples of a description whose records have slots.
@@ -35,7 +33,8 @@ class Slot:
     """One number of a description.
 
     Attributes:
-        table: One of `TABLES`.
+        table: One of `TABLES`, or an effect of `EFFECT_NUMBERS`.
+        name: Name of the record; of an effect's number that of the joint or motor, or of the effect.
         index: Indices of the entry in the field; empty for a plain number. A symmetric matrix has slots in
             its upper triangle.
     """
@@ -55,7 +54,15 @@ class Slot:
 def values_of(description: Description, slots: Sequence[Slot]) -> list[float]:
     """Return the numbers in slots."""
     records = {table: {one.name: one for one in getattr(description, table)} for table in TABLES}
-    return [float(np.asarray(getattr(records[s.table][s.name], s.field))[s.index]) for s in slots]
+    of_effects = dict(stated_numbers(description))
+
+    def field_of(slot: Slot) -> Any:
+        """Return the field in which a slot is."""
+        if slot.table in EFFECT_NUMBERS:
+            return of_effects[slot.table, slot.name, slot.field]
+        return getattr(records[slot.table][slot.name], slot.field)
+
+    return [float(np.asarray(field_of(slot))[slot.index]) for slot in slots]
 
 
 def with_values(description: Description, slots: Sequence[Slot], values: Iterable[Any]) -> Description:
@@ -70,7 +77,11 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
     _check_frames(description, slots)
     records = {(table, one.name): one for table in TABLES for one in getattr(description, table)}
     changes: dict[tuple[str, str], dict[str, Any]] = {}
-    for slot, value in zip(slots, values, strict=True):
+    given = dict(zip(slots, values, strict=True))
+    description = _with_effects(description, {s: x for s, x in given.items() if s.table in EFFECT_NUMBERS})
+    for slot, value in given.items():
+        if slot.table in EFFECT_NUMBERS:
+            continue
         fields = changes.setdefault((slot.table, slot.name), {})
         before = fields.get(slot.field, getattr(records[slot.table, slot.name], slot.field))
         fields[slot.field] = _with_entry(before, slot, value) if slot.index else value
@@ -81,17 +92,25 @@ def with_values(description: Description, slots: Sequence[Slot], values: Iterabl
         )
         for table in {table for table, _ in changes}
     }
-    if "springs" in tables:
-        description = description.with_springs(tables.pop("springs"))
-    if "load_friction" in tables:
-        description = description.with_load_friction(tables.pop("load_friction"))
-    if "gears" in tables:
-        description = description.with_gears(tables.pop("gears"))
     if "loads" in tables:
         of = {load.name: load for load in tables["loads"] if ("loads", load.name) in changes}
         links = tables.get("links", description.links)
         tables["links"] = tuple(loaded(link, of[link.name]) if link.name in of else link for link in links)
     return replace(description, **tables)
+
+
+def _with_effects(description: Description, values: Mapping[Slot, Any]) -> Description:
+    """Return a description whose effects state other numbers."""
+    stated = dict(stated_numbers(description))
+    numbers: dict[tuple[str, str, str], Any] = {}
+    for slot, value in values.items():
+        key = slot.table, slot.name, slot.field
+        if slot.index:
+            entries = [*numbers.get(key, stated[key])]
+            entries[slot.index[0]] = value
+            value = entries
+        numbers[key] = value
+    return with_numbers(description, numbers)
 
 
 def _check_frames(description: Description, slots: Sequence[Slot]) -> None:
@@ -120,8 +139,7 @@ def differences(one: Description, other: Description) -> list[Slot]:
     """Return the slots in which two descriptions differ.
 
     Limits, home, lines and notes may differ: the equations do not depend on them, but where motors share a
-    load by their effort limits, which `check_shares` compares. What losses of gears follow from an efficiency
-    is no number of its own.
+    load by their effort limits, which `check_shares` compares.
 
     Raises:
         ModelError: They differ in more than numbers that have slots.
@@ -133,30 +151,25 @@ def differences(one: Description, other: Description) -> list[Slot]:
             raise ModelError(f"the {table} are others: the robot has another structure")
         for x, y in zip(ours, theirs, strict=True):
             out += _differing(table, x, y)
-    if not any("back" in values for name, values in one.effects if name == "gear_efficiency"):
-        out = [slot for slot in out if (slot.table, slot.field) != ("gears", "back")]
+    numbers = tuple({key: np.asarray(x) for key, x in stated_numbers(each)} for each in (one, other))
+    shapes = [{key: x.shape for key, x in own.items()} for own in numbers]
     for field in ("motors", "effects", "base", "gravity"):
         mine, others = getattr(one, field), getattr(other, field)
         if field == "effects":
-            mine, others = (_without_slots(effects) for effects in (mine, others))
+            mine, others = ((_without_slots(x), y) for x, y in zip((mine, others), shapes, strict=True))
         if mine != others:
             raise ModelError(f"the {field} are others: the robot has another structure")
+    for key, own in numbers[0].items():
+        out += [Slot(*key, tuple(at)) for at in np.argwhere(own != numbers[1][key]).tolist()]
     return out
 
 
-def _without_slots(effects: Sequence[tuple[str, dict[str, Any]]]) -> list[tuple[str, dict[str, Any]]]:
-    """Return effects without the numbers that have slots; whether gears state "back" is no number."""
-    known = {"load_friction": LOAD_FRICTION, "gear_efficiency": NUMBERS["gears"]}
-    stated = {"gear_efficiency": {"back": None}}
-    return [
-        (
-            name,
-            {word: x for word, x in values.items() if word not in known.get(name, ())}
-            | {word: x for word, x in stated.get(name, {}).items() if word in values},
-        )
+def _without_slots(effects: Sequence[tuple[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]:
+    """Return effects without the numbers that have slots."""
+    return {
+        name: {word: x for word, x in values.items() if word not in EFFECT_NUMBERS.get(name, ())}
         for name, values in effects
-        if name != "spring"
-    ]
+    }
 
 
 def _differing(table: str, x: Any, y: Any) -> list[Slot]:
@@ -177,10 +190,6 @@ def _differing(table: str, x: Any, y: Any) -> list[Slot]:
             places = sorted({(min(at), max(at)) for at in places})
         out += [Slot(table, x.name, field.name, at) for at in places]
     return out
-
-
-#: Fields whose numbers must not be negative, in parameters as in files.
-NOT_NEGATIVE = ("mass", "stiffness", "damping", "friction", *LOAD_FRICTION)
 
 
 def check_one(name: str, of: str, names: Sequence[str], what: str) -> None:
@@ -206,21 +215,47 @@ def check_load(name: str, description: Description, of: str) -> None:
         )
 
 
-def check_signs(slots: Sequence[Slot], numbers: Array) -> None:
-    """Check that no number is negative that must not be, and that gears lose and gain nothing.
+def range_of(slot: Slot) -> Range:
+    """Return what the number in a slot may be, in parameters as in files."""
+    if slot.table in EFFECT_NUMBERS:
+        return EFFECT_NUMBERS[slot.table][slot.field].range
+    return NOT_NEGATIVE if slot.field in ("mass", "damping", "friction") else ANY
+
+
+def wrong_numbers(
+    slots: Sequence[Slot], numbers: Array, description: Description
+) -> Iterator[tuple[Slot, Array, Mask, str]]:
+    """Yield slots, their numbers, which of these are wrong, and what they must be.
+
+    Args:
+        numbers: Of each design, shape (designs, slots).
+        description: States those that have no slot here.
+    """
+    rows = dict(zip(slots, numbers.T, strict=True))
+    for slot, own in rows.items():
+        yield slot, own, range_of(slot).misses(own), str(range_of(slot))
+        if slot.table == "stribeck_friction" and slot.field in ("level", "static"):
+            level, static = (
+                rows[at] if at in rows else values_of(description, [at])[0]
+                for at in (replace(slot, field=word) for word in ("level", "static"))
+            )
+            needed = "at most static" if slot.field == "level" else "at least level"
+            yield slot, own, np.broadcast_to(static < level, own.shape), needed
+
+
+def check_numbers(slots: Sequence[Slot], numbers: Array, description: Description) -> None:
+    """Check that numbers are what files may state.
 
     Args:
         numbers: Numbers in the slots of a design, shape (slots,), or of each design, shape (designs, slots).
+        description: States those that have no slot here.
     """
-    for slot, own in zip(slots, np.atleast_2d(numbers).T, strict=True):
-        if slot.table == "gears" and (out := (own > 1) | ((own <= 0) & (slot.field == "efficiency"))).any():
-            first = int(np.flatnonzero(out)[0])
-            design = "" if numbers.ndim == 1 else f" in design {first}"
-            least = "above 0 and " if slot.field == "efficiency" else ""
-            raise ModelError(
-                f"{slot} must be {least}at most 1, not {own[first]:g}{design}", element=slot.name
-            )
-        if slot.field in NOT_NEGATIVE and (own < 0).any():
-            first = int(np.flatnonzero(own < 0)[0])
-            wrong = f"cannot be {own[0]:g}" if numbers.ndim == 1 else f"is negative in design {first}"
-            raise ModelError(f"{slot} {wrong}", element=slot.name)
+    for slot, own, wrong, needed in wrong_numbers(slots, np.atleast_2d(numbers), description):
+        if not wrong.any():
+            continue
+        first = int(np.flatnonzero(wrong)[0])
+        design = "" if numbers.ndim == 1 else f" in design {first}"
+        told = f"must be {needed}, not {own[first]:g}{design}"
+        if range_of(slot) == NOT_NEGATIVE and own[first] < 0:
+            told = f"is negative{design}" if design else f"cannot be {own[first]:g}"
+        raise ModelError(f"{slot} {told}", element=slot.name)

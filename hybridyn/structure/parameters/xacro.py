@@ -13,6 +13,7 @@ from ...description.urdf.xml_node import parse
 from ...errors import ModelError
 from ...spatial import Array
 from ..robot import HybridRobot
+from .effect_numbers import EFFECT_NUMBERS
 from .shares import check_shares
 from .slots import Slot, differences, values_of
 
@@ -22,7 +23,7 @@ PROBES = (1.013, 0.991)
 #: Added to arguments that are zero.
 PROBE_OF_ZERO = 1e-3
 #: Effects that no argument changes: side-cars state them, or the effects that are asked for.
-LOSSES = ("load_friction", "gear_efficiency")
+STAY = tuple(effect for effect in EFFECT_NUMBERS if effect != "spring")
 #: So many designs are remembered at most: gradients ask for the same ones again, for each of their results.
 REMEMBERED = 1000
 
@@ -167,7 +168,7 @@ class XacroArguments:
             origin.file, motors=origin.motors, xacro_args=arguments, package_dirs=origin.package_dirs
         )
         for name, numbers in self._description.effects:
-            if name in LOSSES:
+            if name in STAY:
                 found = found.with_effect(name, numbers)
         return found
 

@@ -11,7 +11,7 @@ from ...description.records import Description
 from ...errors import ModelError
 from ...spatial import Array, Mask
 from ...structure.parameters.shares import check_shares
-from ...structure.parameters.slots import NOT_NEGATIVE, Slot, differences, values_of
+from ...structure.parameters.slots import Slot, differences, values_of, wrong_numbers
 from ...structure.robot import HybridRobot
 from .variants import Variants
 
@@ -43,7 +43,6 @@ class SlotNumbers:
         """
         self.variants, self.robot, self.slots = variants, robot, tuple(slots)
         self.base = robot.description
-        self._signed = np.array([slot.field in NOT_NEGATIVE for slot in slots], dtype=bool)
 
     def __call__(self, values: Array) -> Slotted:
         """Compute the numbers.
@@ -52,8 +51,10 @@ class SlotNumbers:
             values: Values of the study's parameters, shape (designs, parameters).
         """
         slotted = self._one_by_one(values) if self.variants.arguments else self._at_once(values)
-        finite, positive = np.isfinite(slotted.p), slotted.p[:, self._signed] >= 0
-        good: Mask = np.array(finite.all(axis=1) & positive.all(axis=1))
+        bad = ~np.isfinite(slotted.p).all(axis=1)
+        for _, _, wrong, _ in wrong_numbers(self.slots, slotted.p, self.base):
+            bad |= wrong
+        good: Mask = np.array(~bad)
         if good.all():
             return slotted
         possible = slotted.possible.copy()

@@ -11,8 +11,9 @@ from ...description.records import Description
 from ...errors import ModelError
 from ...scenes.toml_source import naming
 from ...spatial import Array
-from ...structure.parameters.entries import Entry, Parameters, entry_of
-from ...structure.parameters.slots import NOT_NEGATIVE, Slot, values_of, with_values
+from ...structure.parameters.chosen import Parameters
+from ...structure.parameters.entries import Entry, entry_of
+from ...structure.parameters.slots import Slot, values_of, with_values, wrong_numbers
 from .expressions import Expression
 from .study_file import StudyFile
 
@@ -92,10 +93,10 @@ class Numbers:
         if not self.expressions and not any(one.links for one in self.source.study.parameters.values()):
             return description
         slots, rows = self.in_slots(description, {name: np.array([value]) for name, value in values.items()})
-        for slot, number in zip(slots, rows[0], strict=True):
-            if not np.isfinite(number) or (slot.field in NOT_NEGATIVE and number < 0):
+        for slot, own, wrong, _ in wrong_numbers(slots, rows, description):
+            if wrong.any() or not np.isfinite(own).all():
                 where = "numbers" if self.expressions else "parameters"
-                raise self.source.error((where,), f"{slot} cannot be {number:g}")
+                raise self.source.error((where,), f"{slot} cannot be {own[0]:g}")
         return with_values(description, slots, rows[0].tolist())
 
 

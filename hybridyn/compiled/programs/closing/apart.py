@@ -6,7 +6,7 @@ import numpy as np
 
 from ....assembly.requests import Requests
 from ....spatial import Array, Index
-from ....structure.parameters.entries import Parameters
+from ....structure.parameters.chosen import Parameters
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import BLOCK, Rows
 from .closing_library import places_of

@@ -12,7 +12,7 @@ import numpy as np
 from ....assembly.chain.coupling import ways_between
 from ....assembly.requests import Requests
 from ....errors import HybridynError
-from ....structure.parameters.entries import Parameters
+from ....structure.parameters.chosen import Parameters
 from ....structure.robot import HybridRobot
 from ...code.scalars import Scalar
 from ...library.artifact import Artifact
