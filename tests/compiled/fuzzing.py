@@ -9,19 +9,22 @@ Both models at trusted states, and the derivatives of both, over joints and moto
 keep the loops closed: against differences of the general path, as new libraries are checked. The program that
 closes the loops, the joint map, and of every `STEP_OF` mechanisms the exported control step, in C. What is
 refused in one line is left out. Rods on balls, cylinders, redundant rows, gears and all bases are among them.
-The general path is compared with the oracle.
+Of every four repeated mechanisms three have friction, springs and dampers, two of these friction by load too.
+The general path is compared with the oracle, without effects.
 """
 
 import os
 import sys
 from dataclasses import replace
 from itertools import product
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
 import hybridyn
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
+from hybridyn.compiled.equations.options import inverse_options
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import random_states
 from hybridyn.compiled.export_reference import rates_read
@@ -30,10 +33,12 @@ from hybridyn.compiled.programs.derivatives import evaluation
 from hybridyn.compiled.programs.map_programs import map_programs
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.description.records import Description
+from hybridyn.effects import LoadFriction
 from hybridyn.manifold.manifold import Manifold
 from hybridyn.structure.building import build_robot
 from tests.compiled import rods
 from tests.compiled.copies import FEET, repeated
+from tests.compiled.drawn_effects import drawn_effects
 from tests.compiled.found import CLOSED, SOLVED, Found
 from tests.compiled.second_order import compare_second
 from tests.compiled.stepping import compare_steps
@@ -97,7 +102,8 @@ def compare(seed: int, found: Found, family: str) -> None:
     if family.startswith("second"):
         compare_second(robot, seed, case, found)
         return
-    compare_models(robot, states, case, found)
+    effects = compilable_effects(robot, seed, found) if family == "repeated" else ["default"]
+    compare_models(robot, effects, states, case, found)
     state = states[0][0], states[1][0], states[2][0]
     compare_oracle(robot, state, case, found)
     compare_closing(robot, state, case, found)
@@ -106,15 +112,28 @@ def compare(seed: int, found: Found, family: str) -> None:
         compare_steps(robot, state[0], seed, case, found)
     for number, (model, coordinates) in enumerate(DERIVED):
         if family == "any" or seed % (2 * len(DERIVED)) == 2 * number + 1:
-            compare_derivatives(robot, model, coordinates, case, found)
+            compare_derivatives(robot, effects, model, coordinates, case, found)
+
+
+def compilable_effects(robot: hybridyn.HybridRobot, seed: int, found: Found) -> list[Any]:
+    """Draw effects, without friction by load where it cannot be compiled."""
+    effects = drawn_effects(robot, seed)
+    try:
+        asked = request(robot, effects)
+        for k in range(len(robot.modules)):
+            inverse_options(asked, k)
+    except hybridyn.HybridynError:
+        found.count["refused effects"] += 1
+        return [one for one in effects if not isinstance(one, LoadFriction)]
+    return effects
 
 
 def compare_models(
-    robot: hybridyn.HybridRobot, states: tuple[np.ndarray, ...], case: str, found: Found
+    robot: hybridyn.HybridRobot, effects: list[Any], states: tuple[np.ndarray, ...], case: str, found: Found
 ) -> None:
     """Compare both models at the states that they trust."""
     q, v, a, tau = states
-    for name, program in programs(robot, models=("idm", "ddm")).items():
+    for name, program in programs(robot, effects, models=("idm", "ddm")).items():
         function, third = function_of(program), a if name == "idm" else tau
         more = [np.zeros((len(q), 6))] if name == "ddm" and robot.base == "moving" else []
         for row in zip(q, v, third, *more, strict=True):
@@ -122,12 +141,12 @@ def compare_models(
             if not float(guard) <= GUARD_LIMIT:
                 found.count["not trusted"] += 1
                 continue
-            wanted = getattr(hybridyn, name)(robot, *row[:3])
+            wanted = getattr(hybridyn, name)(robot, *row[:3], effects=effects)
             found.compare(name, case, result.full(), wanted, AGREE)
 
 
 def compare_derivatives(
-    robot: hybridyn.HybridRobot, model: str, coordinates: str, case: str, found: Found
+    robot: hybridyn.HybridRobot, effects: list[Any], model: str, coordinates: str, case: str, found: Found
 ) -> None:
     """Compare derivatives with differences, as a new library is checked, but by CasADi."""
 
@@ -144,7 +163,7 @@ def compare_derivatives(
             found.add(f"{model} over {coordinates}", case, off, limit)
 
     try:
-        derive = evaluation.Derivatives(robot, model, coordinates=coordinates)
+        derive = evaluation.Derivatives(robot, model, effects, coordinates=coordinates)
     except hybridyn.CompileError as error:
         found.wrong.append(f"{case}: {model} over {coordinates} {error}")
         return
