@@ -45,7 +45,7 @@ NUMBERS = np.array([0.2525, 0.204, 1.03])
 
 def study(folder: Path, measures: str, text: str = STUDY, pushed: tuple[str, ...] = ()) -> StudyGradients:
     """Write a study whose tool goes round an ellipse, where wrenches push some links, and read it."""
-    t = np.linspace(0.0, 1.0, 9)
+    t = np.linspace(0.0, 1.0, 6)
     x = -0.1 * np.cos(2 * np.pi * t) + 0.03 * np.sin(4 * np.pi * t)
     wrenches = [f"{link}/wrench/{x}" for link in pushed for x in ("fx", "fy", "fz", "mx", "my", "mz")]
     W = np.sin(np.arange(len(wrenches)) + t[:, None])
