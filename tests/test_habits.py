@@ -82,7 +82,10 @@ RARE = ("subprocess", "shutil", "tempfile", "random", "difflib", "fractions", "d
 
 
 def test_a_start_imports_what_it_needs() -> None:
-    """Loading a robot and its compiled models does without Pinocchio, which takes half of a start."""
+    """Loading a robot and its compiled models does without Pinocchio, which takes half of a start.
+
+    Frameworks for learning are imported when their models are asked for.
+    """
     code = (
         "import sys; own = {*sys.modules};"
         "import hybridyn.assembly.assemble, hybridyn.cli.idm, hybridyn.loading, hybridyn.tables.results;"
@@ -90,10 +93,11 @@ def test_a_start_imports_what_it_needs() -> None:
         "robot = hybridyn.load('five_bar');"
         "import hybridyn.compiled.compiling, hybridyn.streams.postures;"
         "before = 'pinocchio' in sys.modules; hybridyn.idm(robot, robot.home, *[[0.0] * robot.nv] * 2);"
-        "print(before, 'pinocchio' in sys.modules)"
+        "print(before, 'pinocchio' in sys.modules);"
+        "hybridyn.torch, hybridyn.jax; print({'torch', 'jax'} & {*sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout == "False True\n"
+    assert done.stdout == "False True\nset()\n"
 
 
 #: How dependencies are imported whose names are others.

@@ -1,6 +1,5 @@
 """Learning frameworks are asked for by name, and not before."""
 
-import subprocess
 import sys
 from collections.abc import Callable
 
@@ -18,9 +17,3 @@ def test_a_framework_that_is_not_installed_is_named(
     monkeypatch.setitem(sys.modules, name, None)
     words = rf"hybridyn.{name} needs {name}: install it with `pip install -e '.\[{name}\]'`"
     refused(lambda: function(hybridyn.load("five_bar")), hybridyn.HybridynError, words)
-
-
-def test_nothing_of_a_framework_is_imported_before_it_is_asked_for() -> None:
-    code = "import sys, hybridyn; hybridyn.torch, hybridyn.jax; print({'torch', 'jax'} & {*sys.modules})"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "set()\n"

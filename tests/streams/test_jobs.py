@@ -237,7 +237,7 @@ def test_only_some_tasks_are_held_at_once() -> None:
             taken.append(row)
             yield 60, row
 
-    with Workers(2) as workers:
+    with Workers(1) as workers:
         next(workers.over(divmod, tasks()))
     assert len(taken) < 10
 
