@@ -12,6 +12,9 @@ import numpy as np
 from ..errors import ModelError, TrajectoryError
 from .functions import wp
 
+#: Threads that a multiprocessor runs at once where each takes all the registers that it may: 65,536 by 255.
+AT_ONCE = 256
+
 
 def device_of(name: Any) -> Any:
     """Return a device of Warp by its name; None for the one that Warp prefers.
@@ -109,8 +112,12 @@ class Arrays:
             size = np.prod(shape, dtype=float) * np.dtype(self.dtype).itemsize
             raise self._full(f"an array of {size / 1e9:.3g} GB") from error
 
-    def launch(self, kernel: Any, count: int | tuple[int, int], inputs: Sequence[Any]) -> None:
-        """Launch a kernel for each sample, or for each module of each sample.
+    def threads(self, items: int) -> int:
+        """Return how many threads share items of unequal length: as many as run at once."""
+        return min(items, AT_ONCE * max(int(self.device.sm_count), 1))
+
+    def launch(self, kernel: Any, count: int, inputs: Sequence[Any]) -> None:
+        """Launch a kernel for each sample, or so many threads of it.
 
         Raises:
             TrajectoryError: The device is full.

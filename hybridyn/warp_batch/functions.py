@@ -23,11 +23,10 @@ from ..description.names import did_you_mean
 wp: Any = import_module("warp") if find_spec("warp") else None
 
 #: Python of the function and of the kernel that calls it for each sample.
-STUB = "@wp.func_native(text)\ndef {name}({arguments}) -> S:\n    ...\n"
+STUB = "@wp.func_native(text)\ndef {name}({arguments}){returns}:\n    ...\n"
 EACH = """@wp.kernel(module="unique", enable_backward=False)
-def kernel({arguments}, guards: wp.array(dtype=S, ndim=2)):
-    module, i = wp.tid()
-    guards[i, module] = function(module, {rows})
+def kernel({arguments}, count: int, threads: int):
+    function({names}, wp.tid(), threads, count)
 """
 KERNEL = """@wp.kernel(module="unique", enable_backward=False)
 def kernel({arguments}, guard: wp.array(dtype=S), failed: wp.array(dtype=wp.int32)):
@@ -37,6 +36,8 @@ def kernel({arguments}, guard: wp.array(dtype=S), failed: wp.array(dtype=wp.int3
     if not (worst <= S({limit})):
         wp.atomic_add(failed, 0, 1)
 """
+#: Further arguments of the function of a thread.
+THREAD = ("thread: int", "threads: int", "count: int")
 _numbers = itertools.count()
 
 #: Mark of a function of the device.
@@ -73,7 +74,8 @@ class ByModules:
     """A function that is computed for each module of each sample, then for each sample.
 
     Attributes:
-        each: The function of one module, whose number it reads first: it returns the module's guard.
+        each: The function of a thread, which closes some modules of all samples: its arrays have all rows,
+            its last output is the modules' guards. It also reads its number, that of threads, and samples.
         last: The function of a sample; its last input has the modules' guards.
         count: Number of modules.
     """
@@ -141,8 +143,32 @@ def on_rows(
     return Native(name, inputs, outputs, _body(programs, dtype, more, lines))
 
 
-def _body(programs: Mapping[str, Program], dtype: str, more: str, lines: Sequence[str]) -> str:
-    """Return the C of a body: the structure of programs and more, then lines that compute `guard`."""
+def on_tables(
+    name: str,
+    ends: tuple[Sequence[tuple[str, int]], Sequence[tuple[str, int]]],
+    run: str,
+    dtype: str,
+    more: str,
+) -> Native:
+    """Return a native function of a thread, see `ByModules`.
+
+    Args:
+        ends, more: As for `on_rows`.
+        run: C call, with tables named after the arrays, as `near_table`.
+    """
+    inputs, outputs = (tuple(end) for end in ends)
+    strides = "(long long){0}.strides[0], (long long){0}.strides[1]"
+    tables = (
+        f"const Code::Table {array}_table = {{(char *){array}.data, {strides.format(array)}}};"
+        for array, _ in (*inputs, *outputs)
+    )
+    return Native(name, inputs, outputs, _body({}, dtype, more, [*tables, f"Code::{run};"], answers=False))
+
+
+def _body(
+    programs: Mapping[str, Program], dtype: str, more: str, lines: Sequence[str], *, answers: bool = True
+) -> str:
+    """Return the C of a body: the structure of programs and more, then lines; it `answers` their `guard`."""
     code = sample_code(programs, dtype, HEAD)
     members = f"{code.functions}\n{more}"
     macros = dict.fromkeys(re.findall(r"#define (\w+)", f"{code.head}\n{members}"))
@@ -150,9 +176,9 @@ def _body(programs: Mapping[str, Program], dtype: str, more: str, lines: Sequenc
         code.head,
         f"struct Code {{\n{_on_device(members)}\n}};",
         *lines,
-        "const S answer = guard;",
+        "const S answer = guard;" if answers else "",
         *(f"#undef {macro}" for macro in macros),
-        "return answer;",
+        "return answer;" if answers else "",
     ]
     return "\n" + "\n".join(text) + "\n"
 
@@ -190,8 +216,8 @@ class InWarp:
             returns the guard.
         kernel: The kernel that calls it for each row of two-dimensional arrays; then guards, shape (N,), and
             a counter of guards above 1, shape (1,). Where `before` is, it reads the modules' guards, too.
-        before: The kernel that computes each module of each row, with their guards, shape (N, modules); None
-            where one kernel computes all.
+        before: The kernel of threads that compute each module of each row; then their guards, shape
+            (N, modules), N, and the number of threads. None where one kernel computes all.
     """
 
     native: Native
@@ -210,19 +236,19 @@ def in_warp(native: Native, dtype: str) -> InWarp:
     function, parts = _function(native, dtype), native.by_modules
     if parts is None:
         return InWarp(native, function, _kernel(KERNEL, native, function, dtype))
-    each, last = (
-        _kernel(text, one, _function(one, dtype, first), dtype)
-        for text, one, first in ((EACH, parts.each, ("module: int",)), (KERNEL, parts.last, ()))
-    )
+    each = _kernel(EACH, parts.each, _function(parts.each, dtype, THREAD, ndim=2, returns=""), dtype)
+    last = _kernel(KERNEL, parts.last, _function(parts.last, dtype), dtype)
     return InWarp(native, function, last, each)
 
 
-def _function(native: Native, dtype: str, first: tuple[str, ...] = ()) -> Any:
-    """Return the Warp function of one sample; `first` are arguments before its arrays."""
+def _function(
+    native: Native, dtype: str, more: Sequence[str] = (), *, ndim: int = 1, returns: str = " -> S"
+) -> Any:
+    """Return the Warp function of one sample; of a thread it has `more` arguments, and whole arrays."""
     # Warp knows functions by their names
     called = f"{native.name}_{hashlib.sha256(native.text.encode()).hexdigest()[:12]}"
-    arrays = (f"{name}: wp.array(dtype=S)" for name, _ in (*native.inputs, *native.outputs))
-    stub = STUB.format(name=called, arguments=", ".join([*first, *arrays]))
+    arrays = (f"{name}: wp.array(dtype=S, ndim={ndim})" for name, _ in (*native.inputs, *native.outputs))
+    stub = STUB.format(name=called, arguments=", ".join([*arrays, *more]), returns=returns)
     return defined(stub, called, {"S": getattr(wp, dtype), "text": native.text})
 
 
@@ -230,7 +256,8 @@ def _kernel(text: str, native: Native, function: Any, dtype: str) -> Any:
     """Return the kernel of a Python text that calls a function for rows."""
     names = [name for name, _ in (*native.inputs, *native.outputs)]
     arguments = ", ".join(f"{name}: wp.array(dtype=S, ndim=2)" for name in names)
-    written = text.format(arguments=arguments, rows=", ".join(f"{n}[i]" for n in names), limit=GUARD_LIMIT)
+    rows = ", ".join(f"{n}[i]" for n in names)
+    written = text.format(arguments=arguments, names=", ".join(names), rows=rows, limit=GUARD_LIMIT)
     return defined(written, "kernel", {"S": getattr(wp, dtype), "function": function})
 
 

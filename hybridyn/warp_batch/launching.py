@@ -66,11 +66,10 @@ class Launcher:
             with as_compile_error(self._robot):
                 arguments = [*read.values()]
                 if native.by_modules is not None:
-                    guards = arrays.empty(count, native.by_modules.count)
-                    motion = results[: len(native.by_modules.each.outputs)]
-                    arrays.launch(
-                        made.before, (native.by_modules.count, count), [*arguments, *motion, guards]
-                    )
+                    modules = native.by_modules.count
+                    guards, threads = arrays.empty(count, modules), arrays.threads(count * modules)
+                    motion = results[: len(native.by_modules.each.outputs) - 1]
+                    arrays.launch(made.before, threads, [*arguments, *motion, guards, count, threads])
                     arguments.append(guards)
                 arrays.launch(made.kernel, count, [*arguments, *results, guard, counter])
             if fallback is not None:

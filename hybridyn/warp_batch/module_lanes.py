@@ -1,7 +1,8 @@
 """The motion of all joints from the motors', module by module: each along its own way, and in its own thread.
 
-Modules do not depend on each other. A kernel closes each of each sample, and a second one joins them;
-functions for kernels of users close one after the other.
+Modules do not depend on each other. The threads of a kernel close each of each sample, one part of its way
+after the other, and begin the next module where one has come to its end; a second kernel joins them.
+Functions for kernels of users close one module after the other.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from ..compiled import Program, RobotPrograms, sample_code
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .functions import HEAD, ByModules, Native, on_rows, own_text, sizes_text
+from .functions import HEAD, ByModules, Native, on_rows, on_tables, own_text, sizes_text
 
 #: C function of the numbers of a module.
 NUMBERS = "INLINE void numbers_of(int k, const Row &parameters, S *numbers) {{\n    {}\n}}\n"
@@ -33,43 +34,44 @@ PLACES = (
 
 def following(programs: RobotPrograms, side: Sequence[str], idm: Program | None = None) -> Native:
     """Return "close", from the motors `side`, or with a program "idm" the function "idm_from_motors"."""
-    robot, motors = programs.robot, len(side)
-    shapes, parameters = programs.modules(side), programs.parameter_inputs
+    robot, motors, dtype, parameters = programs.robot, len(side), programs.dtype, programs.parameter_inputs
     given = [("near", robot.nq), *((name, motors) for name in ("position", "rate", "acceleration"))]
-    given += parameters
     motion = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)]
-    count = sum(len(one.modules) for one in shapes)
+    modules, count = _modules_text(programs, side)
     sizes = {"ROBOT_NQ": robot.nq, "ROBOT_NV": robot.nv, "MOTORS": motors, "MODULES": count}
     sizes |= {"PARAMETERS": sum(size for _, size in parameters), "BASE": 7 * (robot.base == "moving")}
-    head, text, cases, first = sizes_text(**sizes) + own_text("rows.h"), "", "", 0
-    for n, one in enumerate(shapes):
-        own = _numbers_text(one.numbers, changing=bool(one.of_parameters))
-        own += _places_text(robot, one.modules, one.side, side)
-        text += _shape_text(n, one.called, programs.module_walk(one) + own, programs.dtype)
-        cases += f"    if (k < {first + len(one.modules)}) return Shape{n}::module_closed(k - {first}, r);\n"
-        first += len(one.modules)
-    text += f"static S module_of(int k, const Rows &r) {{\n{cases}    return 0;\n}}\n"
-    tail = own_text("joined.h")
-    names = [name for name, _ in given[:4]] + ["parameters" if parameters else "near", "q", "v", "a"]
-    rows, name, outputs = f"{{{', '.join(f'{name}_row' for name in names)}}}", "close", motion
-    alone, after = f"follow({rows})", f"joined({rows}, guards_row)"
-    called = dict[str, Program]()
+    head, tail = sizes_text(**sizes) + own_text("rows.h"), own_text("joined.h")
+    names = [name for name, _ in (*given, *(parameters or given[:1]), *motion)]
+    rows, tables = (", ".join(f"{name}_{kind}" for name in names) for kind in ("row", "table"))
+    name, outputs, called = "close", motion, dict[str, Program]()
+    alone, after = f"follow({{{rows}}})", f"joined({{{rows}}}, guards_row)"
     if idm is not None:
         name, outputs, called = "idm_from_motors", [*motion, *idm.outputs], {"idm": idm}
-        alone, after = (
-            f"efforts({rows}, {idm.outputs[0][0]}_row, {of})" for of in (f"Code::{alone}", f"Code::{after}")
-        )
+        alone, after = (f"efforts({{{rows}}}, tau_row, Code::{of})" for of in (alone, after))
         tail += own_text("efforts.h")
-    each = on_rows(
-        f"{name}_module", (given, motion), {}, f"module_of(module, {rows})", programs.dtype, head + text
-    )
-    last = on_rows(
-        f"{name}_joined", ([*given, ("guards", count)], outputs), called, after, programs.dtype, head + tail
-    )
-    whole = on_rows(
-        name, (given, outputs), called, alone, programs.dtype, head + text + tail + own_text("follow.h")
-    )
+    given, guards = [*given, *parameters], ("guards", count)
+    run = f"threads_closed(thread, threads, count, {{{tables}, guards_table}})"
+    each = on_tables("modules", (given, [*motion, guards]), run, dtype, head + modules)
+    last = on_rows(f"{name}_joined", ([*given, guards], outputs), called, after, dtype, head + tail)
+    text = head + modules + tail + own_text("follow.h")
+    whole = on_rows(name, (given, outputs), called, alone, dtype, text)
     return replace(whole, by_modules=ByModules(each, last, count))
+
+
+def _modules_text(programs: RobotPrograms, side: Sequence[str]) -> tuple[str, int]:
+    """Return the C of `module_of`, for one module, and `threads_closed`, for many; and how many there are."""
+    text, cases, turns, first = "", "", "", 0
+    for n, one in enumerate(programs.modules(side)):
+        own = _numbers_text(one.numbers, changing=bool(one.of_parameters))
+        own += _places_text(programs.robot, one.modules, one.side, side)
+        text += _shape_text(n, one.called, programs.module_walk(one) + own, programs.dtype)
+        more = len(one.modules)
+        cases += f"    if (k < {first + more}) return Shape{n}::module_closed(k - {first}, r);\n"
+        turns += f"    Shape{n}::modules_closed(thread, threads, count, {more}, {first}, t);\n"
+        first += more
+    text += f"static S module_of(int k, const Rows &r) {{\n{cases}    return 0;\n}}\n"
+    head = "static void threads_closed(int thread, int threads, int count, const Tables &t)"
+    return f"{text}{head} {{\n{turns}}}\n", first
 
 
 def _shape_text(number: int, called: Mapping[str, Program], more: str, dtype: str) -> str:

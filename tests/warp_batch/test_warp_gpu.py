@@ -20,8 +20,8 @@ USED = {
     ("five_bar", "idm"): (105, 48), ("five_bar", "ddm"): (130, 48),
     ("gough_stewart", "idm"): (215, 1320), ("gough_stewart", "ddm"): (255, 1410),
     ("lx4", "idm"): (255, 6410), ("lx4", "ddm"): (255, 9100),
-    ("five_bar", "close"): (174, 48), ("gough_stewart", "close"): (255, 5100),
-    ("lx4", "close"): (255, 6220),
+    ("five_bar", "close"): (165, 48), ("gough_stewart", "close"): (255, 4350),
+    ("lx4", "close"): (255, 5230),
 }  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from hybridyn.compiled.equations.states import any_accelerations, random_states
 from hybridyn.compiled.verifying import MODEL_AGREES, difference
 from hybridyn.scenes.references import MotorAxes
 from hybridyn.structure.building import build_robot
+from hybridyn.warp_batch import arrays
 from tests.robots.mechanisms import KINDS, OVER_FOLDS, random_mechanism
 from tests.robots.shipped import ROBOTS
 from tests.support.extras import needs
@@ -76,8 +77,9 @@ def test_both_models_are_those_of_compile(name: str, dtype: str) -> None:
     "name",
     ["five_bar", *(slow(name) for name in (*ROBOTS, *MECHANISMS) if name not in ("five_bar", *NOT_CLOSED))],
 )
-def test_loops_close_along_the_way_and_efforts_follow(name: str) -> None:
+def test_loops_close_along_the_way_and_efforts_follow(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = robot_of(name)
+    monkeypatch.setattr(arrays, "AT_ONCE", 5)  # threads close several modules one after the other
     compiled, batch = hybridyn.compile(robot), hybridyn.warp(robot, device="cpu")
     drawn = batch.random_states(SAMPLES, seed=1)
     q, v = (x.numpy() for x in drawn[:2])

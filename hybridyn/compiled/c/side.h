@@ -34,6 +34,8 @@ static S turned(const S *given, const S *here, const S *there, S *room) {
 typedef struct {
     const S *goal;
     S *result, *room, given[GIVEN], here[NQ], from[SIDE + !SIDE], way[SIDE + !SIDE], guard;
+    Walked walked;
+    int left, whole;
 } Side;
 
 /* A step of Newton's method; its size is the guard, which measures it by that of closed loops. */
@@ -75,21 +77,34 @@ static S side_rated(Side *w) {
     return close_run(w->given, w->result, w->room);
 }
 
-/* Gives the guard: OTHER_BRANCH where no way leads there. */
-static S walk(const S *start, const S *goal, S *result, S *room) {
+/* Begin a walk to `goal`, which is `left` unless its way is not finite or too long. */
+static void side_begun(Side *w, const S *start) {
     S longest = 1;
+    for (int k = 0; k < GIVEN; k++) w->given[k] = start[k];
+    for (int k = 0; k < NQ; k++) w->here[k] = start[k];
+    make_unit(w->here);
+    for (int m = 0; m < SIDE; m++) {
+        w->from[m] = position_of(w->here, m);
+        w->way[m] = way_of(w->from[m], w->goal[m], turns(m));
+        if (!(SCALAR(fabs)(w->way[m]) * longest <= farthest(m))) longest = farthest(m) / SCALAR(fabs)(w->way[m]);
+    }
+    w->walked.done = 0, w->walked.step = w->walked.longest = longest;
+    w->left = longest >= (S)SHORTEST, w->whole = 0;
+    w->guard = longest / longest; /* NaN: the way is not finite */
+}
+
+static void side_walked(Side *w) { w->whole = part_walked(side_part, w, &w->left, &w->walked); }
+
+/* Gives the guard: OTHER_BRANCH where no way leads to the end. */
+static S side_ended(Side *w) {
+    if (!w->whole) return w->guard != w->guard ? w->guard : (S)OTHER_BRANCH;
+    return RATED ? w->guard : side_rated(w);
+}
+
+static S walk(const S *start, const S *goal, S *result, S *room) {
     Side w;
     w.goal = goal, w.result = result, w.room = room;
-    for (int k = 0; k < GIVEN; k++) w.given[k] = start[k];
-    for (int k = 0; k < NQ; k++) w.here[k] = start[k];
-    make_unit(w.here);
-    for (int m = 0; m < SIDE; m++) {
-        w.from[m] = position_of(w.here, m);
-        w.way[m] = way_of(w.from[m], goal[m], turns(m));
-        if (!(SCALAR(fabs)(w.way[m]) * longest <= farthest(m))) longest = farthest(m) / SCALAR(fabs)(w.way[m]);
-    }
-    if (!(longest > 0)) return longest / longest; /* NaN: the way is not finite */
-    if (longest < (S)SHORTEST) return (S)OTHER_BRANCH; /* a wild goal */
-    if (!walked(side_part, &w, 1, longest, longest)) return w.guard != w.guard ? w.guard : (S)OTHER_BRANCH;
-    return RATED ? w.guard : side_rated(&w);
+    side_begun(&w, start);
+    while (w.left) side_walked(&w);
+    return side_ended(&w);
 }

@@ -7,3 +7,16 @@ struct Row {
 struct Rows {
     Row near, position, rate, acceleration, parameters, q, v, a;
 };
+
+/* The same of all samples, and the guards of their modules. */
+struct Table {
+    char *data;
+    long long rows, apart;
+    CUDA_CALLABLE Row operator[](int i) const { return {data + i * rows, apart}; }
+};
+struct Tables {
+    Table near, position, rate, acceleration, parameters, q, v, a, guards;
+    CUDA_CALLABLE Rows operator[](int i) const {
+        return {near[i], position[i], rate[i], acceleration[i], parameters[i], q[i], v[i], a[i]};
+    }
+};
