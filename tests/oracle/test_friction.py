@@ -23,7 +23,8 @@ JUDGED = 1e-9  # of the largest: the given motions are rounded, and closure rows
 SHARED = 1e-6  # part of a self-stress from which a load counts as shared
 #: A loop in a plane, a coupling across loops, a module on a module: what runs by default.
 FEW = [("four_bar", 1, "floating"), ("gear_across", 2, "fixed"), ("legged", 0, "moving")]
-ALL = [(k, seed, BASES[(i + seed) % 3]) for i, k in enumerate(KINDS) for seed in range(3, 8)]
+#: Of every recipe three, one on each base: arms of several modules among them.
+ALL = [(k, seed, BASES[(i + seed) % 3]) for seed in range(3, 8) for i, k in enumerate(KINDS)]
 CASES = [*FEW, *(slow(*case) for case in [one for one in ALL if not KINDS[one[0]].massless][:200])]
 
 LOADS = ("radial", "axial", "tilt", "normal")
