@@ -1,4 +1,4 @@
-"""Kernels as C: every operation, the printed sine, cosine and hyperbolic tangent, every kind of number."""
+"""Kernels as C: every operation, printed functions against mpmath, every kind of number."""
 
 import math
 
@@ -16,7 +16,8 @@ from tests.support.comparing import refused
 from tests.support.samples import slow
 
 ULPS = 1.0  # what the comment in sines.h promises
-ULPS_OF_TANH = 1.9  # and that in tanh.h
+PROMISED = {"tanh": 1.9, "exp": 1.4}  # and those in tanh.h and exp.h
+LARGEST = {"tanh": np.inf, "exp": 709.7}  # argument of a number
 ROUNDING = 4e-16  # one operation
 LIBRARY = 4e-15  # a function of the C library against CasADi's, which is another one
 FLOAT = 1e-5  # a few roundings of floats
@@ -105,7 +106,7 @@ EVERY = one_kernel("every", [X, Y], EXACT + CALLED)
 
 ANGLE = ca.SX.sym("angle")
 SINES = one_kernel("sines", [ANGLE], [ca.sin(ANGLE), ca.cos(ANGLE)])
-TANGENT = one_kernel("tangent", [ANGLE], [ca.tanh(ANGLE)])
+SMOOTH = one_kernel("smooth", [ANGLE], [ca.tanh(ANGLE), ca.exp(ANGLE)])
 
 #: Rows narrower than a vector, as wide, and no multiple of it; the output is each number plus one.
 WIDTHS = (5, 8, 21)
@@ -118,7 +119,7 @@ ROWS = one_kernel("rows", COLUMNS, [x + 1 for column in COLUMNS for x in ca.vert
 )
 def library(request: pytest.FixtureRequest) -> Library:
     number, lanes = request.param
-    return load([EVERY, SINES, TANGENT, ROWS], dtype=number, lanes=lanes)
+    return load([EVERY, SINES, SMOOTH, ROWS], dtype=number, lanes=lanes)
 
 
 def points() -> np.ndarray:
@@ -192,42 +193,44 @@ def test_far_angles_and_no_numbers_are_the_c_librarys(library: Library) -> None:
     assert np.isnan(guard[4:7]).all()
 
 
+@pytest.mark.parametrize("name", PROMISED)
 @pytest.mark.parametrize("count", [300, slow(25_000)])
-def test_the_hyperbolic_tangent_is_right_to_the_last_place(library: Library, count: int) -> None:
+def test_tanh_and_exp_are_right_to_the_last_place(library: Library, name: str, count: int) -> None:
     rng = np.random.default_rng(5)
-    seams = np.array([0.9, 20.0, *np.arange(3, 50) * (math.log(2) / 4)])  # where another part or n begins
-    size = [rng.uniform(0, 1.5, count), rng.uniform(0, 20, count), 10.0 ** rng.uniform(-323, 308, count)]
-    size += [seams, np.nextafter(seams, 0), np.nextafter(seams, 99), rng.uniform(0.9, 1, count)]
-    x = np.concatenate([sign * part for sign in (1, -1) for part in size])
-    ((got,), _) = library.batch("tangent", x[:, None])
+    seams = np.concatenate([[0.9, 20.0], np.arange(1, 50) * (math.log(2) / 4)])  # where other parts begin
+    sizes = [rng.uniform(0, most, count) for most in (1.5, 20, 746)]
+    sizes += [10.0 ** rng.uniform(-323, 308, count), seams, np.nextafter(seams, 0), np.nextafter(seams, 99)]
+    x = np.concatenate([sign * size for sign in (1, -1) for size in sizes])
+    x = x[x < LARGEST[name]]
+    ((got,), _) = library.batch("smooth", x[:, None])
     with mpmath.workdps(60):
-        for value, result in zip(x.tolist(), got[:, 0].tolist(), strict=True):
-            exact = mpmath.tanh(mpmath.mpf(value))
-            assert abs(mpmath.mpf(result) - exact) <= ULPS_OF_TANH * math.ulp(float(exact)), value
+        for value, result in zip(x.tolist(), got[:, [*PROMISED].index(name)].tolist(), strict=True):
+            exact = getattr(mpmath, name)(mpmath.mpf(value))
+            assert abs(mpmath.mpf(result) - exact) <= PROMISED[name] * math.ulp(float(exact)), value
 
 
-def test_the_hyperbolic_tangent_keeps_signs_limits_and_what_is_no_number(library: Library) -> None:
-    x = np.array([0.0, -0.0, 5e-324, -5e-324, np.inf, -np.inf, np.nan, 0.9])
-    ((got,), guard) = library.batch("tangent", x[:, None])
-    wanted = np.array([0.0, -0.0, 5e-324, -5e-324, 1.0, -1.0, np.nan])
-    np.testing.assert_array_equal(got[:7, 0], wanted)
-    np.testing.assert_array_equal(np.signbit(got[:6, 0]), np.signbit(wanted[:6]))
-    ((alone,), _) = library.batch("tangent", x[7:, None])
-    assert got[7] == alone[0]
+def test_tanh_and_exp_keep_signs_limits_and_what_is_no_number(library: Library) -> None:
+    x = np.array([0.0, -0.0, 5e-324, -5e-324, np.inf, -np.inf, np.nan, 711.0, -747.0, 0.9])
+    ((got,), guard) = library.batch("smooth", x[:, None])
+    tanh = np.array([0.0, -0.0, 5e-324, -5e-324, 1.0, -1.0, np.nan, 1.0, -1.0])
+    np.testing.assert_array_equal(got[:-1, 0], tanh)
+    np.testing.assert_array_equal(np.signbit(got[:6, 0]), np.signbit(tanh[:6]))
+    np.testing.assert_array_equal(got[:-1, 1], [1.0, 1.0, 1.0, 1.0, np.inf, 0.0, np.nan, np.inf, 0.0])
+    ((alone,), _) = library.batch("smooth", x[-1:, None])
+    assert (got[-1] == alone[0]).all()
     assert np.isnan(guard[4:7]).all()
 
 
 def test_floats_keep_seven_digits() -> None:
-    sines, program = load([SINES, TANGENT, toy(4, 6)], dtype="float32"), toy(4, 6)
+    sines, program = load([SINES, SMOOTH, toy(4, 6)], dtype="float32"), toy(4, 6)
     x = np.random.default_rng(3).uniform(-100, 100, 50).astype(np.float32)
     ((got,), _) = sines.batch("sines", x[:, None])
     assert got.dtype == np.float32
     exact = np.stack([np.sin(x.astype(float)), np.cos(x.astype(float))], axis=1)
     assert np.abs(got - exact).max() <= 2.0**-24
-    ((tangent,), _) = sines.batch("tangent", 0.1 * x[:, None])
-    np.testing.assert_allclose(
-        tangent[:, 0], np.tanh((np.float32(0.1) * x).astype(float)), rtol=2.0**-23, atol=0
-    )
+    ((smooth,), _) = sines.batch("smooth", x[:, None] / 32)
+    exact = np.stack([f(x.astype(float) / 32) for f in (np.tanh, np.exp)], axis=1)
+    np.testing.assert_allclose(smooth, exact, rtol=2.0**-24, atol=0)
     q, v = np.random.default_rng(4).normal(size=(2, 20, 18)) * 0.3
     v = v[:, :1]
     (a, _), _ = sines.batch(program.name, q, v)

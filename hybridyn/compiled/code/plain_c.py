@@ -21,7 +21,7 @@ PLAIN = (
     "V M W C ALIGNED FMA FMS FNMA LT LE EQ NE NOT AND OR ANY TRUE NUMBER CHOOSE SELECT FMIN FMAX SIGN LANE "
     "ROOM D MD TO BELOW"
 )
-BESIDE = {"far_away": "far_away_lanes", "SINCOS": "SINCOS_LANES", "TANH": "TANH_LANES"}
+BESIDE = {"far_away": "far_away_lanes", "SINCOS": "SINCOS_LANES", "TANH": "TANH_LANES", "EXP": "EXP_LANES"}
 
 #: First line of the drivers in lanes: the arguments of those on plain numbers, where V is S.
 COPIES = "static void {name}_samples(const S *given, S *result, S *shared, V *own, S *guard) {{"

@@ -14,7 +14,7 @@ REAL = {"float64": "double", "float32": "float"}
 
 #: Functions of the C library that kernels call, of one number and of two; those of `LIBRARY` are others.
 OF_ONE = (
-    "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "ASINH", "ACOSH", "ATANH", "EXP", "EXPM1", "LOG", "LOG1P",
+    "TAN", "ASIN", "ACOS", "ATAN", "SINH", "COSH", "ASINH", "ACOSH", "ATANH", "EXPM1", "LOG", "LOG1P",
     "FLOOR", "CEIL", "ERF",
 )  # fmt: skip
 OF_TWO = ("ATAN2", "FMOD", "REMAINDER", "HYPOT", "COPYSIGN", "POW")
@@ -33,6 +33,10 @@ LIBRARY = """INLINE void SINCOS(V x, V *s, V *c) {
 }
 INLINE V TANH(V x) {
     for (int i = 0; i < W; i++) LANE(x, i) = SCALAR(tanh)(LANE(x, i));
+    return x;
+}
+INLINE V EXP(V x) {
+    for (int i = 0; i < W; i++) LANE(x, i) = SCALAR(exp)(LANE(x, i));
     return x;
 }"""
 #: The definitions of `plain.h` for "float128".
@@ -87,7 +91,7 @@ def arithmetic(lanes: int) -> str:
 
 def of_doubles() -> str:
     """Return the C source of the functions of `LIBRARY` in lanes; they count on `EXACT`."""
-    return "".join(c_text(name) for name in ("doubles.h", "sines.h", "tanh.h"))
+    return "".join(c_text(name) for name in ("doubles.h", "sines.h", "tanh.h", "exp.h"))
 
 
 def moves_of_copies(lanes: int) -> str:
