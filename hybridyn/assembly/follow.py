@@ -252,9 +252,7 @@ def _steps_as_predicted(task: AnyTask, q: Array, samples: Index) -> Mask:
         out &= np.abs(given).max(axis=1, initial=0.0) <= FARTHEST
     rest = np.flatnonzero(out & (size > SMALL_STEP))
     if len(rest):
-        near = samples[rest]
-        here, there = (problem.matrix(tree.sweep(q[near + i]), near + i, every=False) for i in (0, 1))
-        out[rest] = problem.turned(here, there) <= MOST_TURNING
+        out[rest] = problem.turned(q, samples[rest]) <= MOST_TURNING
     return out
 
 

@@ -100,7 +100,7 @@ class Directions(NamedTuple):
 
 def directions_of(translations: Sequence[int], rotation: RotationKind, A: Array, z: Array) -> Directions:
     """Compute the directions of the rows of closures of one form; arguments as of `normals`."""
-    return Directions(np.swapaxes(A, -1, -2)[..., list(translations), :], normals(rotation, A, z))
+    return Directions(np.swapaxes(A, -1, -2)[..., _AT[tuple(translations)], :], normals(rotation, A, z))
 
 
 def closed_directions(translations: Sequence[int], rotation: RotationKind, A: Array, z: Array) -> Directions:
@@ -141,8 +141,12 @@ def rows_of(directions: Directions, columns: tuple[Array, Array]) -> Array:
         columns: For each freedom at unit rate, the velocity of B relative to A at B's origin, and the
             relative angular velocity, each of shape (..., freedoms, 3).
     """
-    parts = zip(directions, columns, strict=True)
-    return np.concatenate([compose(n, np.swapaxes(column, -1, -2)) for n, column in parts], axis=-2)
+    parts = [
+        compose(n, np.swapaxes(column, -1, -2))
+        for n, column in zip(directions, columns, strict=True)
+        if n.shape[-2]
+    ]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-2)
 
 
 def slides_of(r: Array, v: Array, a: Array, wa: Array, wda: Array) -> tuple[Array, Array]:

@@ -160,7 +160,18 @@ class LoopProblem:
             )
         return out
 
-    def turned(self, before: Array, after: Array) -> Array:
+    def turned(self, q: Array, samples: Index) -> Array:
+        """Compute the relative change of the rows from samples to the next ones, as `change`, shape (T,).
+
+        Args:
+            q: Positions at all samples, shape (all, nq).
+            samples: Their indices, shape (T,).
+        """
+        both = np.concatenate([samples, samples + 1])
+        K = self.matrix(self.tree.sweep(q[both]), both, every=False)
+        return self.change(K[: len(samples)], K[len(samples) :])
+
+    def change(self, before: Array, after: Array) -> Array:
         """Compute the relative change |J^-1 (J' - J)| of the rows over the free freedoms, shape (T,).
 
         Args:

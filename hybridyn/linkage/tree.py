@@ -33,6 +33,10 @@ from ..spatial import (
 from .joints import TreeJoint
 from .motion import Motion
 
+#: The one number of velocities at rest.
+_ZERO = np.zeros(1)
+_ZERO.flags.writeable = False
+
 
 class Jacobians(Protocol):
     """A tree, or what gives Jacobians like one."""
@@ -214,7 +218,7 @@ class Tree:
         T, n = len(q), len(self.joints) + 1
         R, p = self._placements(q) if at is None else (at.R, at.p)
         if v is None:
-            rest = np.broadcast_to(0.0, (T, n, 3))
+            rest = np.ndarray((T, n, 3), buffer=_ZERO, strides=(0, 0, 0))  # faster than `broadcast_to`
             return Motion(R, p, rest, rest, rest, rest, q)
         w, p_dot, w_dot, p_ddot = (samples_inside((T, n, 3), self._kind(v)) for _ in range(4))
         self._sweep_rates(R, p, v, a, (w, p_dot, w_dot, p_ddot))

@@ -234,10 +234,16 @@ class ChainProblem:
         pairs = zip(split.bases, self.tree.v_of, strict=True)
         return np.concatenate([np.einsum("tij,ti->tj", N, f[:, at]) for N, at in pairs], axis=1)
 
-    def turned(self, before: ChainRows, after: ChainRows) -> Array:
-        """Compute the relative change of the rows, shape (T,): the largest of parts and targets."""
+    def turned(self, q: Array, samples: Index) -> Array:
+        """Compute the relative change of the rows from samples to the next ones, as `LoopProblem.turned`.
+
+        It is the largest of parts and targets.
+        """
+        before, after = (
+            self.matrix(self.tree.sweep(q[samples + i]), samples + i, every=False) for i in (0, 1)
+        )
         own = [
-            part.turned(x, y)
+            part.change(x, y)
             for part, x, y in zip(self.parts, before.own, after.own, strict=True)
             if x.shape[1]
         ]
