@@ -33,12 +33,13 @@ def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
     order[:] = np.arange(columns)
     batch = np.arange(B)
     for k in range(rank):
-        block = A[:, k:, k:columns]
-        best = k + einsum("bij,bij->bj", block, block).argmax(axis=1)
-        for x in (A.swapaxes(1, 2), order) if (best > k).any() else ():
-            left = x[:, k].copy()
-            x[:, k] = x[batch, best]
-            x[batch, best] = left
+        if columns - k > 1:
+            block = A[:, k:, k:columns]
+            best = k + einsum("bij,bij->bj", block, block).argmax(axis=1)
+            for x in (A.swapaxes(1, 2), order) if (best > k).any() else ():
+                left = x[:, k].copy()
+                x[:, k] = x[batch, best]
+                x[batch, best] = left
         if m - k == 1:
             break
         x = A[:, k:, k].copy()

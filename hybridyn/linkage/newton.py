@@ -236,7 +236,8 @@ def newton_step(problem: Problem, K: Any, residual: Array, damping: Array | None
     """
     dx = problem.solve(K, -residual, damping)
     closed = np.abs(residual).max(axis=1, initial=0.0) <= RESIDUAL_ROUNDING
-    dx[closed & (np.abs(dx).max(axis=1, initial=0.0) > NEVER_DAMPED)] = 0.0
+    if closed.any():
+        dx[closed & (np.abs(dx).max(axis=1, initial=0.0) > NEVER_DAMPED)] = 0.0
     return dx
 
 
