@@ -20,6 +20,7 @@ from ..spatial import (
     cross,
     hat,
     length,
+    multiplied,
     rotate,
     rotate_back,
     rotation_from_quaternion,
@@ -42,7 +43,9 @@ def placed(kind: JointKind, q: Array, axis: Array, slope: float) -> tuple[Array,
     """
     n = kind.shift
     still = np.zeros((*q.shape[:-1], 3 - n))
-    shift = q[..., :1] * (slope * axis) if kind.single else np.concatenate([q[..., :n], still], axis=-1)
+    shift = (
+        multiplied(q[..., :1], slope * axis) if kind.single else np.concatenate([q[..., :n], still], axis=-1)
+    )
     if kind.ball:
         return rotation_from_quaternion(q[..., n:]), shift
     if kind.slides:

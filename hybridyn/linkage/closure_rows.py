@@ -18,7 +18,19 @@ from typing import NamedTuple
 import numpy as np
 
 from ..joints.kinds import RotationKind
-from ..spatial import Array, added, compose, cross, rotate, rotate_back, rotation_vector, run, sines, symbolic
+from ..spatial import (
+    Array,
+    added,
+    compose,
+    cross,
+    rotate,
+    rotate_back,
+    rotation_vector,
+    run,
+    sines,
+    subtracted,
+    symbolic,
+)
 
 #: Axes of frame A in the rotational rows.
 TURNING = {"free": slice(0), "perpendicular": slice(2, 3), "parallel": slice(2), "fixed": slice(3)}
@@ -156,8 +168,9 @@ def slides_of(r: Array, v: Array, a: Array, wa: Array, wda: Array) -> tuple[Arra
         r, v, a: Origin of B less that of A, and its first two time derivatives, shape (..., 3).
         wa, wda: Angular velocity and acceleration of A, shape (..., 3).
     """
-    slide = v - cross(wa, r)
-    return slide, a - cross(wda, r) - cross(wa, v) - cross(wa, slide)
+    slide = subtracted(v, cross(wa, r))
+    swept = subtracted(subtracted(a, cross(wda, r)), cross(wa, v))
+    return slide, subtracted(swept, cross(wa, slide))
 
 
 def drift_of(directions: Directions, turning: Array, slide_dot: Array, w: Array, w_dot: Array) -> Array:

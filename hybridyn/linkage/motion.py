@@ -78,13 +78,14 @@ class Motion(NamedTuple):
         """Express `inner`, the motion of a frame relative to this one, in this frame's reference."""
         r, w1, pd1 = rotate(self.R, inner.p), rotate(self.R, inner.w), rotate(self.R, inner.p_dot)
         wd1, pdd1 = rotate(self.R, inner.w_dot), rotate(self.R, inner.p_ddot)
+        swept = cross(self.w, added(cross(self.w, r), 2 * pd1))
         return Motion(
             (compose if symbolic(self.R, inner.R) else np.matmul)(self.R, inner.R),
             added(self.p, r),
             added(self.w, w1),
             added(added(self.p_dot, cross(self.w, r)), pd1),
             added(added(self.w_dot, cross(self.w, w1)), wd1),
-            self.p_ddot + cross(self.w_dot, r) + cross(self.w, cross(self.w, r) + 2 * pd1) + pdd1,
+            added(added(added(self.p_ddot, cross(self.w_dot, r)), swept), pdd1),
         )
 
     def seen_from(self, base: Motion) -> Motion:

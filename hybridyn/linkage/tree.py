@@ -199,7 +199,7 @@ class Tree:
         for children, parents, joints in self._levels:
             R0 = select(R, parents)
             R[:, children] = compose(R0, select(R_local, joints))
-            p[:, children] = select(p, parents) + rotate(R0, select(p_local, joints))
+            p[:, children] = added(select(p, parents), rotate(R0, select(p_local, joints)))
         return R, p
 
     def sweep(
@@ -249,7 +249,7 @@ class Tree:
         T, n = len(R), len(self.joints) + 1
         linear, angular = np.zeros((2, n, 3, T), self._kind(rates))  # samples innermost in memory
         own = rates.T[self._single_dofs][:, None]
-        linear[self._single], angular[self._single] = (S * own for S in self._single_S)
+        linear[self._single], angular[self._single] = (multiplied(S, own) for S in self._single_S)
         for i in self._of_several:
             at = self.v_slices[i]
             linear[i + 1] = self.S_linear[at].T @ rates[:, at].T

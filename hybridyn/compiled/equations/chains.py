@@ -153,7 +153,8 @@ def carried(chain: Chain) -> dict[int, Expression]:
     for i in reversed(chain.links):
         if i not in chain.platforms:
             parent = chain.links[i].parent
-            wrench[parent] = wrench[parent] + wrench_to_base(chain.R[i], chain.p[i], wrench[i + 1])
+            moved = wrench_to_base(chain.R[i], chain.p[i], wrench[i + 1])
+            wrench[parent] = plus(wrench[parent], moved)
     return wrench
 
 

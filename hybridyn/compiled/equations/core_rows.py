@@ -158,7 +158,7 @@ def _closure(
     """
     form, z, whole = (c.translations, c.rotation), b.A[:, 2], len(c.translations) == 3
     directions = (directions_of if exact else closed_directions)(*form, a.A, z)
-    r, apart, relative = b.p - a.p, b.a - a.a, b.J - a.J
+    r, apart, relative = minus(b.p, a.p), minus(b.a, a.a), minus(b.J, a.J)
     opened = r if whole else rotate(directions.axes, r)
     r = zeros(3) if whole and not exact else r
     slide, slide_dot = slides_of(r, b.v - a.v, apart, a.w, a.alpha)

@@ -65,10 +65,10 @@ def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: GivenC
     S1, B, L, b_base, b_delta = (received.take(f"{name} {i}", size) for name, size in LEG_SUMS)
     B, L = B.reshape(6, 6), symmetric(L, 6)
     at, base = core.chain.columns_of(i + 1), range(6)
-    M[:6, :6] = M[:6, :6] + (L - B - B.T)
-    M[np.ix_(at, base)] = M[np.ix_(at, base)] + B.T - L
-    M[np.ix_(base, at)] = M[np.ix_(base, at)] + B - L
-    M[np.ix_(at, at)] = M[np.ix_(at, at)] + L
+    M[:6, :6] = plus(M[:6, :6], minus(minus(L, B), B.T))
+    M[np.ix_(at, base)] = minus(plus(M[np.ix_(at, base)], B.T), L)
+    M[np.ix_(base, at)] = minus(plus(M[np.ix_(base, at)], B), L)
+    M[np.ix_(at, at)] = plus(M[np.ix_(at, at)], L)
     b[:6] = b[:6] + b_base - b_delta
     b[at] = b[at] + b_delta
     return S1
@@ -291,5 +291,6 @@ def _on_base(
     (M, b), (Psi_b, y_0), (E, G, u_0) = form, driven, solved
     M_yy, M_yb = M[6:, 6:], M[6:, :6]
     across = dot(M_yb.T, Psi_b)
-    inertia = M[:6, :6] + (across + across.T) + congruence(Psi_b, M_yy) - symmetric_product(E, G)
+    inertia = plus(plus(M[:6, :6], plus(across, across.T)), congruence(Psi_b, M_yy))
+    inertia = minus(inertia, symmetric_product(E, G))
     return inertia, b[:6] + dot(M_yb.T, y_0) + dot(Psi_b.T, f) + dot(E.T, u_0)

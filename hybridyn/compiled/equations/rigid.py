@@ -21,7 +21,7 @@ from ...linkage.joints import TreeJoint
 from ...spatial import Array, cross, hat, quaternion_from_rotation, slices
 from ...structure.bodies import Body
 from ...structure.wrists import axis_frame
-from ...symbols import Expression, dot, plus, times
+from ...symbols import Expression, dot, minus, plus, times
 from .expressions import (
     ROTATION_ROUNDING,
     TURNED_ROUNDING,
@@ -56,10 +56,10 @@ def ten_expressions(body: Body) -> Expression:
 def moved(inertia: Expression, R: Expression, p: Expression) -> Expression:
     """Transform an inertia (ten numbers) from the child's frame to the parent's."""
     m, h, turned = inertia[0], dot(R, inertia[1:4]), congruence(R.T, symmetric(inertia[4:], 3))
-    cross_terms = dot(hat(p), hat(h)) + dot(hat(h), hat(p))
+    cross_terms = plus(dot(hat(p), hat(h)), dot(hat(h), hat(p)))
     mass_terms = np.array([[times(m, x) for x in row] for row in dot(hat(p), hat(p))], dtype=object)
     at = np.array([times(m, x) for x in p], dtype=object)
-    return np.concatenate([[m], h + at, upper(turned - cross_terms - mass_terms)])
+    return np.concatenate([[m], plus(h, at), upper(minus(minus(turned, cross_terms), mass_terms))])
 
 
 def inertia_matrix(inertia: Expression) -> Expression:
@@ -86,10 +86,10 @@ def matrix_moved(M: Expression, R: Expression, p: Expression) -> Expression:
     aP = dot(a, P)  # [I 0; P I] [a b; b' c] [I P'; 0 I]
     out = zeros(6, 6)
     out[:3, :3] = a
-    out[:3, 3:] = b - aP
+    out[:3, 3:] = minus(b, aP)
     out[3:, :3] = out[:3, 3:].T
     Pb = dot(P, b)
-    out[3:, 3:] = symmetric(upper(c + Pb + Pb.T - dot(P, aP)), 3)
+    out[3:, 3:] = symmetric(upper(minus(plus(plus(c, Pb), Pb.T), dot(P, aP))), 3)
     return out
 
 
