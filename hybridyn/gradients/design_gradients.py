@@ -13,18 +13,15 @@ from ..errors import ModelError
 from ..spatial import Array
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
-from ..structure.samples import as_accelerations, as_batch, as_efforts, as_positions, as_rates
+from ..structure.samples import as_accelerations, as_batch, as_efforts, as_positions, as_rates, one_of
 from .adjoint import Bars, ClosedAdjoint
 from .alike import programs_alike
 from .blocks import Factored, condition_of
 from .gradient import Gradient, MeasureBars, MeasureGradients
 from .kept import Kept, check_held, check_motors_kept, kept_by_name
 from .model_sweeps import ModelSweeps
+from .over_parameters import over_parameters
 from .samples import Samples, samples_of, wrench_columns
-from .slot_changes import slots_over_parameters
-
-#: Largest residual, in lengths of modules, that a unit of a number may open dependent rows by: rounding.
-OPENED_ALONE = 1e-6
 
 
 class DesignGradients:
@@ -97,6 +94,7 @@ class DesignGradients:
         parameters: ArrayLike | None = None,
         weights: ArrayLike | None = None,
         wrenches: Mapping[str, ArrayLike] | None = None,
+        passive: str = "given",
     ) -> Gradient:
         """Compute motor efforts, and their derivatives over the parameters.
 
@@ -109,6 +107,8 @@ class DesignGradients:
             weights: Derivatives of one number over the efforts, shape (motors,) or (T, motors): its
                 derivative is then returned, in one sweep.
             wrenches: Wrenches on links that were named at first, as for `hybridyn.idm`; zero by default.
+            passive: As for `hybridyn.idm`. With "solved" accelerations without a motor are those of zero
+                effort. Their derivatives are the same with "given": they follow the parameters.
 
         Raises:
             ModelError: A motor does not stay beside motions that have none.
@@ -117,7 +117,7 @@ class DesignGradients:
             SingularityError: What stays does not determine the motion, or a pivot of the model vanishes.
             TrajectoryError: An array has a wrong shape, or is not finite.
         """
-        return self._gradient("idm", (q, v, a, parameters, wrenches), weights)
+        return self._gradient("idm", (q, v, a, parameters, wrenches), weights, passive)
 
     def ddm(
         self,
@@ -203,6 +203,7 @@ class DesignGradients:
         along: Array,
         measures: Sequence[MeasureBars],
         wrenches: Mapping[str, ArrayLike] | None = None,
+        passive: str = "given",
     ) -> MeasureGradients:
         """Return the gradients of sums over a motion, one sweep for each of them.
 
@@ -212,6 +213,7 @@ class DesignGradients:
             along: Their derivative over other numbers, shape (k, n), which move them together.
             measures: Derivatives of each sum over the motion and the efforts.
             wrenches: As in `idm`.
+            passive: As in `idm`. With "solved" measures of accelerations are those of a as it stands.
 
         Raises:
             HybridynError: As `idm`.
@@ -222,12 +224,16 @@ class DesignGradients:
         closing, over = self._closed.closing(factors, at.numbers)
         rows, tau = [over], np.zeros((len(at.q), len(self.robot.motors)))
         check_held(self.robot, self._kept)
+        solved = passive == "solved"
+        caused = self._models.solved(at) if solved else at
         for one in measures:
             bars, direct = Bars(one.q, one.v, one.a), np.zeros(at.slots.shape)
             for link, weights in one.links.items():
                 moved, own = self._models.of_link(at, link, weights)
                 bars, direct = Bars(*map(np.add, bars, moved)), direct + own
-            tau, found = self._models.summed(at, factors, one.tau, "idm", bars)
+            if solved:
+                direct = direct + self._closed.back(factors, at.numbers, bars)
+            tau, found = self._models.summed(caused, factors, one.tau, "idm", None if solved else bars)
             rows.append((found + direct).sum(axis=0))
         of_all = self._over(np.array(rows), at, factors, along)
         return MeasureGradients(tau, of_all[1:], closing, of_all[0])
@@ -237,13 +243,16 @@ class DesignGradients:
         name: str,
         given: tuple[ArrayLike, ArrayLike, ArrayLike, ArrayLike | None, Mapping[str, ArrayLike] | None],
         weights: ArrayLike | None,
+        passive: str = "given",
     ) -> Gradient:
         """Return the gradient of a model, see `idm`; given are its state, parameters and wrenches."""
         q, v, x, p, wrenches = given
+        one_of("passive", passive, "given", "solved")
         if name == "idm":
             check_held(self.robot, self._kept)
         third = as_accelerations(self.robot, x) if name == "idm" else as_efforts(self.robot, x)
         at = self._state(q, v, third, p, wrenches)
+        at = self._models.solved(at) if passive == "solved" else at
         factors, first = self._factors(at), 0 if at.single else slice(None)
         if weights is None:
             found = self._models.each(at, factors, name)
@@ -273,25 +282,12 @@ class DesignGradients:
         """Return checked arguments and the numbers in slots."""
         given = as_positions(self.robot, q), as_rates(self.robot, v), third
         pushed = wrench_columns(self._pushed, wrenches or {}, len(given[0][0]))
-        return samples_of(self.parameters, given, parameters, pushed)
+        return samples_of(self.parameters, given, parameters, pushed, moving=self.robot.base == "moving")
 
     def _factors(self, at: Samples) -> list[Factored]:
         """Return the factored rows of loops at samples."""
         return self._closed.factored(at.q, at.slots)
 
     def _over(self, over: Array, at: Samples, factors: list[Factored], along: Array | None = None) -> Array:
-        """Return derivatives over parameters, (..., k), from those over slots; NaN where a loop opens.
-
-        Args:
-            over: Derivatives over slots, shape (..., slots).
-            at: The samples.
-            factors: Their rows of loops.
-            along: Numbers that move the parameters together, as for `of_measures`, or None.
-        """
-        slots = slots_over_parameters(self.parameters, at.p)
-        slots = slots if along is None else slots @ along
-        out: Array = over @ slots
-        if factors:
-            opened = self._closed.opening(factors, at.numbers, slots)
-            out[..., np.abs(opened).max(axis=0, initial=0.0) > OPENED_ALONE] = np.nan
-        return out
+        """Return derivatives over parameters from those over slots, as `over_parameters` does."""
+        return over_parameters(self.parameters, self._closed, over, at, factors, along)

@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     import casadi as ca
 
 
+#: Steps of Newton's method to efforts: one where accelerations are linear in them, and one that shows it.
+STEPS = 30
+#: Largest difference from accelerations, of the largest of their parts: rounding of ill-conditioned models.
+EFFORTS_FOUND = 1e-10
+
+
 class Pulled(NamedTuple):
     """Results of a model, shape (T, n), and derivatives over slots, (T, slots) or (T, n, slots)."""
 
@@ -129,7 +135,7 @@ class ModelSweeps:
         model, T = self.model(name), len(at.q)
         known = {
             "q": at.q, "v": at.v, "a": at.x, "tau": at.x, "parameters": at.slots, "weights": weights,
-            "wrenches": at.wrenches,
+            "wrenches": at.wrenches, "base_acceleration": at.base,
         }  # fmt: skip
         sizes = {model.name_in(i): model.size1_in(i) for i in range(model.n_in())}
         given = [known.get(word, np.zeros((T, size))) for word, size in sizes.items()]
@@ -148,6 +154,41 @@ class ModelSweeps:
             )
         return value, dict(zip(sizes, over, strict=False))
 
+    def solved(self, at: Samples) -> Samples:
+        """Return samples with the accelerations that those of the motors cause.
+
+        Their efforts are found by Newton's method, in one step where accelerations are linear in them.
+
+        Raises:
+            SingularityError: They are not found.
+        """
+        u, tau = self._robot.motor_v, np.zeros((len(at.q), len(self._robot.motors)))
+        for _ in range(STEPS):
+            a, caused = self._caused(at, tau)
+            lacking = at.x[:, u] - a[:, u]
+            parts = np.einsum("tij,tj->ti", np.abs(caused), np.abs(tau)), np.abs(at.x[:, u])
+            size = sum(part.max(axis=1, initial=0.0) for part in parts)
+            off = np.abs(lacking).max(axis=1, initial=0.0)
+            if (off <= EFFORTS_FOUND * size).all():
+                return at._replace(x=a)
+            tau = tau + [np.linalg.lstsq(one, x)[0] for one, x in zip(caused, lacking, strict=True)]
+        t = int(np.argmax(off - EFFORTS_FOUND * size))
+        raise SingularityError(
+            f"no efforts cause the accelerations of the motors{AT_SAMPLE} (off by {off[t]:.1e}, limit "
+            f"{EFFORTS_FOUND * size[t]:.1e}): motors lose a direction; move the motion away",
+            what="the motors",
+            sample=t,
+        )
+
+    def _caused(self, at: Samples, tau: Array) -> tuple[Array, Array]:
+        """Return accelerations of efforts, (T, nv), and those of motors over efforts, (T, motors, motors)."""
+        T, N, u = len(at.q), len(self._robot.motors), self._robot.motor_v
+        many = max(N, 1)
+        each = np.zeros((T * many, self._robot.nv))
+        each[np.arange(T * N), np.tile(u, T)] = 1.0
+        a, by = self._run(at.repeated(many)._replace(x=np.repeat(tau, many, axis=0)), each, "ddm")
+        return a[::many], by["tau"].reshape(T, N, N)
+
     def _driven(self, at: Samples, factors: list[Factored], weights: Array, motion: Bars | None) -> Pulled:
         """Return `summed` of efforts at accelerations of the motors, from the direct model a(tau, p).
 
@@ -155,12 +196,9 @@ class ModelSweeps:
 
         Accelerations of the other motions follow, and so does what is added of them.
         """
-        T, N, u = len(at.q), len(self._robot.motors), self._robot.motor_v
+        T, u = len(at.q), self._robot.motor_v
         tau, _ = self._run(at, weights, "idm")
-        each = np.zeros((T * N, self._robot.nv))
-        each[np.arange(T * N), np.tile(u, T)] = 1.0
-        _, by = self._run(at.repeated(N)._replace(x=np.repeat(tau, N, axis=0)), each, "ddm")
-        caused = by["tau"].reshape(T, N, N).transpose(0, 2, 1)  # by one effort a row
+        caused = self._caused(at, tau)[1]
         if (np.linalg.cond(caused) > 1.0 / SINGULAR_ROWS).any():
             raise SingularityError(
                 "motors are redundant beside motions without a motor: efforts have no gradient; take 'ddm'",
@@ -170,5 +208,5 @@ class ModelSweeps:
         if motion is not None:
             spread, motion = motion.a.copy(), motion._replace(a=np.zeros(motion.a.shape))
             weights = weights + self._run(at._replace(x=tau), spread, "ddm")[1]["tau"]
-        spread[:, u] -= np.linalg.solve(caused, weights[:, :, None])[:, :, 0]
+        spread[:, u] -= np.linalg.solve(caused.transpose(0, 2, 1), weights[:, :, None])[:, :, 0]
         return Pulled(tau, self.summed(at._replace(x=tau), factors, spread, "ddm", motion).over)

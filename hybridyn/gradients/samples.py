@@ -25,6 +25,7 @@ class Samples(NamedTuple):
         p: The parameters, shape (k,).
         single: Whether the input was one sample.
         wrenches: Wrenches on links, shape (T, 6 links).
+        base: Acceleration of a prescribed base, shape (T, 6); zero beside efforts.
     """
 
     q: Array
@@ -34,6 +35,7 @@ class Samples(NamedTuple):
     p: Array
     single: bool
     wrenches: Array
+    base: Array
 
     @property
     def numbers(self) -> tuple[Array, Array, Array, Array]:
@@ -43,12 +45,17 @@ class Samples(NamedTuple):
 
     def repeated(self, count: int) -> Samples:
         """Return each sample a number of times."""
-        q, v, x, slots, wrenches = (np.repeat(one, count, axis=0) for one in (*self[:4], self.wrenches))
-        return Samples(q, v, x, slots, self.p, self.single, wrenches)
+        q, v, x, slots, *more = (np.repeat(one, count, axis=0) for one in (*self[:4], *self[6:]))
+        return Samples(q, v, x, slots, self.p, self.single, *more)
 
 
 def samples_of(
-    parameters: Parameters, given: tuple[tuple[Array, bool], ...], values: ArrayLike | None, wrenches: Array
+    parameters: Parameters,
+    given: tuple[tuple[Array, bool], ...],
+    values: ArrayLike | None,
+    wrenches: Array,
+    *,
+    moving: bool,
 ) -> Samples:
     """Return samples of a design.
 
@@ -57,6 +64,7 @@ def samples_of(
         given: q, v, and a or efforts, with whether they are of one sample.
         values: Values of the parameters, shape (k,), or None for those of the robot.
         wrenches: As `wrench_columns` returns them.
+        moving: Whether the motion of the base is prescribed.
 
     Raises:
         TrajectoryError: Numbers of samples differ, or the parameters have a wrong shape or are not finite.
@@ -72,7 +80,8 @@ def samples_of(
         )
     slots = parameters.slot_values(p[None])[0]
     parameters.check(slots)
-    return Samples(q, v, x, np.tile(slots, (len(q), 1)), p, single, wrenches)
+    base = x[:, :6] if moving and x.shape == v.shape else np.zeros((len(q), 6))
+    return Samples(q, v, x, np.tile(slots, (len(q), 1)), p, single, wrenches, base)
 
 
 def wrench_columns(links: Sequence[str], given: Mapping[str, ArrayLike], samples: int) -> Array:

@@ -260,13 +260,31 @@ def test_accelerations_of_free_motions_follow_those_of_motors() -> None:
     assert (np.abs(found.over @ along - wanted.found) <= size + errors.found).all()
 
 
-@pytest.mark.parametrize("seed", [1, slow(0), slow(2), slow(3)])
-def test_joints_without_motors_may_stay_beside_motors(seed: int) -> None:
-    description = random_mechanism(seed, kind="five_bar_one_motor", base="fixed")
-    robot = build_robot(description, base="fixed")
-    q, v, _ = (x[0] for x in random_states(description, "fixed", seed, count=1))
-    a = hybridyn.ddm(robot, q, v, np.ones(len(robot.motors)))
-    names = [*robot.motors, next(x for x in robot.joints if x not in robot.motors)]
+def test_solved_accelerations_are_those_of_no_effort() -> None:
+    """Those of a floating base, and of joints that follow the motors, are not read."""
+    robot = hybridyn.load("five_bar", base="floating")
+    q, v, a = near_home(robot)
+    gradients, other = hybridyn.DesignGradients(robot, NAMES), np.full(robot.nv, 7.0)
+    other[robot.motor_v] = a[robot.motor_v]
+    found, known = gradients.idm(q, v, other, passive="solved"), gradients.idm(q, v, a)
+    close_to(found.value, hybridyn.idm(robot, q, v, other, passive="solved"), AGREE)
+    close_to(found.over, known.over, AGREE)
+    with pytest.raises(TrajectoryError, match="passive must be 'given' or 'solved', not 'free'"):
+        gradients.idm(q, v, a, passive="free")
+
+
+@pytest.mark.parametrize(
+    ("seed", "base"), [(1, "fixed"), slow(0, "fixed"), slow(2, "fixed"), slow(3, "fixed"), (1, "moving")]
+)
+def test_joints_without_motors_may_stay_beside_motors(seed: int, base: Any) -> None:
+    """Also where the base has an acceleration of its own."""
+    description = random_mechanism(seed, kind="five_bar_one_motor", base=base)
+    robot = build_robot(description, base=base)
+    q, v, a = (x[0] for x in random_states(description, base, seed, count=1))
+    of_base = {"base_acceleration": a[:6]} if base == "moving" else {}
+    a = hybridyn.ddm(robot, q, v, np.ones(len(robot.motors)), **of_base)
+    free = [x for x in robot.joints if x not in (*robot.motors, "root_joint")]
+    names = [*robot.motors, free[0]]
     agrees(robot, numbers_of(description, seed), (q, v, a), seed, keep=names)
 
 

@@ -38,7 +38,6 @@ SAME_EFFORTS = 1e-8
 NONE = {
     "workspace": "measures of a workspace jump where poses of its lattice come and go",
     "scene": "the motion of a scene is simulated, and jumps where its events move",
-    "trajectory": "solved accelerations follow the efforts",
 }
 
 
@@ -84,7 +83,7 @@ class StudyGradients:
         """Prepare the evaluation.
 
         Raises:
-            ModelError: A task is a workspace or a scene, or computes passive accelerations.
+            ModelError: A task is a workspace or a scene.
             CompileError: CasADi is not installed.
         """
         needs_casadi()
@@ -94,11 +93,10 @@ class StudyGradients:
         if CLOSING in (*source.columns, *source.study.parameters):
             raise ModelError(f"'{CLOSING}' is a column of gradients: choose another name", file=source.file)
         for name, task in source.study.tasks.items():
-            if task.trajectory is None or task.passive != "given":
-                what = f"a {task.kind}" if task.trajectory is None else "passive = 'solved'"
+            if task.trajectory is None:
                 raise ModelError(
-                    f"{source.file}: task '{name}' has {what}: there are gradients of trajectories only: "
-                    f"{NONE[task.kind]}", element=name,
+                    f"{source.file}: task '{name}' has a {task.kind}: there are gradients of trajectories "
+                    f"only: {NONE[task.kind]}", element=name,
                 )  # fmt: skip
 
     def __call__(self, values: Array, design: int = 0) -> DesignGradient:
@@ -223,7 +221,7 @@ class StudyGradients:
             )  # fmt: skip
         found = kept.of_tasks[name].of_measures(
             (whole.q, whole.v, whole.a), p, along[: len(p)], [one.bars for one in slopes],
-            whole.motion.wrenches,
+            whole.motion.wrenches, task.passive,
         )  # fmt: skip
         self._check(name, found, tau)
         limits = np.array([one.limits.ravel() for one in slopes]) @ along[len(p) :]
