@@ -21,7 +21,7 @@ import numpy as np
 from ..compiled import RobotPrograms
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
 from ..spatial import Array
-from .blocks import Factored, RowBlock, blocks_of, reflections
+from .blocks import Factored, RowBlock, Singular, blocks_of, reflections
 from .kept import Kept
 
 if TYPE_CHECKING:
@@ -155,29 +155,44 @@ class ClosedAdjoint:
 
     def closing(
         self, factors: Sequence[Factored], state: tuple[Array, Array, Array, Array]
-    ) -> tuple[float, Array]:
-        """Return the smallest singular value of the scaled rows, and its derivative over the slots, (slots,).
+    ) -> tuple[tuple[float, Array], tuple[float, Array]]:
+        """Return two numbers that are zero where the loops cease to close, and their derivatives over slots.
 
-        d sigma = x^T dK y, with the vectors of this value: K y is the rates of the rows at rates y. It is
-        zero where the loops cease to close; infinite without loops.
+        They are the smallest singular value of the scaled rows, and the least part that the smallest is of
+        the largest; infinite without loops. Derivatives have shape (slots,).
         """
-        worst = min(
-            ((block.smallest, t, block) for t, one in enumerate(factors) for block in one if block.rank),
-            key=lambda found: found[0][0],
-            default=None,
-        )
-        if worst is None:
-            return np.inf, np.zeros(state[3].shape[1])
-        (sigma, of_freedoms, of_rows), t, block = worst
+        blocks = [(block, t, *block.ends) for t, one in enumerate(factors) for block in one if block.rank]
+        if not blocks:
+            return (np.inf, np.zeros(state[3].shape[1])), (np.inf, np.zeros(state[3].shape[1]))
+        block, t, least, _ = min(blocks, key=lambda found: found[2].value)
+        closing = least.value, self._moved(factors, state, t, block, least)
+        block, t, least, most = min(blocks, key=lambda found: found[2].value / found[3].value)
+        part = least.value / most.value
+        of_least, of_most = (self._moved(factors, state, t, block, one) for one in (least, most))
+        return closing, (part, (of_least - part * of_most) / most.value)
+
+    def _moved(
+        self,
+        factors: Sequence[Factored],
+        state: tuple[Array, Array, Array, Array],
+        t: int,
+        block: RowBlock,
+        singular: Singular,
+    ) -> Array:
+        """Return the derivative of a singular value of rows at a sample over the slots, shape (slots,).
+
+        d sigma = x^T dK y, with the vectors of this value: K y is the rates of the rows at rates y.
+        """
         q, p = state[0][t : t + 1], state[3][t : t + 1]
         v, x = np.zeros((1, self._robot.nv)), np.zeros((1, len(self._row_scale)))
         at = self._free[block.freedoms]
-        v[0, at], x[0, block.rows] = of_freedoms * self._unit[block.freedoms], of_rows
+        v[0, at], x[0, block.rows] = singular.freedoms * self._unit[block.freedoms], singular.rows
         nq, still = self._robot.nq, np.zeros(v.shape)
         rates = called(self._back[1], *self._state(q, p, v), x * self._row_scale)
         bars = Bars(self.freedoms(q, rates[:, :nq]), still, still)
         moved = self.back(factors[t : t + 1], (q, still, still, p), bars)
-        return sigma, rates[0, nq:] + moved[0]
+        out: Array = rates[0, nq:] + moved[0]
+        return out
 
     def undetermined(self, factors: Sequence[Factored]) -> Array:
         """Return which freedoms nothing determines at some sample, shape (nv,)."""

@@ -16,6 +16,14 @@ if TYPE_CHECKING:
     import casadi as ca
 
 
+class Singular(NamedTuple):
+    """A singular value of rows, with its vectors over freedoms and over rows."""
+
+    value: float
+    freedoms: Array
+    rows: Array
+
+
 class RowBlock(NamedTuple):
     """Rows that share no freedom with others, at one sample: Q R = K^T with pivots, scaled.
 
@@ -49,12 +57,13 @@ class RowBlock(NamedTuple):
         return float(abs(self.R[0, 0] / self.R[self.rank - 1, self.rank - 1])) if self.rank else 1.0
 
     @property
-    def smallest(self) -> tuple[float, Array, Array]:
-        """The smallest singular value that counts, and its vectors over freedoms and over rows."""
+    def ends(self) -> tuple[Singular, Singular]:
+        """The smallest singular value that counts, and the largest."""
         U, s, Vt = np.linalg.svd(self.R, full_matrices=False)
-        of_rows = np.zeros(len(self.rows))
-        of_rows[self.order] = Vt[self.rank - 1]
-        return float(s[self.rank - 1]), self.Q @ U[:, self.rank - 1], of_rows
+        of_rows = np.zeros(Vt.shape)
+        of_rows[:, self.order] = Vt
+        least, most = (Singular(float(s[k]), self.Q @ U[:, k], of_rows[k]) for k in (self.rank - 1, 0))
+        return least, most
 
     def solved(self, y: Array) -> tuple[Array, Array]:
         """Solve K^T x = y for independent rows; return x, and the parts of y that no row gives."""

@@ -221,8 +221,8 @@ class DesignGradients:
         q, v, a = motion
         at = self._state(q, v, as_accelerations(self.robot, a), parameters, wrenches)
         factors = self._factors(at)
-        closing, over = self._closed.closing(factors, at.numbers)
-        rows, tau = [over], np.zeros((len(at.q), len(self.robot.motors)))
+        (closing, of_closing), (part, of_part) = self._closed.closing(factors, at.numbers)
+        rows, tau = [of_closing, of_part], np.zeros((len(at.q), len(self.robot.motors)))
         check_held(self.robot, self._kept)
         solved = passive == "solved"
         caused = self._models.solved(at) if solved else at
@@ -236,7 +236,7 @@ class DesignGradients:
             tau, found = self._models.summed(caused, factors, one.tau, "idm", None if solved else bars)
             rows.append((found + direct).sum(axis=0))
         of_all = self._over(np.array(rows), at, factors, along)
-        return MeasureGradients(tau, of_all[1:], closing, of_all[0])
+        return MeasureGradients(tau, of_all[2:], closing, of_all[0], part, of_all[1])
 
     def _gradient(
         self,

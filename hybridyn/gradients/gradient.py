@@ -49,9 +49,13 @@ class MeasureGradients(NamedTuple):
         over: Derivatives of each sum, shape (sums, n).
         closing: Smallest singular value of the rows of loops, without units, over the samples.
         closing_over: Its derivative, shape (n,).
+        conditioning: Least part that the smallest singular value is of the largest, over the samples.
+        conditioning_over: Its derivative, shape (n,).
     """
 
     efforts: Array
     over: Array
     closing: float
     closing_over: Array
+    conditioning: float
+    conditioning_over: Array

@@ -69,13 +69,14 @@ def test_gradients_of_measures_are_those_of_the_measures(tmp_path: Path) -> None
     assert found.row.status == "ok"
 
     def at(part: float) -> Array:
-        """Return all measures, and the closing value, of a design beside."""
+        """Return all measures, and how well loops close, of a design beside."""
         other = of(NUMBERS + part * STEP * along)
-        return np.array([*other.row.measures, other.closing])
+        return np.array([*other.row.measures, other.closing, other.conditioning])
 
     coarse, fine = at(1) - at(-1), 2 * (at(0.5) - at(-0.5))
     wanted = (4 * fine - coarse) / (6 * STEP)
-    own = np.r_[found.gradient @ along, found.closing_gradient @ along]
+    assert 0.0 < found.conditioning < 1.0
+    own = np.vstack([found.gradient, found.closing_gradient, found.conditioning_gradient]) @ along
     assert (np.abs(own - wanted) <= AGREE * (np.abs(wanted) + 1.0)).all()
 
 
@@ -123,7 +124,7 @@ def test_a_design_that_cannot_be_assembled_says_so(tmp_path: Path) -> None:
     assert "\n" not in found.row.message
     assert found.row.message
     assert np.isnan(found.gradient).all()
-    assert np.isnan(found.closing)
+    assert np.isnan([found.closing, found.conditioning]).all()
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,8 @@ def test_columns_are_the_derivatives_of_the_equation(folder: Path) -> None:
     found = read_shards("out")
     assert found.columns[4:] == [
         "peak_effort", "rms_effort", "peak_effort.d_length", "peak_effort.d_rod", "rms_effort.d_length",
-        "rms_effort.d_rod", "closing", "closing.d_length", "closing.d_rod", "message",
+        "rms_effort.d_rod", "closing", "closing.d_length", "closing.d_rod", "conditioning",
+        "conditioning.d_length", "conditioning.d_rod", "message",
     ]  # fmt: skip
     for row in found.iter_rows(named=True):
         length, rod = row["length"], row["rod"]
@@ -45,7 +46,7 @@ def test_columns_are_the_derivatives_of_the_equation(folder: Path) -> None:
         assert row["peak_effort.d_rod"] == pytest.approx(row["peak_effort"] / rod, rel=AGREE)
         assert row["peak_effort.d_length"] == pytest.approx(np.sign(tau[k]) * by_length[k], rel=AGREE)
         assert row["rms_effort.d_rod"] == pytest.approx(row["rms_effort"] / rod, rel=AGREE)
-        assert row["closing"] == math.inf  # no loops
+        assert row["closing"] == row["conditioning"] == math.inf  # no loops
     best = find_best("out", "-peak_effort.d_length", "rms_effort.d_rod > 0")
     assert best.columns == ("design", "length", "rod", "peak_effort", "rms_effort", "-peak_effort.d_length")
 
@@ -63,6 +64,7 @@ def test_rows_are_the_same_bit_for_bit_in_several_processes(tmp_path: Path) -> N
         found = of(np.array([row[name] for name in of.source.study.parameters]))
         close_to(found.gradient[0], [row[f"rms_effort.d_{x}"] for x in of.source.study.parameters], 1e-12)
         close_to(found.closing, row["closing"], 1e-12)
+        close_to(found.conditioning, row["conditioning"], 1e-12)
 
 
 def test_a_run_continues_with_the_same_models(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,7 +28,7 @@ from ...tables.layout import Layout
 from ...tables.trajectory import TableMotion
 from .evaluation import Designer, DesignRow, Motions, effects_of, said, status_of
 from .measure_bars import limits_of, slopes_of
-from .study_file import CLOSING, StudyFile, TaskTable
+from .study_file import MARGINS, StudyFile, TaskTable
 
 #: Largest difference of efforts of the gradients' model to those of the general path, of the largest effort.
 SAME_EFFORTS = 1e-8
@@ -51,12 +51,16 @@ class DesignGradient(NamedTuple):
         closing: Smallest singular value of the loops' rows along all trajectories, without units: where it is
             zero, the assembly ceases to exist. NaN unless the status is "ok".
         closing_gradient: Its derivative, shape (parameters,).
+        conditioning: Least part that the smallest singular value is of the largest, likewise; one is best.
+        conditioning_gradient: Its derivative, shape (parameters,).
     """
 
     row: DesignRow
     gradient: Array
     closing: float
     closing_gradient: Array
+    conditioning: float
+    conditioning_gradient: Array
 
 
 class _Models(NamedTuple):
@@ -90,8 +94,9 @@ class StudyGradients:
         self.source, self._designer = source, Designer(source)
         self.base: Array | None = None
         self._kept: _Models | None = None
-        if CLOSING in (*source.columns, *source.study.parameters):
-            raise ModelError(f"'{CLOSING}' is a column of gradients: choose another name", file=source.file)
+        for name in MARGINS:
+            if name in (*source.columns, *source.study.parameters):
+                raise ModelError(f"'{name}' is a column of gradients: choose another name", file=source.file)
         for name, task in source.study.tasks.items():
             if task.trajectory is None:
                 raise ModelError(
@@ -117,7 +122,8 @@ class StudyGradients:
     def row(self, design: int, values: Array) -> DesignRow:
         """Evaluate a design, and return its row with the gradients; what has none makes it a failed one."""
         found, _ = self._evaluated(values, design)
-        gradients = *found.gradient.ravel(), found.closing, *found.closing_gradient
+        gradients = [*found.gradient.ravel(), found.closing, *found.closing_gradient]
+        gradients += [found.conditioning, *found.conditioning_gradient]
         return replace(found.row, gradients=tuple(map(float, gradients)))
 
     def prepare(self, base: Array) -> None:
@@ -133,7 +139,7 @@ class StudyGradients:
         """Return a design with its gradients, and why it has none."""
         row, robot, motions = self._designer.evaluated(design, values)
         gradient = np.full((len(self.source.columns), len(values)), math.nan)
-        nothing = DesignGradient(row, gradient, math.nan, gradient[0])
+        nothing = DesignGradient(row, gradient, math.nan, gradient[0], math.nan, gradient[0])
         if robot is None or (row.status != "ok" and self._kept is not None):
             return nothing, None
         try:
@@ -152,14 +158,16 @@ class StudyGradients:
         """Return a design with its gradients, from its motions by task."""
         values, names = row.values, self.source.columns
         gradient = np.full((len(names), len(values)), math.nan)
-        closing, at_closing = math.inf, np.zeros(len(values))
+        closing, part = ((math.inf, np.zeros(len(values))) for _ in MARGINS)
         for name, task in self.source.study.tasks.items():
             found = self._task(robot, models, (name, task), motions[name])
             gradient[[names.index(self.source.column(name, key)) for key in task.wanted]] = found.over
-            if found.closing < closing:
-                closing, at_closing = found.closing, found.closing_over
+            if found.closing < closing[0]:
+                closing = found.closing, found.closing_over
+            if found.conditioning < part[0]:
+                part = found.conditioning, found.conditioning_over
         gradient[np.isnan(np.array(row.measures, dtype=float))] = math.nan
-        return DesignGradient(row, gradient, closing, at_closing)
+        return DesignGradient(row, gradient, *closing, *part)
 
     def _models(self, robot: HybridRobot, values: Array) -> tuple[_Models, Array, Array]:
         """Return the models of a structure, the numbers in its slots, and derivatives over values.

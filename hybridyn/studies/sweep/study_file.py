@@ -157,8 +157,9 @@ class Study(Schema):
         return self
 
 
-#: Column of the smallest singular value of the loops' rows, beside gradients.
-CLOSING = "closing"
+#: Columns beside gradients: the smallest singular value of the loops' rows, and the least part that it is of
+#: the largest.
+MARGINS = ("closing", "conditioning")
 #: Between file and function of a measure in Python.
 PYTHON = ".py:"
 
@@ -197,10 +198,11 @@ class StudyFile(TomlSource):
 
     @property
     def gradient_columns(self) -> list[str]:
-        """Columns of the derivatives of measures, of `CLOSING` and of its derivatives, by measure."""
-        values, names = [*self.columns, CLOSING], self.study.parameters
-        over = {value: [f"{value}.d_{name}" for name in names] for value in values}
-        return [*(column for value in self.columns for column in over[value]), CLOSING, *over[CLOSING]]
+        """Columns of the derivatives of measures, of `MARGINS` and of their derivatives, by measure."""
+        names = self.study.parameters
+        over = {value: [f"{value}.d_{name}" for name in names] for value in (*self.columns, *MARGINS)}
+        beside = [column for value in MARGINS for column in (value, *over[value])]
+        return [*(column for value in self.columns for column in over[value]), *beside]
 
     @property
     def files(self) -> list[str]:

@@ -111,8 +111,8 @@ def sweep(
         compiled: Whether compiled models may evaluate designs if the study allows it. A resumed run uses the
             choice of the earlier run.
         gradient: Whether rows have the derivatives of their measures over the parameters, too: the columns
-            `MEASURE.d_PARAMETER`, `closing` and `closing.d_PARAMETER`. The general path evaluates the designs
-            then.
+            `MEASURE.d_PARAMETER`, `closing`, `conditioning` and theirs. The general path evaluates the
+            designs then.
         progress: Called after each chunk.
         strict: Whether notes on the robot are errors, as with `strict` in the study's `[robot]`.
 
