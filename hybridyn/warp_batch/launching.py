@@ -64,18 +64,30 @@ class Launcher:
             results = [arrays.empty(count, width) for _, width in native.outputs]
             guard, counter = arrays.empty(count), self._counters[native.name]
             with as_compile_error(self._robot):
-                arguments = [*read.values()]
-                if native.by_modules is not None:
-                    modules = native.by_modules.count
-                    guards, threads = arrays.empty(count, modules), arrays.threads(count * modules)
-                    motion = results[: len(native.by_modules.each.outputs) - 1]
-                    arrays.launch(made.before, threads, [*arguments, *motion, guards, count, threads])
-                    arguments.append(guards)
-                arrays.launch(made.kernel, count, [*arguments, *results, guard, counter])
+                launch(arrays, made, [*read.values()], results, guard, counter)
             if fallback is not None:
                 _hand_over(read, results, guard, fallback)
             back = arrays.back(like)
             return (*(back(x) for x in results), back(guard))
+
+
+def launch(
+    arrays: Arrays, made: InWarp, read: list[Any], results: list[Any], guard: Any, counter: Any
+) -> None:
+    """Launch the kernels of a model: first, if there is one, that of modules.
+
+    Args:
+        arrays: Of the device.
+        read, results: Inputs and outputs, shapes (N, n).
+        guard, counter: Guards, shape (N,), and the counter of those above 1.
+    """
+    parts, (count,) = made.native.by_modules, guard.shape
+    if parts is not None:
+        guards, threads = arrays.empty(count, parts.count), arrays.threads(count * parts.count)
+        motion = results[: len(parts.each.outputs) - 1]
+        arrays.launch(made.before, threads, [*read, *motion, guards, count, threads])
+        read = [*read, guards]
+    arrays.launch(made.kernel, count, [*read, *results, guard, counter])
 
 
 def _hand_over(read: dict[str, Any], results: list[Any], guard: Any, fallback: Fallback) -> None:
