@@ -124,6 +124,16 @@ def test_drawn_mechanisms_against_the_oracle(seed: int, interpreted: None) -> No
     assert seed not in DRAWN or found.count["idm over motors"] == 1
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_copies_against_the_oracle(seed: int, interpreted: None) -> None:
+    """Modules that share code, mirrored and turned."""
+    found = Found()
+    compare(seed, found, "second_repeated")
+    assert found.wrong == []
+    assert found.count["idm over joints"] == 1
+
+
 @pytest.mark.parametrize("name", [slow("rps3"), slow("gough_stewart"), "five_bar"])
 def test_turning_joints_move_as_in_pinocchio(name: str, interpreted: None) -> None:
     """On a floating base: differences of the written model along `integrate` and straight rates."""
