@@ -48,8 +48,8 @@ class Tendons:
         return dict.fromkeys(self.arms, ())
 
     def force(self, p: Any, length: Any, rate: Any) -> Any:
-        """Compute the force along a tendon from its numbers, see `lengths.tension`."""
-        return -tension(p, self.width, length, rate)
+        """Compute the force along a tendon from its numbers, see `lengths.tension`, and the width."""
+        return -tension(p[:5], p[5], length, rate)
 
 
 class OnTendons(NamedTuple):
@@ -61,7 +61,7 @@ class OnTendons(NamedTuple):
         columns: Indices of their freedoms in v, shape (k,).
         at: Indices of their positions in q, shape (k,).
         arms: Arm of each joint in each tendon, shape (k, tendons).
-        own: Numbers of each tendon: stiffness, damping, friction, lower, upper; shape (5, tendons).
+        own: Numbers of each tendon: stiffness, damping, friction, lower, upper, width; shape (6, tendons).
     """
 
     effect: Tendons
@@ -70,6 +70,14 @@ class OnTendons(NamedTuple):
     at: Index
     arms: Array
     own: Array
+
+    @property
+    def fields(self) -> list[tuple[str, str]]:
+        """Tendon and key of each number of `p`, empty for arms."""
+        tendons = list(dict.fromkeys(tendon for arms in self.effect.arms.values() for tendon in arms))
+        arms = [("", "")] * len(tendons)
+        own = [(name, word) for word in (*WORDS, "width") for name in tendons]
+        return [*arms, *own, *arms * len(self.columns)]
 
     @property
     def p(self) -> Sequence[Array]:
@@ -84,7 +92,7 @@ class OnTendons(NamedTuple):
     def written(self, i: int, p: Sequence[Any], q: Sequence[Any], v: Sequence[Any]) -> Any:
         """Write the effort on freedom i from its numbers and from what it `reads`, as expressions."""
         count, total = self.own.shape[1], 0.0
-        own, arms = p[count : 6 * count], p[6 * count :]
+        own, arms = p[count : 7 * count], p[7 * count :]
         for t in range(count):
             length, rate = (sum(arms[j * count + t] * x for j, x in enumerate(xs)) for xs in (q, v))
             total = total + p[t] * self.effect.force(own[t::count], length, rate)
@@ -97,7 +105,7 @@ class OnTendons(NamedTuple):
 
     def energy(self, q: Array) -> Array:
         """Compute the stored energy, shape (T,), [J]."""
-        k, _, _, lower, upper = self.own
+        k, _, _, lower, upper, _ = self.own
         out: Array = (0.5 * k * stretch(lower, upper, q[:, self.at] @ self.arms) ** 2).sum(axis=1)
         return out
 
@@ -132,6 +140,7 @@ def on_tendons(effect: Tendons, robot: HybridRobot) -> OnTendons | None:
         return None
     tendons = list(dict.fromkeys(tendon for arms in effect.arms.values() for tendon in arms))
     own = [[getattr(effect, word).get(tendon, 0.0) for tendon in tendons] for word in WORDS]
+    own.append([effect.width] * len(tendons))
     arms = [[effect.arms[joint].get(tendon, 0.0) for tendon in tendons] for joint in joints]
     numbers = [robot.joint_index[joint] for joint in joints]
     columns, at = (np.array([where[n].start for n in numbers]) for where in (robot.v_slices, robot.q_slices))

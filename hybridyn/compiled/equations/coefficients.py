@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from copy import copy
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,18 +12,24 @@ import numpy as np
 from ...effects.choice import Effects
 from ...effects.gears import OnGears, on_gears
 from ...effects.joints import OnJoints, placed
+from ...effects.link_effect import LinkEffect
 from ...effects.load_friction import OnLoads, on_loads
-from ...effects.tendons import OnTendons
+from ...effects.tendons import OnTendons, on_tendons
 from ...errors import ModelError
 from ...structure.parameters.effect_numbers import EFFECT_NUMBERS, stated_numbers
 from ...structure.parameters.entries import OF_EFFECTS, name_of
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
+from ...symbols import Expression
 
 
 def slots_of(robot: HybridRobot, law: OnJoints | OnTendons, i: int) -> list[Slot | None]:
     """Return for each coefficient of a law's freedom i the number of the description that it is, or None."""
-    if isinstance(law, OnTendons) or not {law.effect.name} & {*EFFECT_NUMBERS, *OF_EFFECTS}:
+    if isinstance(law, OnTendons):
+        name, width = law.effect.name, width_slot(law.effect)
+        known = {"": None, "width": width}
+        return [known.get(word, Slot(name, tendon, word)) for tendon, word in law.fields]
+    if not {law.effect.name} & {*EFFECT_NUMBERS, *OF_EFFECTS}:
         return [None] * len(law.p)
     effect, joint = law.effect, _joint_of(robot, law, i)
     out: list[Slot | None] = [
@@ -67,9 +74,13 @@ def _joint_of(robot: HybridRobot, law: OnJoints, i: int) -> str:
 
 def _laws(effects: Effects) -> Iterator[Any]:
     """Yield the effects whose numbers may be parameters."""
-    for law in (*effects.joints, effects.loaded, effects.gears):
-        if law is not None and law.effect.name in EFFECT_NUMBERS:
-            yield law.effect
+    on_joints = [law.effect for law in (*effects.joints, effects.loaded, effects.gears) if law is not None]
+    yield from (effect for effect in (*on_joints, *effects.links) if effect.name in EFFECT_NUMBERS)
+
+
+def _plain(numbers: Any) -> Any:
+    """Return an array as a list; other numbers stay."""
+    return numbers.tolist() if isinstance(numbers, np.ndarray) else numbers
 
 
 def _tables(effects: Effects) -> dict[str, dict[str, Any]]:
@@ -77,18 +88,39 @@ def _tables(effects: Effects) -> dict[str, dict[str, Any]]:
     out, twice = dict[str, dict[str, Any]](), set[str]()
     for effect in _laws(effects):
         tables = out.setdefault(effect.name, {})
-        for word in EFFECT_NUMBERS[effect.name]:
+        for word in (one.name for one in fields(effect)):
             numbers, known = getattr(effect, word), tables.get(word)
             if isinstance(numbers, Mapping):
                 if known and {*known} & {*numbers}:
                     twice.add(effect.name)
-                plain = {name: np.asarray(x, dtype=float).tolist() for name, x in numbers.items()}
-                tables[word] = (known or {}) | plain
+                tables[word] = (known or {}) | {name: _plain(x) for name, x in numbers.items()}
             elif numbers is not None:
                 if known not in (None, float(numbers)):
                     twice.add(effect.name)
                 tables[word] = float(numbers)
     return {name: tables for name, tables in out.items() if tables and name not in twice}
+
+
+def with_arguments_in(law: LinkEffect, slots: Sequence[Slot], column: Expression) -> LinkEffect:
+    """Return a law of wrenches whose numbers that are arguments are expressions.
+
+    Args:
+        slots: Those of the arguments.
+        column: Symbols of them.
+    """
+    own = {slot: column[i] for i, slot in enumerate(slots) if slot.table == law.name}
+    if not own:
+        return law
+    out = copy(law)
+    for slot, symbol in own.items():
+        table = getattr(out, slot.field)
+        if slot.index:
+            entries = [*table[slot.name]]
+            entries[slot.index[0]] = symbol
+            symbol = entries
+        value = symbol if slot.name == law.name else {**table, slot.name: symbol}
+        object.__setattr__(out, slot.field, value)  # what a frozen law checks are numbers
+    return out
 
 
 def with_stated_effects(robot: HybridRobot, effects: Effects) -> HybridRobot:
@@ -122,8 +154,10 @@ def at_robot(effects: Effects, robot: HybridRobot) -> Effects:
         return replace(effect, **tables)
 
     def laws(group: Sequence[Any]) -> tuple[Any, ...]:
-        """Return laws with the coefficients of the description; those of tendons stay."""
-        found = (one if isinstance(one, OnTendons) else placed(stated(one.effect), robot) for one in group)
+        """Return laws with the coefficients of the description."""
+        found = (
+            (on_tendons if isinstance(one, OnTendons) else placed)(stated(one.effect), robot) for one in group
+        )
         return tuple(law for law in found if law is not None)
 
     return replace(
@@ -132,7 +166,7 @@ def at_robot(effects: Effects, robot: HybridRobot) -> Effects:
         gears=None if effects.gears is None else on_gears(stated(effects.gears.effect), robot),
         joints=laws(effects.joints),
         rotors=laws(effects.rotors),
-        links=tuple(law.bound(robot) for law in effects.links),
+        links=tuple(stated(law).bound(robot) for law in effects.links),
     )
 
 
@@ -152,14 +186,15 @@ def check_coefficients(robot: HybridRobot, effects: Effects, slots: tuple[Slot, 
         used.update(slot for motor in robot.motors for slot in gear_slots(gears, motor))
         used.add(width_slot(gears.effect))
     known = _tables(effects)
-    fields = {field: name for name, field in OF_EFFECTS.items()}
+    on_links = {law.name for law in effects.links}
+    of_files = {field: name for name, field in OF_EFFECTS.items()}
     for slot in slots:
-        of_file = slot.table == "joints" and slot.field in fields
+        of_file = slot.table == "joints" and slot.field in of_files
         if not of_file and slot.table not in EFFECT_NUMBERS:
             continue
-        name = f"{fields[slot.field]}:{slot.name}" if of_file else name_of(slot)
+        name = f"{of_files[slot.field]}:{slot.name}" if of_file else name_of(slot)
         kind = name.partition(":")[0]
-        if slot not in used:
+        if slot not in used and slot.table not in on_links:
             raise ModelError(
                 f"parameter '{name}': '{kind}' does not act on the joint with a number of the robot's files; "
                 "name the effect in effects=, or state a coefficient that is not zero",

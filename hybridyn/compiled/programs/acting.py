@@ -16,7 +16,8 @@ from ...structure.robot import HybridRobot
 from ...symbols import Expression, dot
 from ..equations.acting import Acting, along_path
 from ..equations.arguments import ChosenNumbers
-from ..equations.expressions import numbers, pack, symbols, zeros
+from ..equations.coefficients import with_arguments_in
+from ..equations.expressions import numbers, pack, symbols, unpack, zeros
 from ..equations.request import Request
 from ..program import Shared, Source
 from .general import WIDTH, motion_of
@@ -50,6 +51,8 @@ class ActingWrenches:
         write_motions(request, w, bodies, _carrying(request.robot, request.contacts), moved=False)
         for at, law in request.contacts:
             watched = {link: request.places[link] for link in law.watched(at.link)}
+            if isinstance(chosen := request.arguments, ChosenNumbers):
+                law = with_arguments_in(law, chosen.slots, unpack(chosen.column))
             columns, value = _of_law(request, at, law, watched)
             self._add(at, law.name, columns, value, *(bodies[body] for body, _, _ in watched.values()))
 

@@ -50,7 +50,11 @@ class Word(NamedTuple):
 #: The coefficients of load friction.
 LOAD_FRICTION = ("radial", "axial", "tilt", "normal")
 _WIDTH = {"width": Word(POSITIVE, shared=True)}
-#: The keys of each effect whose numbers may be parameters: by joint or motor, or one for all.
+_LENGTHS = {
+    **{word: Word(NOT_NEGATIVE, 0.0) for word in ("stiffness", "damping", "friction")},
+    **{word: Word(ANY, 0.0) for word in ("lower", "upper")}, **_WIDTH,
+}  # fmt: skip
+#: The keys of each effect whose numbers may be parameters: by joint, motor, tendon, line, bushing, or shared.
 EFFECT_NUMBERS: dict[str, dict[str, Word]] = {
     "coulomb_friction": {"level": Word(NOT_NEGATIVE), **_WIDTH},
     "stribeck_friction": {
@@ -73,7 +77,20 @@ EFFECT_NUMBERS: dict[str, dict[str, Word]] = {
     "gear_efficiency": {
         "efficiency": Word(Range(0.0, 1.0, open=True)), "back": Word(Range(most=1.0)), **_WIDTH,
     },
+    "tendons": _LENGTHS,
+    "line_springs": _LENGTHS | {word: Word(NOT_NEGATIVE, 0.0) for word in ("lower", "upper")},
+    "bushings": dict.fromkeys(
+        ("torque_stiffness", "torque_damping", "force_stiffness", "force_damping"), Word(NOT_NEGATIVE)
+    ),
+    "ground_contact": {
+        **{word: Word(NOT_NEGATIVE, shared=True) for word in ("stiffness", "damping", "friction")},
+        "height": Word(ANY, shared=True), **_WIDTH,
+    },
 }  # fmt: skip
+#: Keys of one name of which the first must not be more than the second.
+ORDERED = {"stribeck_friction": ("level", "static")} | dict.fromkeys(
+    ("stop", "tendons", "line_springs"), ("lower", "upper")
+)
 
 
 def _named(words: Mapping[str, Word], values: Mapping[str, Any]) -> dict[str, None]:

@@ -135,6 +135,12 @@ _OF_EFFECTS = _GEARS | {
     for word, of in words.items()
     if not of.shared and effect != "gear_efficiency"
 }
+#: What has numbers by its own name, in messages, and labels of three numbers.
+_NOUNS = {
+    effect: f"number of the {noun}"
+    for effect, noun in (("tendons", "tendon"), ("line_springs", "line"), ("bushings", "bushing"))
+}
+_OF_BUSHINGS = {"torque": _RPY, "force": _XYZ}
 #: Numbers that all joints of an effect share, which go by its name.
 _SHARED = dict.fromkeys(word for words in EFFECT_NUMBERS.values() for word, of in words.items() if of.shared)
 #: What follows the name of a closure: its frame on the predecessor and on the successor.
@@ -154,8 +160,8 @@ def entry_of(description: Description, name: str) -> Entry:
             "coulomb_friction:JOINT", the coefficients in the robot's files; "EFFECT_KEY:JOINT" for the
             numbers of `EFFECT_NUMBERS`, such as "spring_rest:JOINT", "load_friction_static:JOINT" or
             "polynomial_damper_coefficients:JOINT", and "gear_efficiency:MOTOR" and "gear_back:MOTOR";
-            "width:EFFECT" and "damping:stop"; "payload_mass:LINK", "payload_centre:LINK" and
-            "payload_inertia:LINK", those of the payload on a link.
+            "width:EFFECT", "damping:stop" and "height:ground_contact"; "payload_mass:LINK",
+            "payload_centre:LINK" and "payload_inertia:LINK", those of the payload on a link.
 
     Raises:
         ModelError: The name has another form, or there is no such link, joint, closure, coupling, payload or
@@ -202,7 +208,7 @@ def _of_effect(description: Description, name: str, kind: str, of: str) -> Entry
     """
     effect, word = _OF_EFFECTS.get(kind, (of, kind))
     found = [(at[1], x) for at, x in stated_numbers(description) if at[::2] == (effect, word)]
-    what = f"{effect.replace('_', ' ')} on the joint"
+    what = _NOUNS.get(effect, f"{effect.replace('_', ' ')} on the joint")
     if kind in _SHARED:
         what = f"stated '{word}' of the effect"
     elif kind in _GEARS:
@@ -211,7 +217,7 @@ def _of_effect(description: Description, name: str, kind: str, of: str) -> Entry
     value = dict(found)[of]
     if not isinstance(value, Sequence):
         return entry_for(name, (word,), [Slot(effect, of, word)])
-    labels = tuple(f"c{i + 1}" for i in range(len(value)))
+    labels = _OF_BUSHINGS.get(word.partition("_")[0], tuple(f"c{i + 1}" for i in range(len(value))))
     return entry_for(name, labels, [Slot(effect, of, word, (i,)) for i in range(len(value))])
 
 

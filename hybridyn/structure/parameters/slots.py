@@ -12,7 +12,7 @@ from ...description.residual_frames import joints_of_frames
 from ...errors import ModelError
 from ...spatial import Array, Mask
 from ..bodies import loaded
-from .effect_numbers import ANY, EFFECT_NUMBERS, NOT_NEGATIVE, Range, stated_numbers, with_numbers
+from .effect_numbers import ANY, EFFECT_NUMBERS, NOT_NEGATIVE, ORDERED, Range, stated_numbers, with_numbers
 
 #: Fields with slots, by the tuple of a description.
 NUMBERS = {
@@ -234,13 +234,20 @@ def wrong_numbers(
     rows = dict(zip(slots, numbers.T, strict=True))
     for slot, own in rows.items():
         yield slot, own, range_of(slot).misses(own), str(range_of(slot))
-        if slot.table == "stribeck_friction" and slot.field in ("level", "static"):
-            level, static = (
-                rows[at] if at in rows else values_of(description, [at])[0]
-                for at in (replace(slot, field=word) for word in ("level", "static"))
-            )
-            needed = "at most static" if slot.field == "level" else "at least level"
-            yield slot, own, np.broadcast_to(static < level, own.shape), needed
+        if slot.table in ORDERED and slot.field in (words := ORDERED[slot.table]):
+            less, more = (_number(replace(slot, field=word), rows, description) for word in words)
+            needed = f"at most {words[1]}" if slot.field == words[0] else f"at least {words[0]}"
+            yield slot, own, np.broadcast_to(less > more, own.shape), needed
+
+
+def _number(slot: Slot, rows: Mapping[Slot, Array], description: Description) -> Any:
+    """Return the number in a slot, or those of designs; a limit that no stop states is the joint's own."""
+    if slot in rows:
+        return rows[slot]
+    known = dict(stated_numbers(description))
+    if (key := (slot.table, slot.name, slot.field)) in known:
+        return known[key]
+    return next(getattr(joint, slot.field) for joint in description.joints if joint.name == slot.name)
 
 
 def check_numbers(slots: Sequence[Slot], numbers: Array, description: Description) -> None:
