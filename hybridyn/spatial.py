@@ -77,7 +77,7 @@ def slices(lengths: Iterable[int]) -> list[slice]:
 
 def indices(parts: Iterable[slice]) -> Index:
     """Return the indices in slices, one after the other."""
-    return np.concatenate([np.zeros(0, dtype=int), *(np.arange(at.start, at.stop) for at in parts)])
+    return np.array([i for at in parts for i in range(at.start, at.stop)], dtype=int)
 
 
 def samples_inside(shape: tuple[int, ...], dtype: DTypeLike = float) -> Array:

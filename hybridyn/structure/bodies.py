@@ -5,6 +5,7 @@ and Pinocchio's joint frame. Joints are numbered as in `pin.buildModelFromXML`: 
 (`Description.siblings`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, NamedTuple
@@ -109,15 +110,14 @@ class Bodies:
     @cached_property
     def reach(self) -> float:
         """Longest offset from one joint to the next [m]; distances much smaller than this count as zero."""
-        return max((float(np.abs(j.p.astype(float)).max()) for j in self.joints), default=0.0) or 1.0
+        return _farthest([j.p for j in self.joints]) or 1.0
 
     @cached_property
     def size(self) -> float:
         """Characteristic length of the robot [m], for parts that have no extent themselves."""
-        offsets = [float(np.abs(j.p).max()) for j in self.joints]
         spreads = [float(np.sqrt(max(np.trace(b.inertia), 0.0) / b.mass)) for b in self.bodies if b.mass]
-        centres = [float(np.abs(b.com).max()) for b in self.bodies]
-        return first_extent(max(offsets, default=0.0), max([*centres, *spreads], default=0.0))
+        centre = _farthest([b.com for b in self.bodies])
+        return first_extent(_farthest([j.p for j in self.joints]), max([centre, *spreads]))
 
     def path(self, a: int, b: int) -> list[int]:
         """Return the numbers of the joints between two bodies."""
@@ -128,6 +128,11 @@ class Bodies:
             up = self.joints[deeper - 1].parent
             a, b = (up, b) if deeper == a else (a, up)
         return out
+
+
+def _farthest(points: Sequence[Array]) -> float:
+    """Return the largest coordinate of points, each of shape (3,), [m]; 0 without any."""
+    return float(np.abs(np.array(points, dtype=float)).max(initial=0.0))
 
 
 def merge_fixed_joints(description: Description) -> Bodies:
