@@ -176,11 +176,13 @@ class Task(NamedTuple):
         return float(np.abs(loops.residual(q, np.arange(len(q)))).max(initial=0.0))
 
     def closed_near(self, q: Array) -> Closed:
-        """Close the loops near postures, whatever is given."""
-        if not self.problem.has_loops:
-            return Closed(q, np.zeros(len(q)), np.zeros(len(q)), 0)
+        """Close the loops near postures, whatever is given; postures that close to rounding stay."""
         free = np.ones(self.problem.tree.nv, dtype=bool)
-        return close(replace(self.problem, free=free, targets=(), rank=None, blocks=()), q)
+        loops = replace(self.problem, free=free, targets=(), rank=None, blocks=())
+        open_by = np.abs(loops.residual(q, np.arange(len(q)))).max(axis=1, initial=0.0)
+        if (open_by <= RESIDUAL_ROUNDING).all():
+            return Closed(q, open_by, np.zeros(len(q)), 0)
+        return close(loops, q)
 
     def from_here(self, q: Array, samples: Index) -> Task:
         """Return the way from postures to samples, two samples for each, one after the other."""
@@ -288,7 +290,8 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest, *, a
         m.closures, m.reduction.row_scale, m.reduction.col_scale, free,
         [target for _, target in request.targets], rank_tolerance=m.rank_tolerance,
     )  # fmt: skip
-    generic = problem.matrix(m.tree.sweep(m.postures))
+    known = None if request.targets else m.reduction.scaled(m.generic_K)
+    generic = problem.matrix(m.tree.sweep(m.postures)) if known is None else known
     if request.stay:
         for joint in undetermined(module, problem, generic):
             request.given.append(joint)
