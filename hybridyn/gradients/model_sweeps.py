@@ -82,6 +82,8 @@ class ModelSweeps:
     def each(self, at: Samples, factors: list[Factored], name: str) -> Pulled:
         """Return a model's results, and the derivatives of each of them over slots."""
         count = self.size(name)
+        if not count:  # of a robot without motors
+            return Pulled(np.zeros((len(at.q), 0)), np.zeros((len(at.q), 0, at.slots.shape[1])))
         unknown = np.zeros(count, dtype=bool) if name == "idm" else self._closed.undetermined(factors)
         weights = np.tile(np.diag(1.0 - unknown), (len(at.q), 1))
         repeated = [one for one in factors for _ in range(count)]
@@ -142,17 +144,23 @@ class ModelSweeps:
         ends = np.cumsum([weights.shape[1], 1, *sizes.values()])[:-1]
         value, guard, *over = np.split(called(model, *given), ends, axis=1)
         if not (guard <= GUARD_LIMIT).all():
-            t = int(np.argmax(~(guard[:, 0] <= GUARD_LIMIT)))
-            loaded = self._programs.effects.loaded is not None
-            why = ", or friction that grows with load does not settle" if loaded else ""
-            mend = ", or lower its coefficients" if loaded else ""
-            raise SingularityError(
-                f"a pivot of the compiled model nearly vanishes{why}{AT_SAMPLE} (guard {guard[t, 0]:.1e}, "
-                f"limit {GUARD_LIMIT:g}): there is no gradient; move the motion away from this posture{mend}",
-                what="the model",
-                sample=t,
-            )
+            raise self._untrusted(name, guard[:, 0])
         return value, dict(zip(sizes, over, strict=False))
+
+    def _untrusted(self, name: str, guard: Array) -> SingularityError:
+        """Return the error of the first sample that a model does not trust."""
+        t, others = int(np.argmax(~(guard <= GUARD_LIMIT))), []
+        if self._programs.effects.loaded is not None:
+            others.append(("friction that grows with load does not settle", "lower its coefficients"))
+        if name == "idm" and has_undriven(self._robot):
+            others.append(("a motion without a motor needs an effort", 'pass passive="solved"'))
+        why, mend = ("".join(f", or {words[k]}" for words in others) for k in range(2))
+        return SingularityError(
+            f"a pivot of the compiled model nearly vanishes{why}{AT_SAMPLE} (guard {guard[t]:.1e}, "
+            f"limit {GUARD_LIMIT:g}): there is no gradient; move the motion away from this posture{mend}",
+            what="the model",
+            sample=t,
+        )
 
     def solved(self, at: Samples) -> Samples:
         """Return samples with the accelerations that those of the motors cause.
@@ -199,7 +207,7 @@ class ModelSweeps:
         T, u = len(at.q), self._robot.motor_v
         tau, _ = self._run(at, weights, "idm")
         caused = self._caused(at, tau)[1]
-        if (np.linalg.cond(caused) > 1.0 / SINGULAR_ROWS).any():
+        if caused.size and (np.linalg.cond(caused) > 1.0 / SINGULAR_ROWS).any():
             raise SingularityError(
                 "motors are redundant beside motions without a motor: efforts have no gradient; take 'ddm'",
                 what="the motors",

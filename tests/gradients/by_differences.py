@@ -1,8 +1,8 @@
 """The judge of gradients: differences of robots that the general path builds, assembles and computes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,24 @@ def numbers_of(description: Description, seed: int, each: int = 4) -> list[str]:
         *(f"position:{name}" for name in joints[each // 2 :]),
         *(f"position:{name}" for name in some(ends, each // 2)),
     ]
+
+
+def near_home(robot: hybridyn.HybridRobot, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a motion near home; accelerations of free bases are those of efforts."""
+    rng = np.random.default_rng(seed)
+    motors: dict[str, Any] = {}
+    for name in robot.motors:
+        step = 0.005 if robot.kinds[robot.joint_index[name]].slides else 0.05
+        x = float(position(robot, name, robot.home)) + step * rng.standard_normal()
+        motors[name] = (x, 0.3 * rng.standard_normal(), rng.standard_normal())
+    base: Mapping[str, Any] = {}
+    if robot.base == "floating":
+        pose = np.array([0, 0, 1, 0, 0, np.sin(0.1), np.cos(0.1)])
+        base = {robot.description.root: (pose, np.full(6, 0.1), np.zeros(6))}
+    q, v, a = hybridyn.assemble(robot, motors=motors, platforms=base)
+    if robot.base == "floating":
+        a = hybridyn.ddm(robot, q, v, rng.standard_normal(len(motors)))
+    return q, v, a
 
 
 def design(
