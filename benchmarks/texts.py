@@ -67,7 +67,7 @@ steps of MuJoCo Warp, whose samples are worlds and whose numbers have single pre
 opening of a loop after them. Beside them compiled models on the 16 cores of that machine in double precision
 (`step`: one core), and how long NVRTC builds a model for sm_80 and sm_90, which needs no GPU. `python -m
 benchmarks.batches` measures them. The time on the card ended early: MuJoCo Warp was measured on five_bar
-alone.
+alone; `close` was measured when one thread closed all modules of a sample.
 
 Rows in full: [batches.csv](results/batches.csv).
 """
