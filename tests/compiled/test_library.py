@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterable
 from functools import cache
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -16,7 +17,17 @@ from hybridyn.compiled.code import drivers
 from hybridyn.compiled.code.rules import check
 from hybridyn.compiled.library.calls import BLOCK, Library, load
 from hybridyn.compiled.library.direct_calls import REFUSED
-from hybridyn.compiled.program import Add, GivenPlace, Own, Program, ResultPlace, Shared
+from hybridyn.compiled.program import (
+    Add,
+    Call,
+    Constants,
+    GivenPlace,
+    Kernel,
+    Own,
+    Program,
+    ResultPlace,
+    Shared,
+)
 from hybridyn.compiled.programs.whole_robot import function_of
 from tests import ROOT
 from tests.compiled.toys import inputs, single, toy
@@ -221,6 +232,17 @@ def test_programs_that_would_mean_two_things_are_refused() -> None:
         (lambda: check(_with(program, 3, targets=(*legs.targets, Add(2, 2)))), "takes 3 inputs"),
     ):
         refused(call, ValueError, words)
+
+
+def test_an_empty_block_of_own_numbers_takes_no_room() -> None:
+    """It begins where another block begins, before and after this one is written."""
+    program, empty = toy(4, 6), Own(0, 0)
+    nothing = Kernel("nothing", ca.Function("nothing", [ca.SX.sym("x", 0)], [ca.SX(0, 1)]), "legs")
+    writes, reads = Call(4, 6, (Constants(np.ones((6, 0))),), (empty,)), Call(4, 6, (empty,), (empty,))
+    kernels = (*program.kernels, nothing)
+    for first, second in ((3, 4), (4, 4)):
+        steps = (*program.steps[:first], writes, *program.steps[first:second], reads, *program.steps[second:])
+        check(dataclasses.replace(program, kernels=kernels, steps=steps))
 
 
 def test_a_single_call_looks_at_what_it_is_handed() -> None:

@@ -64,11 +64,13 @@ def check(program: Program) -> None:
             if memory in known and not known[memory][source.at(step.copies)].all():
                 what = "a result that was" if memory == "result" else f"shared numbers {a}..{b} that were"
                 raise ValueError(f"{where} reads {what} not written")
-            if isinstance(source, Own) and own.get(source.start) != (source.size, step.copies):
-                raise ValueError(f"{where} reads own numbers otherwise than they were written")
+            if isinstance(source, Own) and source.size:  # an empty block takes no room
+                written = own.get(source.start)
+                if written != (source.size, step.copies):
+                    raise ValueError(f"{where} reads own numbers otherwise than they were written")
         _check_copies(step, reads, writes, where)
         for target, span in zip(step.targets, writes, strict=True):
-            if isinstance(target, Own):
+            if isinstance(target, Own) and target.size:
                 own[target.start] = (target.size, step.copies)
             if span[0] in known:
                 known[span[0]][target.at(step.copies)] = True
