@@ -6,12 +6,13 @@
     python -m benchmarks --report           pages and figures again, from the committed results
 
 Files in the order of use: `cases` (robots and motions), `peers/` (everything that is compared; the engines
-are those of `hybridyn compare`), `reference` (answers with their own error; are the models right?), `results`
-(one row for everything that is measured, CSV), `timing` (calls and processes). What is measured: `accuracy`
-(models, batches, threads, cold calls), `scaling`, `flights` with `simulation`, `derivatives`, `singular`,
-`studies` (effects, sweeps), `losses`, `searches`, `operations`, `callgrind`, `closing` and `programs`,
-`quantities`; `plan` (all jobs, and what is remembered). What is said of it: `fronts`, `goals`, `figures`
-(SVG), `texts` and `report` (Markdown, from the results alone). `hard` has pages of tests.
+are those of `hybridyn compare`), `reference` (answers with their own error; are the models right?),
+`results` (one row for everything that is measured, CSV), `timing` (calls and processes). What is measured:
+`accuracy` (models, batches, threads, cold calls), `scaling`, `flights` with `simulation`, `derivatives`,
+`singular`, `studies` (effects, sweeps), `losses`, `searches`, `shooting` (by `ddp`), `operations`,
+`callgrind`, `closing` and `programs`, `quantities`; `plan` (all jobs, and what is remembered). What is
+said of it: `fronts`, `goals`, `figures` (SVG), `texts` and `report` (Markdown, from the results alone).
+`hard` has pages of tests.
 
 `python -m benchmarks.batches` measures batches on a GPU, `python -m benchmarks.identification` identification
 beside figaroh, each by itself.

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.descents import searches, shooting
 from benchmarks.fronts import chosen, grouped, jacobians, ratios
 from benchmarks.panels import LOOK, Curve, Panel, draw
 from benchmarks.results import Row
@@ -275,6 +276,8 @@ FIGURES = (
     ("cold", "Cold calls", "Lower is better.", cold),
     ("derivatives", "Derivatives", "Points are robots. Lower is better. Open: in batches.", derivatives),
     ("sweeps", "What a sweep costs", "Lower is better.", sweeps),
+    ("searches", "Searching for a design", "Lower left is better. Pale: all starts; line: median.", searches),
+    ("shooting", "DDP on a leg with a parallel ankle", "Lower left is better.", shooting),
     ("scaling", "Cost against the number of modules", "Lower is better. Open: in batches.", scaling),
     ("throughput", "Batch size and threads", "Lower is better. Peers are called in a loop.", throughput),
     ("simulation", "Simulation: what accuracy costs in time", "Lower left is better.", simulation),

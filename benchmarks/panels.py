@@ -1,4 +1,4 @@
-"""Panels of log-log curves with one legend: the figures of the report."""
+"""Panels of curves with one legend, log-log for the most part: the figures of the report."""
 
 from __future__ import annotations
 
@@ -57,12 +57,14 @@ class Panel:
         title: Over the axes.
         x, y: Names of the axes.
         curves: The curves.
+        counted: Whether the horizontal axis counts, and is not logarithmic.
     """
 
     title: str
     x: str
     y: str
     curves: list[Curve] = field(default_factory=list)
+    counted: bool = False
 
     @property
     def top(self) -> float:
@@ -100,17 +102,21 @@ def draw(title: str, remark: str, rows: Sequence[Sequence[Panel]]) -> Figure:
 
 def _panel(ax: Axes, panel: Panel, most: float) -> None:
     """Draw the curves of a panel, beside panels that show so much of the same quantity."""
+    from matplotlib.ticker import MaxNLocator
+
     if panel.top < ZERO_PANEL * most:
         ax.text(0.5, 0.5, "zero", ha="center", transform=ax.transAxes)
         ax.set(xticks=[], yticks=[])
         return
-    ax.set(xscale="log", yscale="log", xlabel=panel.x, ylabel=panel.y)
+    ax.set(xscale="linear" if panel.counted else "log", yscale="log", xlabel=panel.x, ylabel=panel.y)
     for curve in panel.curves:
         _curve(ax, curve)
     ax.grid(True, which="major", color=GRID, lw=0.7, zorder=0)
     ax.minorticks_off()
     ax.autoscale_view()  # limits are otherwise found when the figure is drawn
-    ax.set(xlim=widened(*ax.get_xlim()), ylim=widened(*ax.get_ylim()))
+    if panel.counted:
+        ax.xaxis.set_major_locator(MaxNLocator("auto", integer=True))
+    ax.set(xlim=ax.get_xlim() if panel.counted else widened(*ax.get_xlim()), ylim=widened(*ax.get_ylim()))
 
 
 def _curve(ax: Axes, curve: Curve) -> None:

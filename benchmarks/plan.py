@@ -24,6 +24,7 @@ from benchmarks import (
     quantities,
     scaling,
     searches,
+    shooting,
     simulation,
     singular,
     studies,
@@ -39,7 +40,7 @@ CACHE = ROOT / "build" / "benchmarks" / "cache"
 OUTPUT = {
     f"{name}.py"
     for name in (
-        "report", "texts", "figures", "fronts", "goals", "__main__", "hard", "identification",
+        "report", "texts", "figures", "fronts", "goals", "descents", "__main__", "hard", "identification",
     )
 }  # fmt: skip
 
@@ -142,7 +143,8 @@ def full() -> list[Task]:
         ("programs", programs.measure, [(case,) for case in programs.ROBOTS], False),
         ("quantities", quantities.measure, [(case,) for case in quantities.ROBOTS], True),
         ("sweeps", studies.sweeps, [(2, 48)], False),
-        ("searches", searches.searches, [(560, 11)], False),
+        ("searches", searches.searches, [(k,) for k in range(searches.STARTS)], False),
+        ("shooting", shooting.measure, [(name,) for name in shooting.MOTIONS], True),
     ]
     return tasks_of(jobs)
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks import texts
+from benchmarks.descents import iterated, searched
 from benchmarks.fronts import chosen, exponent, fastest, grouped, jacobians, ratios, standings
 from benchmarks.goals import GOALS, reached
 from benchmarks.results import CHECK, NAN, SECTIONS, Row, measured_on, read_machines, read_rows
@@ -242,15 +243,6 @@ def sweeps(results: Results) -> Table:
     return ["", "processor time", "by the clock"], rows
 
 
-def searched(results: Results) -> Table:
-    """Give the objective that searches reach by the number of designs."""
-    rows = [
-        [r.method, r.setting, f"{r.at:.0f}", f"{r.value:.4f}", f"{100 * r.error:.2g} %"]
-        for r in results["searches"]
-    ]
-    return ["method", "", "designs", "objective [N m]", "above the best"], rows
-
-
 def modules(results: Results) -> Table:
     """Give times by number of stacked modules, their growth, and memory."""
     rows = [
@@ -370,7 +362,14 @@ QUESTIONS = (
     Question("How fast are batches on a GPU?", texts.BATCHES, (), batches),
     Question("What do derivatives cost?", texts.DERIVATIVES, ("derivatives",), derivatives, "derivatives"),
     Question("What does a sweep cost?", texts.SWEEPS, ("sweeps",), sweeps, "sweeps"),
-    Question("How many designs does a search need?", texts.SEARCHES, ("searches",), searched),
+    Question("How much work does a search need?", texts.SEARCHES, ("searches",), searched, "searches"),
+    Question(
+        "What do second derivatives save in optimal control?",
+        texts.SHOOTING,
+        ("shooting",),
+        iterated,
+        "shooting",
+    ),
     Question("What does a module cost?", texts.MODULES, ("scaling",), modules, "scaling"),
     Question("What does a tool's pose cost?", texts.TOOLS, ("tools",), tools),
     Question(

@@ -33,7 +33,8 @@ SECTIONS = {
     "programs": "what a program waits for around the models; loops closed in C; the command line",
     "quantities": "mass matrices and their like, beside those of Pinocchio's open tree",
     "sweeps": "sweeps of designs",
-    "searches": "designs that a search evaluates, with gradients and without",
+    "searches": "what searches for a design reach by work, with gradients and without",
+    "shooting": "iterations of DDP on a leg with a parallel ankle, with second derivatives and without",
 }
 #: The error that the speed goals ask of everybody.
 GOOD = 1e-10
@@ -50,7 +51,8 @@ class Row(NamedTuple):
             anything is timed.
         method: Who computes it.
         setting: Setting, or what of it is measured, in words.
-        at: Number of modules or of designs, or distance from the singular posture [rad].
+        at: Number of modules or of designs, work in designs, iteration, or distance from the singular
+            posture [rad].
         batch: Samples per call, rows of a table or postures of a design.
         threads: Threads, cores or processes used.
         error: Relative error against the reference, the worst of some states or that of a final state.
@@ -62,7 +64,7 @@ class Row(NamedTuple):
         energy: Largest change of the energy over the largest kinetic energy.
         closure: Largest closure residual relative to the module's length.
         operations: Operations over those of what it is compared with.
-        iterations: Steps of an iteration in each sample.
+        iterations: Steps of an iteration in each sample, or until a solution.
         value: Another number.
         unit: Its unit, empty for a ratio of like things.
         note: Why it was not measured, or how it ended.
