@@ -318,17 +318,16 @@ def quaternion_from_rotation(R: Array) -> Array:
     xy, xz, yz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
     wx, wy, wz = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
     # The row of the 4x4 matrix 4 q q^T with the largest diagonal entry is a well-scaled multiple of q.
-    rows = np.stack(
-        [
-            np.stack([1 + m00 - m11 - m22, xy, xz, wx], axis=-1),
-            np.stack([xy, 1 - m00 + m11 - m22, yz, wy], axis=-1),
-            np.stack([xz, yz, 1 - m00 - m11 + m22, wz], axis=-1),
-            np.stack([wx, wy, wz, 1 + m00 + m11 + m22], axis=-1),
-        ],
-        axis=-2,
-    )
-    best = np.argmax(np.diagonal(rows, axis1=-2, axis2=-1), axis=-1)
-    quat = np.take_along_axis(rows, best[..., None, None], axis=-2)[..., 0, :]
+    rows = np.empty((*R.shape[:-2], 16), R.dtype)
+    for i, x in enumerate((
+        1 + m00 - m11 - m22, xy, xz, wx,
+        xy, 1 - m00 + m11 - m22, yz, wy,
+        xz, yz, 1 - m00 - m11 + m22, wz,
+        wx, wy, wz, 1 + m00 + m11 + m22,
+    )):  # fmt: skip
+        rows[..., i] = x
+    every, best = rows.reshape(-1, 4, 4), rows[..., ::5].argmax(axis=-1)
+    quat = every[np.arange(len(every)), best.ravel()].reshape(*best.shape, 4)
     quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
     out: Array = np.where(quat[..., 3:] < 0, -quat, quat)
     return out
@@ -345,8 +344,8 @@ def rotation_vector(R: Array) -> Array:
     """Compute the log of rotations (..., 3, 3) as rotation vectors (..., 3), accurate up to half a turn."""
     quat = quaternion_from_rotation(R)
     sine = np.linalg.norm(quat[..., :3], axis=-1)
-    angle = 2.0 * np.arctan2(sine, quat[..., 3])
-    scale = np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 2.0)
+    angle, known = 2.0 * np.arctan2(sine, quat[..., 3]), sine > 1e-9
+    scale = np.where(known, angle / np.where(known, sine, 1.0), 2.0)
     return quat[..., :3] * scale[..., None]
 
 

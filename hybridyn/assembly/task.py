@@ -290,8 +290,9 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest, *, a
         m.closures, m.reduction.row_scale, m.reduction.col_scale, free,
         [target for _, target in request.targets], rank_tolerance=m.rank_tolerance,
     )  # fmt: skip
-    known = None if request.targets else m.reduction.scaled(m.generic_K)
-    generic = problem.matrix(m.tree.sweep(m.postures)) if known is None else known
+    generic = m.reduction.scaled(m.generic_K)
+    if request.targets:
+        generic = problem.matrix(m.tree.sweep(m.postures))
     if request.stay:
         for joint in undetermined(module, problem, generic):
             request.given.append(joint)

@@ -150,7 +150,8 @@ def _open_modules(robot: HybridRobot, requests: Requests, poses: Sequence[_Passi
         kind = k if request.targets else equal
         if kind not in known:
             known[kind] = left_open(robot, module, request) > 0
-        still_open |= {k} if known[kind] else set()
+        if known[kind]:
+            still_open.add(k)
     return still_open
 
 
