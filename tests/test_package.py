@@ -30,10 +30,10 @@ FLOORS = (
     {"assembly", "manifold", "effects"},
     {"dynamics", "loading"},
     {"compiled", "conversion"},
-    {"simulation", "streams", "gradients", "learning", "optimal_control"},
+    {"simulation", "streams", "gradients", "optimal_control"},
     {"scenes", "view", "ros"},
     {"studies", "identification", "warp_batch"},
-    {"figures"},
+    {"figures", "learning"},
     {"cli"},
     {"__main__"},
 )

@@ -2,32 +2,41 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ..compiled import SecondDerivatives, compile
 from ..effects.choice import Choice
 from ..errors import required
 from ..structure.robot import HybridRobot
-from .framework import Framework
+from ..warp_batch.creating import warp
+from .functions import functions_of
 from .robot import LearningRobot
 
 
-def torch(robot: HybridRobot, effects: Choice = None, *, threads: int = 1) -> LearningRobot:
+def torch(
+    robot: HybridRobot, effects: Choice = None, *, threads: int = 1, device: Any = None
+) -> LearningRobot:
     """Prepare a robot's models for PyTorch: its tensors come and go, and have gradients through closed loops.
 
     Values are those of `hybridyn.compile`. `backward`, double `backward`, forward mode and the transforms of
-    `torch.func` work. Tensors are of type float64 and on the processor.
+    `torch.func` work. Tensors are of type float64.
 
     Args:
         robot: The robot.
         effects: Effects to include, as for `hybridyn.idm`; those with a second derivative, see
             `hybridyn.SecondDerivatives`.
         threads: Number of threads that share a batch.
+        device: Device of Warp on which tensors lie, such as "cuda": its kernels compute values and
+            derivatives there, as of `hybridyn.warp`. By default tensors lie on the processor, and compiled
+            models compute.
 
     Returns:
         The models; see `LearningRobot`.
 
     Raises:
-        HybridynError: PyTorch is not installed.
-        ModelError: An effect has no second derivative, or is not available in compiled models.
+        HybridynError: PyTorch, or Warp for a device, is not installed.
+        ModelError: An effect has no second derivative, or is not available in compiled models; or there is no
+            such device.
         CompileError: As `hybridyn.compile` raises.
 
     Example:
@@ -39,9 +48,16 @@ def torch(robot: HybridRobot, effects: Choice = None, *, threads: int = 1) -> Le
         array([ 2.881, -0.276])
     """
     required("torch", "torch", "hybridyn.torch")
-    from .torch_arrays import TORCH  # it imports PyTorch, which takes seconds
+    from .torch_arrays import framework_on  # it imports PyTorch, which takes seconds
 
-    return _models(robot, effects, threads, TORCH)
+    SecondDerivatives(robot, effects=effects)  # refuses effects with kinks
+    fast = compile(robot, effects, threads=threads)
+    if device is None:
+        return LearningRobot(fast, framework_on("cpu"), functions_of(fast))
+    batch = warp(robot, effects, device=device)
+    from .on_device import functions_on  # it imports Warp
+
+    return LearningRobot(fast, framework_on(str(batch.device)), functions_on(batch, fast))
 
 
 def jax(robot: HybridRobot, effects: Choice = None, *, threads: int = 1) -> LearningRobot:
@@ -75,10 +91,6 @@ def jax(robot: HybridRobot, effects: Choice = None, *, threads: int = 1) -> Lear
     required("jax", "jax", "hybridyn.jax")
     from .jax_arrays import JAX  # it imports JAX, which takes seconds
 
-    return _models(robot, effects, threads, JAX)
-
-
-def _models(robot: HybridRobot, effects: Choice, threads: int, framework: Framework) -> LearningRobot:
-    """Prepare a robot's models for a framework."""
     SecondDerivatives(robot, effects=effects)  # refuses effects with kinks
-    return LearningRobot(compile(robot, effects, threads=threads), framework)
+    fast = compile(robot, effects, threads=threads)
+    return LearningRobot(fast, JAX, functions_of(fast))

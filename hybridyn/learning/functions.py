@@ -1,4 +1,4 @@
-"""Models as functions of three arrays, with the products of their derivatives, on NumPy arrays."""
+"""Models as functions of three arrays, with the products of their derivatives."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled import CompiledRobot, SecondDerivatives
+from ..compiled import CompiledRobot
 from ..spatial import Array
+from ..structure.robot import HybridRobot
 
 #: Arguments of a derivative, arrays of NumPy or of a framework, and how many those of second order have.
 Given = Sequence[Any]
@@ -26,6 +27,7 @@ class SmoothFunction:
     Attributes:
         name: The model.
         sizes: Widths of the postures, of the three arrays, and of y.
+        xp: Functions on its arrays, with the names of NumPy.
     """
 
     def __init__(
@@ -34,7 +36,8 @@ class SmoothFunction:
         sizes: tuple[int, int, int, int, int],
         value: Callable[..., Array],
         state: Callable[..., Sequence[Array]],
-        derivatives: Callable[[], SecondDerivatives],
+        derivatives: Callable[[], Any],
+        xp: Any = np,
     ) -> None:
         """Join a model with its derivatives.
 
@@ -42,45 +45,45 @@ class SmoothFunction:
             value: Computes y from postures and the three arrays of x.
             state: Computes the state at which `derivatives` are asked, likewise.
             derivatives: Prepares the derivatives, which takes long; called at their first use.
+            xp: Functions on the arrays, with the names of NumPy.
         """
-        self.name, self.sizes, self._prepare = name, sizes, derivatives
+        self.name, self.sizes, self.xp, self._prepare = name, sizes, xp, derivatives
         self._value, self._state = value, state
 
     @cached_property
-    def _derivatives(self) -> SecondDerivatives:
+    def _derivatives(self) -> Any:
         return self._prepare()
 
     def width(self, *, weighted: bool) -> int:
         """Return the width of a derivative: of x if it has weights, else of y."""
         return sum(self.sizes[1:4]) if weighted else self.sizes[4]
 
-    def compute(self, weighted: bool, near: Array, x: Array, *behind: Array) -> Array:
+    def compute(self, weighted: bool, near: Any, x: Any, *behind: Any) -> Any:
         """Compute y or a derivative, shape (T, n)."""
         if not weighted and not behind:
             return self._value(near, *self._three(x))
         q, v, third = state = self._state(near, *self._three(x))
         if weighted:
             w, *d = behind
-            found = self._derivatives.product(q, v, third, w, self._three(d[0] if d else np.zeros_like(x)))
-            out: Array = np.concatenate([*(found.product if d else found.slope).values()], axis=1)
-            return out
+            found = self._derivatives.product(q, v, third, w, self._three(d[0] if d else 0.0 * x))
+            return self.xp.concatenate([*(found.product if d else found.slope).values()], axis=1)
         if len(behind) == 1:
             return self._derivatives.along(q, v, third, self._three(behind[0])).first
         return self._bent(state, *behind)
 
-    def _bent(self, state: Sequence[Array], d: Array, e: Array) -> Array:
+    def _bent(self, state: Sequence[Any], d: Any, e: Any) -> Any:
         """Compute f'' d e, from f'' along d + e and d - e, of unit length."""
-        sizes = [np.linalg.norm(part, axis=1, keepdims=True) for part in (d, e)]
-        d, e = (part / np.where(size, size, 1.0) for part, size in zip((d, e), sizes, strict=True))
-        q, v, third = (np.tile(part, (2, 1)) for part in state)
-        both = self._three(np.concatenate([d + e, d - e]))
-        plus, minus = np.split(self._derivatives.along(q, v, third, both).second, 2)
-        out: Array = 0.25 * sizes[0] * sizes[1] * (plus - minus)
-        return out
+        join, T = self.xp.concatenate, len(d)
+        sizes = [(part * part).sum(1)[:, None] ** 0.5 for part in (d, e)]
+        d, e = (part / (size + (size == 0.0)) for part, size in zip((d, e), sizes, strict=True))
+        q, v, third = (join([part, part]) for part in state)
+        second = self._derivatives.along(q, v, third, self._three(join([d + e, d - e]))).second
+        return 0.25 * sizes[0] * sizes[1] * (second[:T] - second[T:])
 
-    def _three(self, x: Array) -> list[Array]:
+    def _three(self, x: Any) -> list[Any]:
         """Return x, or a direction, as three arrays."""
-        return np.split(x, np.cumsum(self.sizes[1:3]), axis=1)
+        first, second = self.sizes[1], self.sizes[1] + self.sizes[2]
+        return [x[:, :first], x[:, first:second], x[:, second:]]
 
 
 def check_order(given: Given) -> None:
@@ -106,36 +109,45 @@ def weighed(weighted: bool, given: Given, i: int, w: Any) -> tuple[bool, list[An
     return i != 2, [*given[:2], *behind, w]
 
 
-def model_function(fast: CompiledRobot, name: str) -> SmoothFunction:
-    """Return the model "idm" or "ddm" over a displacement from closed postures, rates, and a or tau.
+def sizes_of(robot: HybridRobot, name: str) -> tuple[int, int, int, int, int]:
+    """Return the sizes of a model, "idm", "ddm" or "close"."""
+    nq, nv, motors = robot.nq, robot.nv, len(robot.motors)
+    return {
+        "idm": (nq, nv, nv, nv, motors),
+        "ddm": (nq, nv, nv, motors, nv),
+        "close": (nq, motors, motors, motors, nq + 2 * nv),
+    }[name]
 
-    The displacement is zero: it carries derivatives. It moves joints as Pinocchio's `integrate` does.
+
+def functions_of(fast: CompiledRobot) -> dict[str, SmoothFunction]:
+    """Return the models on NumPy arrays.
+
+    "idm" and "ddm" are over a displacement from closed postures, rates, and a or tau. The displacement is
+    zero: it carries derivatives. It moves joints as Pinocchio's `integrate` does. "close" is the motion of
+    all joints over the motors' positions, rates and accelerations: q, v, a in a row. The motors of each
+    sample move straight from its own posture on its assembly branch.
     """
-    robot, model = fast.robot, fast.idm if name == "idm" else fast.ddm
-    third, out = (robot.nv, len(robot.motors)) if name == "idm" else (len(robot.motors), robot.nv)
-    return SmoothFunction(
-        name, (robot.nq, robot.nv, robot.nv, third, out),
-        lambda near, delta, v, x: np.asarray(model(near, v, x), dtype=float),
-        lambda near, delta, v, x: [near, v, x],
-        partial(fast.second_derivatives, name),
-    )  # fmt: skip
-
-
-def closed_function(fast: CompiledRobot) -> SmoothFunction:
-    """Return the motion of all joints over the motors' positions, rates and accelerations: q, v, a in a row.
-
-    The motors of each sample move straight from its own posture on its assembly branch.
-    """
-    robot, motors = fast.robot, len(fast.robot.motors)
-    nq, nv = robot.nq, robot.nv
+    robot, nq, nv = fast.robot, fast.robot.nq, fast.robot.nv
 
     def value(near: Array, *motion: Array) -> Array:
         """Close the loops."""
         return np.concatenate(fast.close(*motion, last=near), axis=1)
 
-    return SmoothFunction(
-        "close", (nq, motors, motors, motors, nq + 2 * nv),
-        value,
-        lambda *given: np.split(value(*given), [nq, nq + nv], axis=1),
-        partial(fast.second_derivatives, "close", coordinates="motors"),
-    )  # fmt: skip
+    def model(call: Callable[..., Any], near: Array, _: Array, v: Array, x: Array) -> Array:
+        """Compute efforts or accelerations."""
+        return np.asarray(call(near, v, x), dtype=float)
+
+    values: dict[str, Callable[..., Any]] = {
+        "idm": partial(model, fast.idm),
+        "ddm": partial(model, fast.ddm),
+        "close": value,
+    }
+    states: dict[str, Callable[..., Any]] = dict.fromkeys(values, lambda near, delta, v, x: (near, v, x))
+    states["close"] = lambda *given: np.split(value(*given), [nq, nq + nv], axis=1)
+    return {
+        name: SmoothFunction(
+            name, sizes_of(robot, name), call, states[name],
+            partial(fast.second_derivatives, name, coordinates="motors" if name == "close" else "joints"),
+        )
+        for name, call in values.items()
+    }  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from .charts import Charts
 from .framework import Framework
-from .functions import SmoothFunction, closed_function, model_function
+from .functions import SmoothFunction
 from .joint_sides import JointSides
 
 
@@ -29,15 +29,22 @@ class LearningRobot:
 
     Attributes:
         robot: The robot.
-        compiled: Its models, which compute the values.
+        compiled: Its compiled models.
     """
 
-    def __init__(self, compiled: CompiledRobot, framework: Framework) -> None:
-        """Take models; their derivatives are written and built at their first use."""
+    def __init__(
+        self, compiled: CompiledRobot, framework: Framework, functions: Mapping[str, SmoothFunction]
+    ) -> None:
+        """Take models; their derivatives are written and built at their first use.
+
+        Args:
+            compiled: The compiled models.
+            framework: The framework.
+            functions: "idm", "ddm" and "close" of the arrays on which it calls them.
+        """
         self.robot, self.compiled, self._framework = compiled.robot, compiled, framework
         self._charts = Charts(self.robot, framework.xp, lambda x: framework.array("", x, x.shape[-1]))
-        self._idm, self._ddm = (model_function(compiled, name) for name in ("idm", "ddm"))
-        self._close = closed_function(compiled)
+        self._idm, self._ddm, self._close = (functions[name] for name in ("idm", "ddm", "close"))
         self._in_loops = [framework.array("", x, len(x)) for x in _in_loops(self.robot)]
 
     def idm(self, q: Any, v: Any, a: Any) -> Any:

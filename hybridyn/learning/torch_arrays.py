@@ -1,4 +1,4 @@
-"""Tensors of PyTorch, and its own way to name derivatives. Only this file imports PyTorch."""
+"""Tensors of PyTorch, and its own way to name derivatives."""
 
 from __future__ import annotations
 
@@ -21,7 +21,17 @@ def _numbers(call: Callable[..., Array], *given: Any) -> Any:
     """Compute a function of NumPy arrays, shapes (T, n), from tensors with equal leading axes."""
     axes = given[0].shape[:-1]
     rows = (np.ascontiguousarray(x.numpy(force=True)).reshape(prod(axes), x.shape[-1]) for x in given)
-    found = torch.from_numpy(np.ascontiguousarray(call(*rows)))
+    found = torch.from_numpy(np.ascontiguousarray(call(*rows))).to(given[0].device)
+    return found.reshape(*axes, found.shape[-1])
+
+
+def _in_place(function: SmoothFunction, weighted: bool, given: Sequence[Any]) -> Any:
+    """Compute a function of tensors where they lie."""
+    axes = given[0].shape[:-1]
+    if not prod(axes):
+        return given[0].new_zeros(*axes, function.width(weighted=weighted))
+    rows = (x.detach().reshape(prod(axes), x.shape[-1]) for x in given)
+    found = function.compute(weighted, *rows)
     return found.reshape(*axes, found.shape[-1])
 
 
@@ -49,6 +59,8 @@ class Derivative(Function):  # type: ignore[misc]
     @staticmethod
     def forward(function: SmoothFunction, weighted: bool, *given: Any) -> Any:
         """Compute it."""
+        if function.xp is torch:
+            return _in_place(function, weighted, given)
         return _numbers(partial(function.compute, weighted), *given)
 
     @staticmethod
@@ -97,32 +109,32 @@ def _in_front(info: Any, dims: Sequence[int | None], given: Sequence[Any]) -> li
     ]
 
 
-def _array(name: str, given: Any, width: int) -> Any:
-    """Return a tensor.
+def _array(device: Any, name: str, given: Any, width: int) -> Any:
+    """Return a tensor on a device.
 
     Raises:
         TrajectoryError: It is of another type or shape, or on another device.
     """
     if not isinstance(given, torch.Tensor):
-        given = torch.as_tensor(np.array(given, dtype=float))
+        given = torch.as_tensor(np.array(given, dtype=float), device=device)
     if given.dtype != torch.float64:
         raise TrajectoryError(f"{name} has the type {given.dtype}; wanted torch.float64: {name}.double()")
-    if given.device.type != "cpu":
+    if given.device != device:
         raise TrajectoryError(
-            f"{name} is on the device '{given.device}'; gradients are computed on the processor: {name}.cpu()"
+            f"{name} is on the device '{given.device}', the models on '{device}': {name}.to('{device}')"
         )
     if not given.ndim or given.shape[-1] != width:
         raise TrajectoryError(f"{name} has shape {tuple(given.shape)}; wanted (..., {width})")
     return given
 
 
-def _still(name: str, given: Any, width: int) -> Any:
+def _still(device: Any, name: str, given: Any, width: int) -> Any:
     """Return a tensor that carries no gradient.
 
     Raises:
         TrajectoryError: It asks for one, or as `_array` raises.
     """
-    found = _array(name, given, width)
+    found = _array(device, name, given, width)
     if found.requires_grad:
         raise TrajectoryError(f"{name} has no gradient, but requires one: give {name}.detach()")
     return found
@@ -153,4 +165,7 @@ def _apply(function: SmoothFunction, *given: Any) -> Any:
     return _derivative(function, False, [near, torch.cat(x, dim=-1)])
 
 
-TORCH = Framework(torch, _array, _still, lambda x: x.detach(), _found, _apply)
+def framework_on(device: str) -> Framework:
+    """Return the framework with its arrays on a device."""
+    array, still = (partial(call, torch.device(device)) for call in (_array, _still))
+    return Framework(torch, array, still, lambda x: x.detach(), _found, _apply)

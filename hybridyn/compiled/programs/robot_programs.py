@@ -54,6 +54,14 @@ class RobotPrograms:
             contacts=True,
         )  # fmt: skip
 
+    def second(self, model: str, what: str, coordinates: str) -> Program:
+        """Return a program of second derivatives, as `second.programs.second_program`."""
+        from ..second.programs import second_program  # which other calls need not
+
+        return second_program(
+            self.robot, self.effects, model, what, coordinates=coordinates, slots=self.slots
+        )
+
     @property
     def parameter_inputs(self) -> list[tuple[str, int]]:
         """The input "parameters" and its size, or nothing."""

@@ -9,7 +9,7 @@ from ....spatial import Array, Index
 from ....structure.parameters.chosen import Parameters
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import BLOCK, Rows
-from .closing_library import places_of
+from .closing_library import starts_of
 from .libraries import ClosingLibraries
 
 
@@ -39,7 +39,7 @@ class Apart:
         if asked is None:
             return out, np.arange(T)
         closing, given = asked
-        places, closed = places_of(closing.parts, starts)
+        places, closed = starts_of(closing.parts, starts)
         rows, room = ([x[:, None] for x in some] for some in (given, out))
         count = closing.rows.close(np.zeros((T, 0)), places, rows, room, threads, strict=True)
         return out, np.flatnonzero((closed * count) < 1)

@@ -127,7 +127,7 @@ def place_of(
     return q, p[0], numbers
 
 
-def places_of(parts: list[Part], postures: Array) -> tuple[Rows, Array]:
+def starts_of(parts: list[Part], postures: Array) -> tuple[Rows, Array]:
     """Return postures as `ClosedRows.close` starts from them, and which of them are closed, shape (T,).
 
     Args:
