@@ -90,11 +90,12 @@ processes. With one process, loky computes in the program itself.
 SEARCHES = """\
 A five-bar leg pushes itself off, and the objective is the energy that this takes: work of the motors, and
 heat of their windings. Seven parameters: lengths, stance, and the ratios of the gears, whose mass the leg
-lifts. Bounds, masses of links and of actuators by their ratio, the motor and the settings of CMA-ES (`cma`
-4.5) are those of a published case, [arXiv 2604.06025](https://arxiv.org/abs/2604.06025), which searches by
-CMA-ES for a jump in a simulation with contacts; the push, that no design changes, and this energy are ours.
-SciPy's SLSQP has the study's gradients, from the same starts. A design with gradients counts as six without:
-it has four times the operations, and its processor time stands below.
+lifts. Bounds, masses of links and of actuators by their ratio, the motor (one of six there) and the settings
+of CMA-ES (`cma` 4.5) are those of a published case, [arXiv 2604.06025](https://arxiv.org/abs/2604.06025),
+which searches by CMA-ES for a jump in a simulation with contacts. Ours are the push, that no design changes,
+this energy, the rotors' inertia, and how far ahead the foot stands. SciPy's SLSQP has the study's gradients,
+from the same starts. A design with gradients counts as six without: it has four times the operations, and
+its processor time stands below.
 """
 
 SHOOTING = """\
