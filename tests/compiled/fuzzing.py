@@ -112,7 +112,7 @@ def compare(seed: int, found: Found, family: str) -> None:
         compare_steps(robot, state[0], seed, case, found)
     for number, (model, coordinates) in enumerate(DERIVED):
         if family == "any" or seed % (2 * len(DERIVED)) == 2 * number + 1:
-            compare_derivatives(robot, effects, model, coordinates, case, found)
+            compare_derivatives(robot, without_load_friction(effects), model, coordinates, case, found)
 
 
 def compilable_effects(robot: hybridyn.HybridRobot, seed: int, found: Found) -> list[Any]:
@@ -124,8 +124,13 @@ def compilable_effects(robot: hybridyn.HybridRobot, seed: int, found: Found) -> 
             inverse_options(asked, k)
     except hybridyn.HybridynError:
         found.count["refused effects"] += 1
-        return [one for one in effects if not isinstance(one, LoadFriction)]
+        return without_load_friction(effects)
     return effects
+
+
+def without_load_friction(effects: list[Any]) -> list[Any]:
+    """Return effects of which derivatives are compiled, too."""
+    return [one for one in effects if not isinstance(one, LoadFriction)]
 
 
 def compare_models(
