@@ -41,10 +41,10 @@ def test_they_are_those_that_are_closed_alone(name: str) -> None:
 
 def test_those_in_doubt_are_closed_alone_and_named() -> None:
     """A start whose loops are open; one that leaves its branch; one that is no number."""
-    fast, starts, (position, rate, _) = drawn("five_bar")
+    fast, starts, (position, *levels) = drawn("five_bar")
     starts[3] += 1e-6
-    few = fast.close(position[:4], rate[:4], last=starts[:4])
-    for one, rows in zip(fast.close(position, rate, last=starts), few, strict=True):
+    few = fast.close(position[:4], *(x[:4] for x in levels), last=starts[:4])
+    for one, rows in zip(fast.close(position, *levels, last=starts), few, strict=True):
         close_to(one[:4], rows, 1e-8)  # as far as the loops were open
     for number, error, words in (
         ([-1.5, 1.5], hybridyn.AssemblyError, "at sample 5"),
@@ -52,7 +52,7 @@ def test_those_in_doubt_are_closed_alone_and_named() -> None:
     ):
         wrong = position.copy()
         wrong[5] += number
-        refused(lambda wrong=wrong: fast.close(wrong, last=starts), error, words, sample=5)
+        refused(lambda wrong=wrong: fast.close(wrong, *levels, last=starts), error, words, sample=5)
     refused(
         lambda: fast.close(position[:4], last=starts), hybridyn.TrajectoryError, "position, last have 4, 17"
     )
