@@ -117,6 +117,19 @@ def test_no_posture_of_another_branch_comes_back() -> None:
         hybridyn.assemble(robot, motors=dict(zip(robot.motors, ways[1].T, strict=True)))
 
 
+@pytest.mark.slow
+def test_modules_come_as_near_to_folds_as_the_general_path() -> None:
+    robot = robot_of("lx4")
+    wide = np.random.default_rng(7).uniform(-0.1, 0.1, (1000, len(robot.motors)))[[240, 799]]
+    position = robot.home[robot.motor_q] + wide
+    q, *_, guard = hybridyn.warp(robot, device="cpu").close(position)
+    assert (guard <= 1).all()
+    for x, found in zip(position, q, strict=True):
+        motors = dict(zip(robot.motors, x[:, None], strict=True))
+        right, *_ = hybridyn.assemble(robot, motors=motors, guess=robot.home)
+        np.testing.assert_allclose(found, right[0], atol=1e-10)
+
+
 def test_motors_that_depend_on_each_other_do_not_close_loops() -> None:
     batch = hybridyn.warp(robot_of("four_bar_two_motors"), device="cpu")
     for call in (lambda: batch.close([[0.1, 0.1]]), lambda: batch.random_states(2)):

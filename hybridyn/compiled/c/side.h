@@ -1,9 +1,9 @@
 /* The loops closed from one side's positions, along the branch of a posture: for exported C and for Warp. Needs the numbers
    of `walking`: NQ, NV, SIDE (joints of the side), GIVEN (size of what the program reads), NUMBERS (of which at its end are
-   parameters), POSED (whether the side's positions are among it), and the rules of a walk; the programs "close", STEP (the
-   same where RATED, else its step without rates), and "turning"; `newton.h`, `walk.h`; `at` and `turns`, the places of the
-   side's joints in q, and `farthest`, how far each may move in one part of the way; `unit_size`, how many coordinates of
-   length one begin at each coordinate. `room`: memory of the programs. */
+   parameters), POSED (whether the side's positions are among it), and the rules of a walk (WILD: the shortest first part);
+   the programs "close", STEP (the same where RATED, else its step without rates), and "turning"; `newton.h`, `walk.h`; `at`
+   and `turns`, the places of the side's joints in q, and `farthest`, how far each may move in one part of the way;
+   `unit_size`, how many coordinates of length one begin at each coordinate. `room`: memory of the programs. */
 static S position_of(const S *q, int m) { return turns(m) ? SCALAR(atan2)(q[at(m) + 1], q[at(m)]) : q[at(m)]; }
 
 static void place(S *given, int m, S x) {
@@ -89,7 +89,7 @@ static void side_begun(Side *w, const S *start) {
         if (!(SCALAR(fabs)(w->way[m]) * longest <= farthest(m))) longest = farthest(m) / SCALAR(fabs)(w->way[m]);
     }
     w->walked.done = 0, w->walked.step = w->walked.longest = longest;
-    w->left = longest >= (S)SHORTEST, w->whole = 0;
+    w->left = longest >= (S)WILD, w->whole = 0;
     w->guard = longest / longest; /* NaN: the way is not finite */
 }
 
