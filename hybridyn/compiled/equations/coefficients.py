@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from ...structure.parameters.effect_numbers import EFFECT_NUMBERS, stated_number
 from ...structure.parameters.entries import OF_EFFECTS, name_of
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
-from ...symbols import Expression
+
+if TYPE_CHECKING:
+    from ...symbols import Expression
 
 
 def slots_of(robot: HybridRobot, law: OnJoints | OnTendons, i: int) -> list[Slot | None]:
