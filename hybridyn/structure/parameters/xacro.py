@@ -22,7 +22,8 @@ from .slots import Slot, differences, values_of
 PROBES = (1.013, 0.991)
 #: Added to arguments that are zero.
 PROBE_OF_ZERO = 1e-3
-#: Effects that no argument changes: side-cars state them, or the effects that are asked for.
+#: Effects of which the description's numbers stay where the file's own do not change: side-cars state them,
+#: or the effects that are asked for.
 STAY = tuple(effect for effect in EFFECT_NUMBERS if effect != "spring")
 #: So many designs are remembered at most: gradients ask for the same ones again, for each of their results.
 REMEMBERED = 1000
@@ -160,17 +161,39 @@ class XacroArguments:
         """Read the robot's file with other values of the arguments.
 
         Raises:
-            ModelError: The file is wrong with them.
+            ModelError: The file is wrong with them, or it changes numbers that are stated otherwise.
         """
-        origin, chosen = self._origin, map(text_of, values)
-        arguments = {**origin.xacro_args, **dict(zip(self.names, chosen, strict=True))}
-        found = read(
-            origin.file, motors=origin.motors, xacro_args=arguments, package_dirs=origin.package_dirs
-        )
+        found = self._read(dict(zip(self.names, map(text_of, values), strict=True)))
+        now = dict(found.effects)
         for name, numbers in self._description.effects:
-            if name in STAY:
-                found = found.with_effect(name, numbers)
+            if name not in STAY:
+                continue
+            before, after = self._own_effects.get(name, {}), now.get(name, {})
+            words = (word for word in before | after if after.get(word) != before.get(word))
+            changed = {word: after.get(word) for word in words}
+            if any(numbers.get(word) != before.get(word) for word in changed):
+                raise ModelError(
+                    f"the arguments change numbers of '{name}' in the file, but the robot or the effects "
+                    "that are asked for state others: name one of both",
+                    element=name,
+                )
+            found = found.with_effect(name, numbers | changed)
         return found
+
+    @cached_property
+    def _own_effects(self) -> dict[str, dict[str, Any]]:
+        """The effects that the file states with the robot's arguments."""
+        return dict(self._read({}).effects)
+
+    def _read(self, arguments: dict[str, str]) -> Description:
+        """Read the robot's file with other values of some arguments."""
+        origin = self._origin
+        return read(
+            origin.file,
+            motors=origin.motors,
+            xacro_args={**origin.xacro_args, **arguments},
+            package_dirs=origin.package_dirs,
+        )
 
     def _changes(self, values: Array) -> list[Slot]:
         """Return the numbers that change with other values."""
