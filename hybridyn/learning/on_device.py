@@ -13,7 +13,7 @@ from ..compiled import CompiledRobot, RobotPrograms
 from ..errors import HybridynError
 from ..warp_batch.arrays import Arrays
 from ..warp_batch.batch import Batch
-from ..warp_batch.functions import InWarp, in_warp, native
+from ..warp_batch.functions import InWarp, in_warp, of_program
 from ..warp_batch.launching import Launcher
 from .functions import SmoothFunction, functions_of
 
@@ -54,9 +54,7 @@ class OnDevice:
         if what not in self._made:
             over = "joints" if self._motors is None else "motors"
             program = self._programs.second(self._model, what, over)
-            name, ends = program.name, (program.inputs, program.outputs)
-            text = native(name, ends, {name: program}, f"{name}_run(given, result)", DTYPE)
-            self._made[what] = in_warp(text, DTYPE)
+            self._made[what] = in_warp(of_program(program, DTYPE), DTYPE)
         made = self._made[what]
         names = [name for name, _ in made.native.inputs]
         found = self._launcher.run(made, dict(zip(names, given, strict=True)))

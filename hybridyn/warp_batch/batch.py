@@ -24,7 +24,9 @@ from .native_models import LAWS, NativeModels
 
 
 class Batch:
-    """The models of one robot for many samples at once, one thread each; loops close in one for each module.
+    """The models of one robot for many samples at once, one thread each.
+
+    Threads that close loops share the modules of all samples.
 
     Arrays have the shape (N, n), or (n,) for the same numbers at each sample. Warp arrays, tensors of torch
     and JAX, and all that DLPack exchanges are read without a copy; NumPy's are copied to the device. Results
@@ -150,7 +152,7 @@ class Batch:
         self, position: Any, rate: Any = None, acceleration: Any = None, *, near: Any = None,
         parameters: Any = None, fallback: bool = False,
     ) -> tuple[Any, ...]:  # fmt: skip
-        """Compute the efforts of the motors from what they do: `close`, then `idm`, in one kernel.
+        """Compute the efforts of the motors from what they do: `close`, then `idm`, in one call.
 
         Args:
             position, rate, acceleration, near: As in `close`.

@@ -22,7 +22,7 @@ from ..description.names import did_you_mean
 #: Warp; None where it is not installed, as where the pages are built.
 wp: Any = import_module("warp") if find_spec("warp") else None
 
-#: Python of the function and of the kernel that calls it for each sample.
+#: Python of the function and of kernels that call it: in each thread, and for each sample.
 STUB = "@wp.func_native(text)\ndef {name}({arguments}){returns}:\n    ...\n"
 EACH = """@wp.kernel(module="unique", enable_backward=False)
 def kernel({arguments}, count: int, threads: int):
@@ -59,7 +59,7 @@ class Native:
         inputs: Name and width of each array that it reads.
         outputs: Name and width of each array that it writes: NaN where the guard is above its limit.
         text: C of its body; the arrays have the names above.
-        by_modules: How kernels compute it in a thread for each module, if they do.
+        by_modules: How kernels compute it module by module, if they do.
     """
 
     name: str
@@ -114,6 +114,12 @@ def native(
         written,
     ]
     return Native(name, inputs, outputs, _body(programs, dtype, more, lines))
+
+
+def of_program(program: Program, dtype: str) -> Native:
+    """Return the native function that is one program, by its name."""
+    name, ends = program.name, (program.inputs, program.outputs)
+    return native(name, ends, {name: program}, f"{name}_run(given, result)", dtype)
 
 
 def on_rows(

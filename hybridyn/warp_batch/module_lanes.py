@@ -1,4 +1,4 @@
-"""The motion of all joints from the motors', module by module: each along its own way, and in its own thread.
+"""The motion of all joints from the motors', module by module: each along its own way.
 
 Modules do not depend on each other. The threads of a kernel close each of each sample, one part of its way
 after the other, and begin the next module where one has come to its end; a second kernel joins them.
@@ -32,12 +32,18 @@ PLACES = (
 )
 
 
-def following(programs: RobotPrograms, side: Sequence[str], idm: Program | None = None) -> Native:
-    """Return "close", from the motors `side`, or with a program "idm" the function "idm_from_motors"."""
+def following(
+    programs: RobotPrograms, side: Sequence[str], closing: tuple[str, int], idm: Program | None = None
+) -> Native:
+    """Return "close", from the motors `side`, or with a program "idm" the function "idm_from_motors".
+
+    Args:
+        closing: What `modules_text` returns of the same motors.
+    """
     robot, motors, dtype, parameters = programs.robot, len(side), programs.dtype, programs.parameter_inputs
+    modules, count = closing
     given = [("near", robot.nq), *((name, motors) for name in ("position", "rate", "acceleration"))]
     motion = [("q", robot.nq), ("v", robot.nv), ("a", robot.nv)]
-    modules, count = _modules_text(programs, side)
     sizes = {"ROBOT_NQ": robot.nq, "ROBOT_NV": robot.nv, "MOTORS": motors, "MODULES": count}
     sizes |= {"PARAMETERS": sum(size for _, size in parameters), "BASE": 7 * (robot.base == "moving")}
     head, tail = sizes_text(**sizes) + own_text("rows.h"), own_text("joined.h")
@@ -58,7 +64,7 @@ def following(programs: RobotPrograms, side: Sequence[str], idm: Program | None 
     return replace(whole, by_modules=ByModules(each, last, count))
 
 
-def _modules_text(programs: RobotPrograms, side: Sequence[str]) -> tuple[str, int]:
+def modules_text(programs: RobotPrograms, side: Sequence[str]) -> tuple[str, int]:
     """Return the C of `module_of`, for one module, and `threads_closed`, for many; and how many there are."""
     text, cases, turns, first = "", "", "", 0
     for n, one in enumerate(programs.modules(side)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cached_property, partial
 
 from ..compiled import Program, RobotPrograms, c_text
 from ..dynamics.quantities.joint_map import motors_beside
@@ -11,8 +11,8 @@ from ..effects.choice import Effects
 from ..errors import ModelError
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
-from .functions import Native, native, own_text, sizes_text
-from .module_lanes import following
+from .functions import Native, native, of_program, own_text, sizes_text
+from .module_lanes import following, modules_text
 
 #: Fields of numbers on which the closures depend.
 GEOMETRY = ("placement", "frame_a", "frame_b", "offset")
@@ -50,9 +50,7 @@ class NativeModels:
         self.makers |= {f"step_{law}": partial(self.step, law) for law in LAWS}
 
     def _plain(self, name: str) -> Native:
-        program = self._programs.model(name)
-        return native(name, (program.inputs, program.outputs), {name: program},
-                      f"{name}_run(given, result)", self.dtype)  # fmt: skip
+        return of_program(self._programs.model(name), self.dtype)
 
     def maps(self, joints: Sequence[str]) -> list[Native]:
         """Return the map between output joints and motors, "map_to_joints" and "map_to_motors".
@@ -67,9 +65,20 @@ class NativeModels:
         run = f"walk(given, given + {self.robot.nq}, result, 0)"
         return [
             native(program.name, (program.inputs, program.outputs), self._along(program, side), run,
-                   self.dtype, self._programs.walk(program, side, posed=True))
+                   self.dtype, self._programs.walk(program, side))
             for program, side in zip(self._programs.maps(joints), sides, strict=True)
         ]  # fmt: skip
+
+    @cached_property
+    def _modules(self) -> tuple[str, int]:
+        """The C that closes modules from their motors, and how many there are.
+
+        Raises:
+            SingularityError: The motors depend on each other.
+        """
+        motors = self.robot.motors
+        self._programs.check_independent(motors, "motors", CONTRADICTING)
+        return modules_text(self._programs, motors)
 
     def _close(self, idm: Program | None = None) -> Native:
         """Return the motion of all joints from the motors', or with "idm" the efforts behind it.
@@ -77,9 +86,7 @@ class NativeModels:
         Raises:
             SingularityError: The motors depend on each other.
         """
-        motors = self.robot.motors
-        self._programs.check_independent(motors, "motors", CONTRADICTING)
-        return following(self._programs, motors, idm)
+        return following(self._programs, self.robot.motors, self._modules, idm)
 
     def _control(self) -> Native:
         """Return the efforts from the motors' motion; the inverse model need not compare the loops again."""

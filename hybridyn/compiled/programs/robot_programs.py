@@ -137,9 +137,9 @@ class RobotPrograms:
         for _, _, kernel in loop_kernels(self._asked, freedoms_of(self.robot, side)):
             kernel.check_independent(what, why)
 
-    def walk(self, program: Program, side: Sequence[str], *, posed: bool = False) -> str:
-        """Return the C of the walk along a branch, see `walking.walk_text`."""
-        return walk_text(self._asked, program, side, posed=posed)
+    def walk(self, program: Program, side: Sequence[str]) -> str:
+        """Return the C of the walk along a branch to joints that are an input, see `walking.walk_text`."""
+        return walk_text(self._asked, program, side, posed=True)
 
     def modules(self, side: Sequence[str]) -> list[ModuleLoops]:
         """Write what closes the loops of one module at a time, for the modules of each shape."""
