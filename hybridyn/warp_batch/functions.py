@@ -177,16 +177,20 @@ def _body(
     """Return the C of a body: the structure of programs and more, then lines; it `answers` their `guard`."""
     code = sample_code(programs, dtype, HEAD)
     members = f"{code.functions}\n{more}"
-    macros = dict.fromkeys(re.findall(r"#define (\w+)", f"{code.head}\n{members}"))
     text = [
         code.head,
         f"struct Code {{\n{_on_device(members)}\n}};",
         *lines,
         "const S answer = guard;" if answers else "",
-        *(f"#undef {macro}" for macro in macros),
+        *undefined(f"{code.head}\n{members}"),
         "return answer;" if answers else "",
     ]
     return "\n" + "\n".join(text) + "\n"
+
+
+def undefined(text: str) -> list[str]:
+    """Return the lines that forget the macros of C."""
+    return [f"#undef {name}" for name in dict.fromkeys(re.findall(r"#define (\w+)", text))]
 
 
 def own_text(file: str) -> str:

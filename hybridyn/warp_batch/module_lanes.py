@@ -15,7 +15,7 @@ import numpy as np
 from ..compiled import Program, RobotPrograms, sample_code
 from ..spatial import Array
 from ..structure.robot import HybridRobot
-from .functions import HEAD, ByModules, Native, on_rows, on_tables, own_text, sizes_text
+from .functions import HEAD, ByModules, Native, on_rows, on_tables, own_text, sizes_text, undefined
 
 #: C function of the numbers of a module.
 NUMBERS = "INLINE void numbers_of(int k, const Row &parameters, S *numbers) {{\n    {}\n}}\n"
@@ -82,11 +82,10 @@ def modules_text(programs: RobotPrograms, side: Sequence[str]) -> tuple[str, int
 
 def _shape_text(number: int, called: Mapping[str, Program], more: str, dtype: str) -> str:
     """Return the structure of the C of modules of one shape; `more` is their walk, and what it needs."""
-    names = [line.split()[1] for line in more.splitlines() if line.startswith("#define ")]
     parts = [
         f"struct Shape{number} {{",
         sample_code(called, dtype, HEAD).functions,
-        *(f"#undef {name}" for name in names),
+        *undefined(more),
         more,
         own_text("module.h"),
         "};\n",
