@@ -45,7 +45,13 @@ class OnNumbers(Function):  # type: ignore[misc]
 
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
-        """Keep nothing."""
+        """Keep nothing; what does not change has no change of zeros."""
+        ctx.set_materialize_grads(False)
+
+    @staticmethod
+    def jvp(ctx: Any, *changes: Any) -> Any:
+        """Refuse changes: what it computes has no derivatives."""
+        _refuse("near", *changes[1:])
 
     @staticmethod
     def vmap(info: Any, in_dims: Any, call: Any, *given: Any) -> Any:
@@ -65,7 +71,8 @@ class Derivative(Function):  # type: ignore[misc]
 
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
-        """Keep the arguments."""
+        """Keep the arguments; what does not change has no change of zeros."""
+        ctx.set_materialize_grads(False)
         ctx.function, ctx.weighted, *tensors = inputs
         ctx.save_for_backward(*tensors)
         ctx.save_for_forward(*tensors)
@@ -74,13 +81,17 @@ class Derivative(Function):  # type: ignore[misc]
     def backward(ctx: Any, w: Any) -> Any:
         """Compute the gradients of w times it."""
         given, wanted = ctx.saved_tensors, ctx.needs_input_grad[2:]
-        parts = (weighed(ctx.weighted, given, i, w) if i and wanted[i] else None for i in range(len(given)))
+        parts = (
+            weighed(ctx.weighted, given, i, w) if i and wanted[i] and w is not None else None
+            for i in range(len(given))
+        )
         return None, None, *(part and _derivative(ctx.function, *part) for part in parts)
 
     @staticmethod
     def jvp(ctx: Any, *changes: Any) -> Any:
         """Compute its change with x and with what stands behind it."""
-        given, moved = ctx.saved_tensors, [*enumerate(changes[2:])][1:]
+        _refuse("near", changes[2])
+        given, moved = ctx.saved_tensors, enumerate(changes[2:])
         parts = [changed(given, i, change) for i, change in moved if change is not None]
         first, *more = (_derivative(ctx.function, ctx.weighted, part) for part in parts)
         return sum(more, first)
@@ -136,8 +147,18 @@ def _still(device: Any, name: str, given: Any, width: int) -> Any:
     """
     found = _array(device, name, given, width)
     if found.requires_grad:
-        raise TrajectoryError(f"{name} has no gradient, but requires one: give {name}.detach()")
+        _refuse(name, found)
     return found
+
+
+def _refuse(name: str, *changes: Any) -> None:
+    """Refuse changes of postures that carry no gradient.
+
+    Raises:
+        TrajectoryError: There is one.
+    """
+    if any(change is not None for change in changes):
+        raise TrajectoryError(f"{name} has no gradient, but requires one: give {name}.detach()")
 
 
 def _alike(given: Sequence[Any]) -> list[Any]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from tests.learning.states import floating_ankle, near_home
+from tests.learning.states import LIGHT, ROUNDING, accelerations, efforts, floating_ankle, near_home
 from tests.quantities.ankle import JOINTS, ankle
 from tests.support.comparing import close_to, refused
 from tests.support.extras import needs
@@ -18,27 +18,12 @@ from tests.support.samples import slow
 jax = needs("jax")
 jnp, check_grads = jax.numpy, needs("jax", "jax.test_util").check_grads
 
-#: Rounding, and the condition of loops and of the mass matrix.
-ROUNDING = 1e-10
-#: Light cranks accelerate at some hundred rad/s^2, of which differences keep fewer digits.
-LIGHT = 1e-2
-
 
 @pytest.fixture(autouse=True)
 def double() -> Iterator[None]:
     """Let JAX compute in double precision."""
     with jax.enable_x64(True):
         yield
-
-
-def efforts(model: Any, *motion: Any) -> Any:
-    """Compute efforts from the motors' motion."""
-    return model.idm(*model.close(*motion))
-
-
-def accelerations(model: Any, position: Any, rate: Any, tau: Any) -> Any:
-    """Compute the accelerations of all joints from the motors' state and efforts."""
-    return model.ddm(*model.close(position, rate)[:2], tau)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hybridyn
-from tests.learning.states import near_home
+from tests.learning.states import FORWARD_MODE, ROUNDING, near_home
 from tests.support.comparing import close_to, refused
 from tests.support.extras import needs
 
@@ -14,14 +14,7 @@ torch = needs("torch")
 wp = needs("gpu")
 wp.config.log_level = wp.LOG_WARNING
 
-#: PyTorch's own forward mode calls what it has deprecated.
-pytestmark = [
-    pytest.mark.filterwarnings(f"ignore:.*torch.jit.script:{kind.__name__}")
-    for kind in (DeprecationWarning, FutureWarning)
-]
-
-#: Rounding, and the condition of loops and of the mass matrix.
-ROUNDING = 1e-10
+pytestmark = FORWARD_MODE
 
 
 def found(model: Any, *motion: np.ndarray) -> tuple[np.ndarray, ...]:

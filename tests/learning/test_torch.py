@@ -13,7 +13,15 @@ import pytest
 import hybridyn
 from hybridyn.learning.charts import Charts
 from hybridyn.structure.building import build_robot
-from tests.learning.states import floating_ankle, near_home
+from tests.learning.states import (
+    FORWARD_MODE,
+    LIGHT,
+    ROUNDING,
+    accelerations,
+    efforts,
+    floating_ankle,
+    near_home,
+)
 from tests.quantities.ankle import JOINTS, ankle
 from tests.robots.effect_cases import CASES
 from tests.robots.shipped import shipped
@@ -22,32 +30,13 @@ from tests.support.extras import needs
 from tests.support.samples import slow
 
 torch = needs("torch")
-#: PyTorch's own forward mode calls what it has deprecated.
-pytestmark = [
-    pytest.mark.filterwarnings(f"ignore:.*torch.jit.script:{kind.__name__}")
-    for kind in (DeprecationWarning, FutureWarning)
-]
+pytestmark = FORWARD_MODE
 gradcheck, gradgradcheck = torch.autograd.gradcheck, torch.autograd.gradgradcheck
-
-#: Rounding, and the condition of loops and of the mass matrix.
-ROUNDING = 1e-10
-#: Light cranks accelerate at some hundred rad/s^2, of which differences keep fewer digits.
-LIGHT = 1e-2
 
 
 def asked(*given: np.ndarray) -> list[Any]:
     """Return tensors whose gradients are wanted."""
     return [torch.tensor(x, dtype=torch.float64, requires_grad=True) for x in given]
-
-
-def efforts(model: Any, *motion: Any) -> Any:
-    """Compute efforts from the motors' motion."""
-    return model.idm(*model.close(*motion))
-
-
-def accelerations(model: Any, position: Any, rate: Any, tau: Any) -> Any:
-    """Compute the accelerations of all joints from the motors' state and efforts."""
-    return model.ddm(*model.close(position, rate)[:2], tau)
 
 
 @pytest.mark.parametrize(
@@ -153,6 +142,8 @@ def test_the_map_of_an_ankle(tmp_path: Path) -> None:
     back = sides.to_joints(*motors)
     close_to([x.numpy() for x in back], [x.numpy() for x in (y, 0.1 * e, e)], ROUNDING)
     close_to((motors[1] @ motors[2]).item(), 0.1 * (e @ e).item(), ROUNDING)
+    near, moved = torch.tensor(robot.home), torch.func.jacfwd(lambda near: sides.to_motors(y, near=near)[0])
+    refused(lambda: moved(near), hybridyn.TrajectoryError, "near has no gradient, but requires one")
 
 
 @pytest.mark.slow
@@ -200,13 +191,14 @@ def test_displacements_and_rates_are_those_of_joints_of_all_kinds(tmp_path: Path
 def test_wrong_tensors_are_refused_in_one_line() -> None:
     robot, (position, _, _) = near_home("five_bar")
     model, x = hybridyn.torch(robot), torch.tensor(position)
-    home = torch.tensor(robot.home)
+    home, jacfwd = torch.tensor(robot.home), torch.func.jacfwd
     for call, words in (
         (lambda: model.close(x.float()), r"position has the type torch.float32; wanted torch.float64"),
         (lambda: model.close(x[:1]), r"position has shape \(1,\); wanted \(..., 2\)"),
         (lambda: model.close(torch.tensor(1.0).double()), r"position has shape \(\); wanted"),
         (lambda: model.close(x.to("meta")), r"position is on the device 'meta', .*: position.to\('cpu'"),
         (lambda: model.close(x, near=home.clone().requires_grad_()), "near has no gradient, but requires"),
+        (lambda: jacfwd(lambda near: model.close(x, near=near))(home), "near has no gradient, but requires"),
         (lambda: model.close(x.expand(3, 2), x.expand(2, 2)), "leading axes do not fit each other: shapes"),
         (lambda: model.close(x * torch.nan), "is not finite"),
         (lambda: model.close(torch.stack([x, x * torch.nan])), "position is not finite at sample 1"),
@@ -220,6 +212,25 @@ def test_effects_with_kinks_are_refused_by_name() -> None:
     robot = build_robot(shipped("five_bar"))
     for effects, name in ((["default", "limits"], "limits"), (CASES["stop"](robot), "stop")):
         refused(partial(hybridyn.torch, robot, effects), hybridyn.ModelError, f"'{name}' has no second deriv")
+
+
+def test_results_without_a_gradient_leave_none() -> None:
+    class Cut(torch.autograd.Function):  # type: ignore[misc]
+        """Numbers on which nothing depends, as it says."""
+
+        @staticmethod
+        def forward(ctx: Any, x: Any) -> Any:
+            """Return them."""
+            return x.clone()
+
+        @staticmethod
+        def backward(ctx: Any, w: Any) -> None:
+            """Return no gradient."""
+
+    robot, (position, _, _) = near_home("five_bar")
+    (x,) = asked(position)
+    q = hybridyn.torch(robot).close(x)[0]
+    assert torch.autograd.grad(Cut.apply(q).sum(), x, allow_unused=True) == (None,)
 
 
 def test_no_samples_are_no_error() -> None:
