@@ -90,7 +90,7 @@ def test_loops_close_along_the_way_and_efforts_follow(name: str, monkeypatch: py
     *found, guard = batch.close(position, rate, acceleration)
     assert (guard <= 1).all()
     assert hybridyn.closure_residual(robot, found[0]).max() < CLOSED
-    for one, other in zip(found, (q, v), strict=False):  # drawn by the function, which one thread runs
+    for one, other in zip(found, (q, v), strict=False):  # as they were drawn
         np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
     tau, *same, _ = batch.idm_from_motors(position, rate, acceleration)
     right, _ = batch.idm(*found)
@@ -101,6 +101,34 @@ def test_loops_close_along_the_way_and_efforts_follow(name: str, monkeypatch: py
         wanted = compiled.close(position[t], rate[t], acceleration[t])
         for one, other in zip(found, wanted, strict=True):
             assert np.abs(one[t] - other).max() <= 1e-9 * max(np.abs(other).max(), 1.0)
+
+
+@pytest.mark.parametrize("name", ["five_bar", slow("lx4")])
+def test_functions_close_loops_as_kernels_do(name: str) -> None:
+    """They close one module after the other, in the thread of the sample."""
+    robot, n = robot_of(name), 8
+    batch = hybridyn.warp(robot, device="cpu")
+    efforts, rows = batch.functions.idm_from_motors, wp.array2d(dtype=wp.float64)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def followed(
+        near: rows, position: rows, rate: rows, acceleration: rows,
+        q: rows, v: rows, a: rows, tau: rows, worst: wp.array(dtype=wp.float64),
+    ):  # type: ignore[no-untyped-def] # fmt: skip
+        i = wp.tid()
+        worst[i] = efforts(near[i], position[i], rate[i], acceleration[i], q[i], v[i], a[i], tau[i])
+
+    motion = np.random.default_rng(0).normal(size=(3, n, len(robot.motors)))
+    motion[0] = robot.home[robot.motor_q] + 0.02 * motion[0]
+    given = [wp.array(x, dtype=wp.float64, device="cpu") for x in (np.tile(robot.home, (n, 1)), *motion)]
+    widths = (robot.nq, robot.nv, robot.nv, len(robot.motors))
+    out = [wp.zeros((n, width), dtype=wp.float64, device="cpu") for width in widths]
+    worst = wp.zeros(n, dtype=wp.float64, device="cpu")
+    wp.launch(followed, dim=n, inputs=[*given, *out, worst], device="cpu")
+    right, *moved, guard = batch.idm_from_motors(*motion)
+    for one, other in zip(out, (*moved, right), strict=True):
+        np.testing.assert_allclose(one.numpy(), other, rtol=0, atol=1e-9 * np.abs(other).max())
+    assert max(guard.max(), worst.numpy().max()) <= 1
 
 
 def test_no_posture_of_another_branch_comes_back() -> None:
