@@ -21,7 +21,7 @@ def stretch(lower: Any, upper: Any, length: Any) -> Any:
     return np.maximum(length - upper, 0.0) - np.maximum(lower - length, 0.0)
 
 
-def tension(numbers: Any, width: float, length: Any, rate: Any) -> Any:
+def tension(numbers: Any, width: Any, length: Any, rate: Any) -> Any:
     """Compute the tension along a length: arrays or expressions.
 
     Args:

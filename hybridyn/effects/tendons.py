@@ -35,6 +35,11 @@ class Tendons:
     width: float = WIDTH
     name: ClassVar[str] = "tendons"
 
+    @property
+    def tendons(self) -> list[str]:
+        """Names of the tendons, in the order in which arms name them."""
+        return list(dict.fromkeys(tendon for arms in self.arms.values() for tendon in arms))
+
     def numbers(self, robot: HybridRobot) -> dict[str, tuple[float, ...]]:
         """Return the joints; each has the numbers of no tendon of its own.
 
@@ -42,9 +47,8 @@ class Tendons:
             ModelError: Numbers are invalid.
         """
         positive(self.name, "width", self.width)
-        known = list(dict.fromkeys(tendon for arms in self.arms.values() for tendon in arms))
         tables = {what: getattr(self, what) for what in WORDS}
-        check_numbers(self.name, "tendon", known, "arm", tables, signed=("lower", "upper"))
+        check_numbers(self.name, "tendon", self.tendons, "arm", tables, signed=("lower", "upper"))
         return dict.fromkeys(self.arms, ())
 
     def force(self, p: Any, length: Any, rate: Any) -> Any:
@@ -74,7 +78,7 @@ class OnTendons(NamedTuple):
     @property
     def fields(self) -> list[tuple[str, str]]:
         """Tendon and key of each number of `p`, empty for arms."""
-        tendons = list(dict.fromkeys(tendon for arms in self.effect.arms.values() for tendon in arms))
+        tendons = self.effect.tendons
         arms = [("", "")] * len(tendons)
         own = [(name, word) for word in (*WORDS, "width") for name in tendons]
         return [*arms, *own, *arms * len(self.columns)]
@@ -138,7 +142,7 @@ def on_tendons(effect: Tendons, robot: HybridRobot) -> OnTendons | None:
     refuse_cut(effect.name, robot, joints)
     if not joints:
         return None
-    tendons = list(dict.fromkeys(tendon for arms in effect.arms.values() for tendon in arms))
+    tendons = effect.tendons
     own = [[getattr(effect, word).get(tendon, 0.0) for tendon in tendons] for word in WORDS]
     own.append([effect.width] * len(tendons))
     arms = [[effect.arms[joint].get(tendon, 0.0) for tendon in tendons] for joint in joints]
