@@ -242,8 +242,8 @@ class HybridRobot:
                 in `hybridyn.compile`), or arguments of the robot's xacro file.
 
         Raises:
-            ModelError: A parameter is unknown, a value has a wrong size, a mass, a stiffness or a friction is
-                negative, or there is no such robot.
+            ModelError: A parameter is unknown, a value has a wrong size, a number is out of the range that
+                files may state, or there is no such robot.
             AssemblyError: No posture closes the loops of a module.
         """
         assert self.rebuild is not None

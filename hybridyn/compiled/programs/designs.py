@@ -71,8 +71,8 @@ class DesignsInSlots:
             shape: Shape of the samples, () or (T,).
 
         Raises:
-            ModelError: The model was compiled without parameters, or a mass, a stiffness or a friction is
-                negative.
+            ModelError: The model was compiled without parameters, or a number is out of the range that files
+                may state.
             TrajectoryError: The shape is wrong, or a number is not finite.
         """
         size = self.parameters.size

@@ -94,7 +94,7 @@ ORDERED = {"stribeck_friction": ("level", "static")} | dict.fromkeys(
 
 
 def _named(words: Mapping[str, Word], values: Mapping[str, Any]) -> dict[str, None]:
-    """Return the joints or motors that a table of an effect names."""
+    """Return the joints, motors, tendons, lines or bushings that a table of an effect names."""
     tables = (values.get(word) or {} for word, of in words.items() if not of.shared)
     return dict.fromkeys(name for table in tables for name in table)
 
@@ -102,7 +102,8 @@ def _named(words: Mapping[str, Word], values: Mapping[str, Any]) -> dict[str, No
 def stated_numbers(description: Description) -> Iterator[tuple[tuple[str, str, str], Any]]:
     """Yield effect, name and key of each number that may be a parameter, and its value.
 
-    The name is that of a joint or motor, or of the effect where all share a number. Some values are lists.
+    The name is that of a joint, motor, tendon, line or bushing, or of the effect where all share a number.
+    Some values are lists.
     """
     for effect, values in description.effects:
         words = EFFECT_NUMBERS.get(effect, {})

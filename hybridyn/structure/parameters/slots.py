@@ -34,7 +34,8 @@ class Slot:
 
     Attributes:
         table: One of `TABLES`, or an effect of `EFFECT_NUMBERS`.
-        name: Name of the record; of an effect's number that of the joint or motor, or of the effect.
+        name: Name of the record; of an effect's number that of the joint, motor, tendon, line or bushing, or
+            of the effect.
         index: Indices of the entry in the field; empty for a plain number. A symmetric matrix has slots in
             its upper triangle.
     """
@@ -225,26 +226,51 @@ def range_of(slot: Slot) -> Range:
 def wrong_numbers(
     slots: Sequence[Slot], numbers: Array, description: Description
 ) -> Iterator[tuple[Slot, Array, Mask, str]]:
-    """Yield slots, their numbers, which of these are wrong, and what they must be.
+    """Yield slots of which numbers are wrong, their numbers, which of these are wrong, and what they must be.
 
     Args:
         numbers: Of each design, shape (designs, slots).
         description: States those that have no slot here.
     """
-    rows = dict(zip(slots, numbers.T, strict=True))
-    for slot, own in rows.items():
-        yield slot, own, range_of(slot).misses(own), str(range_of(slot))
+    if not slots:
+        return
+    held = [range_of(slot) for slot in slots]
+    together: Any = map(np.array, zip(*held, strict=True))
+    missed = Range(*together).misses(numbers)
+    some = set(np.flatnonzero(missed.any(axis=0)).tolist())
+    ordered = any(slot.table in ORDERED for slot in slots)
+    rows = dict(zip(slots, numbers.T, strict=True)) if ordered else {}
+    known = dict(stated_numbers(description)) if ordered else {}
+    for i, slot in enumerate(slots):
+        own = numbers[:, i]
+        if i in some:
+            yield slot, own, missed[:, i], str(held[i])
         if slot.table in ORDERED and slot.field in (words := ORDERED[slot.table]):
-            less, more = (_number(replace(slot, field=word), rows, description) for word in words)
-            needed = f"at most {words[1]}" if slot.field == words[0] else f"at least {words[0]}"
-            yield slot, own, np.broadcast_to(less > more, own.shape), needed
+            less, more = (_number(replace(slot, field=word), rows, known, description) for word in words)
+            wrong = np.broadcast_to(less > more, own.shape)
+            if wrong.any():
+                yield (
+                    slot,
+                    own,
+                    wrong,
+                    f"at most {words[1]}" if slot.field == words[0] else f"at least {words[0]}",
+                )
 
 
-def _number(slot: Slot, rows: Mapping[Slot, Array], description: Description) -> Any:
-    """Return the number in a slot, or those of designs; a limit that no stop states is the joint's own."""
+def _number(
+    slot: Slot,
+    rows: Mapping[Slot, Array],
+    known: Mapping[tuple[str, str, str], Any],
+    description: Description,
+) -> Any:
+    """Return the number in a slot, or those of designs; a limit that no stop states is the joint's own.
+
+    Args:
+        rows: Those of designs.
+        known: Those that effects of the description state.
+    """
     if slot in rows:
         return rows[slot]
-    known = dict(stated_numbers(description))
     if (key := (slot.table, slot.name, slot.field)) in known:
         return known[key]
     return next(getattr(joint, slot.field) for joint in description.joints if joint.name == slot.name)
@@ -258,8 +284,6 @@ def check_numbers(slots: Sequence[Slot], numbers: Array, description: Descriptio
         description: States those that have no slot here.
     """
     for slot, own, wrong, needed in wrong_numbers(slots, np.atleast_2d(numbers), description):
-        if not wrong.any():
-            continue
         first = int(np.flatnonzero(wrong)[0])
         design = "" if numbers.ndim == 1 else f" in design {first}"
         told = f"must be {needed}, not {own[first]:g}{design}"

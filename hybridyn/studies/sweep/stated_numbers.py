@@ -87,14 +87,14 @@ class Numbers:
         """Return a description with the numbers of a design.
 
         Raises:
-            ModelError: A name is unknown, a number is not finite, or a mass, a stiffness or a friction is
-                negative.
+            ModelError: A name is unknown, or a number is not finite or out of the range that files may state.
         """
         if not self.expressions and not any(one.links for one in self.source.study.parameters.values()):
             return description
         slots, rows = self.in_slots(description, {name: np.array([value]) for name, value in values.items()})
-        for slot, own, wrong, _ in wrong_numbers(slots, rows, description):
-            if wrong.any() or not np.isfinite(own).all():
+        wrong = {slot for slot, *_ in wrong_numbers(slots, rows, description)}
+        for slot, own in zip(slots, rows.T, strict=True):
+            if slot in wrong or not np.isfinite(own).all():
                 where = "numbers" if self.expressions else "parameters"
                 raise self.source.error((where,), f"{slot} cannot be {own[0]:g}")
         return with_values(description, slots, rows[0].tolist())
