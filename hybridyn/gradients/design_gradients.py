@@ -225,7 +225,8 @@ class DesignGradients:
         rows, tau = [of_closing, of_part], np.zeros((len(at.q), len(self.robot.motors)))
         check_held(self.robot, self._kept)
         solved = passive == "solved"
-        caused = self._models.solved(at) if solved else at
+        whole = self._models.solved(at) if solved else at
+        caused = self._models.caused(whole, "idm") if measures else None
         for one in measures:
             bars, direct = Bars(one.q, one.v, one.a), np.zeros(at.slots.shape)
             for link, weights in one.links.items():
@@ -233,7 +234,8 @@ class DesignGradients:
                 bars, direct = Bars(*map(np.add, bars, moved)), direct + own
             if solved:
                 direct = direct + self._closed.back(factors, at.numbers, bars)
-            tau, found = self._models.summed(caused, factors, one.tau, "idm", None if solved else bars)
+            added = None if solved else bars
+            tau, found = self._models.summed(whole, factors, one.tau, "idm", added, caused)
             rows.append((found + direct).sum(axis=0))
         of_all = self._over(np.array(rows), at, factors, along)
         return MeasureGradients(tau, of_all[2:], closing, of_all[0], part, of_all[1])

@@ -87,7 +87,9 @@ class ModelSweeps:
         unknown = np.zeros(count, dtype=bool) if name == "idm" else self._closed.undetermined(factors)
         weights = np.tile(np.diag(1.0 - unknown), (len(at.q), 1))
         repeated = [one for one in factors for _ in range(count)]
-        value, over = self.summed(at.repeated(count), repeated, weights, name)
+        caused = self.caused(at, name)
+        caused = None if caused is None else np.repeat(caused, count, axis=0)
+        value, over = self.summed(at.repeated(count), repeated, weights, name, caused=caused)
         over = over.reshape(len(at.q), count, -1)
         over[:, unknown] = np.nan
         return Pulled(value[::count], over)
@@ -99,6 +101,7 @@ class ModelSweeps:
         weights: Array,
         name: str,
         motion: Bars | None = None,
+        caused: Array | None = None,
     ) -> Pulled:
         """Return a model's results, and the derivatives of their weighted sum over slots.
 
@@ -108,12 +111,14 @@ class ModelSweeps:
             weights: Shape (T, n).
             name: "idm" or "ddm".
             motion: Derivatives of what is added to the sum over the motion, or None.
+            caused: As `caused` returns it, for callers with several sums; None to compute it.
 
         Raises:
             SingularityError: A pivot of the model vanishes, or nothing determines the motion.
         """
-        if name == "idm" and has_undriven(self._robot):
-            return self._driven(at, factors, weights, motion)
+        caused = self.caused(at, name) if caused is None else caused
+        if caused is not None:
+            return self._driven(at, factors, weights, motion, caused)
         value, by = self._run(at, weights, name)
         none = np.zeros((len(at.q), self._robot.nv))
         bars = Bars(self._closed.freedoms(at.q, by["q"]), by["v"], by.get("a", none))
@@ -188,6 +193,19 @@ class ModelSweeps:
             sample=t,
         )
 
+    def caused(self, at: Samples, name: str) -> Array | None:
+        """Return accelerations of motors over efforts, (T, motors, motors), whatever is summed.
+
+        None where no model asks for them.
+
+        Raises:
+            SingularityError: A pivot of a model vanishes.
+        """
+        if name != "idm" or not has_undriven(self._robot):
+            return None
+        tau, _ = self._run(at, np.zeros((len(at.q), len(self._robot.motors))), name)
+        return self._caused(at, tau)[1]
+
     def _caused(self, at: Samples, tau: Array) -> tuple[Array, Array]:
         """Return accelerations of efforts, (T, nv), and those of motors over efforts, (T, motors, motors)."""
         T, N, u = len(at.q), len(self._robot.motors), self._robot.motor_v
@@ -197,7 +215,9 @@ class ModelSweeps:
         a, by = self._run(at.repeated(many)._replace(x=np.repeat(tau, many, axis=0)), each, "ddm")
         return a[::many], by["tau"].reshape(T, N, N)
 
-    def _driven(self, at: Samples, factors: list[Factored], weights: Array, motion: Bars | None) -> Pulled:
+    def _driven(
+        self, at: Samples, factors: list[Factored], weights: Array, motion: Bars | None, caused: Array
+    ) -> Pulled:
         """Return `summed` of efforts at accelerations of the motors, from the direct model a(tau, p).
 
         d tau = -(d a_m / d tau)^-1 d a_m / dp       (m: motors)
@@ -206,7 +226,6 @@ class ModelSweeps:
         """
         T, u = len(at.q), self._robot.motor_v
         tau, _ = self._run(at, weights, "idm")
-        caused = self._caused(at, tau)[1]
         if caused.size and (np.linalg.cond(caused) > 1.0 / SINGULAR_ROWS).any():
             raise SingularityError(
                 "motors are redundant beside motions without a motor: efforts have no gradient; take 'ddm'",
