@@ -25,7 +25,7 @@ class Samples(NamedTuple):
         p: The parameters, shape (k,).
         single: Whether the input was one sample.
         wrenches: Wrenches on links, shape (T, 6 links).
-        base: Acceleration of a prescribed base, shape (T, 6); zero beside efforts.
+        base: Acceleration of a prescribed base, shape (T, 6); zero where the caller gives efforts.
     """
 
     q: Array
