@@ -165,33 +165,37 @@ class ClosedAdjoint:
         if not blocks:
             return (np.inf, np.zeros(state[3].shape[1])), (np.inf, np.zeros(state[3].shape[1]))
         block, t, least, _ = min(blocks, key=lambda found: found[2].value)
-        closing = least.value, self._moved(factors, state, t, block, least)
-        block, t, least, most = min(blocks, key=lambda found: found[2].value / found[3].value)
-        part = least.value / most.value
-        of_least, of_most = (self._moved(factors, state, t, block, one) for one in (least, most))
-        return closing, (part, (of_least - part * of_most) / most.value)
+        other, u, small, most = min(blocks, key=lambda found: found[2].value / found[3].value)
+        places = [(t, block, least), (u, other, small), (u, other, most)]
+        of_least, of_small, of_most = self._moved(factors, state, places)
+        part = small.value / most.value
+        return (least.value, of_least), (part, (of_small - part * of_most) / most.value)
 
     def _moved(
         self,
         factors: Sequence[Factored],
         state: tuple[Array, Array, Array, Array],
-        t: int,
-        block: RowBlock,
-        singular: Singular,
+        places: Sequence[tuple[int, RowBlock, Singular]],
     ) -> Array:
-        """Return the derivative of a singular value of rows at a sample over the slots, shape (slots,).
+        """Return the derivatives of singular values of rows over the slots, shape (places, slots).
 
         d sigma = x^T dK y, with the vectors of this value: K y is the rates of the rows at rates y.
+
+        Args:
+            factors: The rows of all samples.
+            state: As in `back`.
+            places: Samples, each with a block of its rows and a singular value of this block.
         """
-        q, p = state[0][t : t + 1], state[3][t : t + 1]
-        v, x = np.zeros((1, self._robot.nv)), np.zeros((1, len(self._row_scale)))
-        at = self._free[block.freedoms]
-        v[0, at], x[0, block.rows] = singular.freedoms * self._unit[block.freedoms], singular.rows
+        at = [t for t, _, _ in places]
+        q, p = state[0][at], state[3][at]
+        v, x = np.zeros((len(at), self._robot.nv)), np.zeros((len(at), len(self._row_scale)))
+        for k, (_, block, singular) in enumerate(places):
+            v[k, self._free[block.freedoms]] = singular.freedoms * self._unit[block.freedoms]
+            x[k, block.rows] = singular.rows
         nq, still = self._robot.nq, np.zeros(v.shape)
         rates = called(self._back[1], *self._state(q, p, v), x * self._row_scale)
         bars = Bars(self.freedoms(q, rates[:, :nq]), still, still)
-        moved = self.back(factors[t : t + 1], (q, still, still, p), bars)
-        out: Array = rates[0, nq:] + moved[0]
+        out: Array = rates[:, nq:] + self.back([factors[t] for t in at], (q, still, still, p), bars)
         return out
 
     def undetermined(self, factors: Sequence[Factored]) -> Array:
