@@ -32,6 +32,8 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 NEW_OBJECTS = 50_000
 #: So many modules are kept at most.
 MODULES = 500
+#: So many written models are kept at most.
+WRITTEN = 500
 #: Numbers of the folders of tests, and how many lie side by side.
 FOLDERS, NEIGHBOURS = itertools.count(), 50
 
@@ -187,6 +189,8 @@ def write_once() -> None:
         facts = slots, asked.dtype, asked.compared, asked.links, models
         key = sources.robot_key(asked.robot, asked.on), facts
         if key not in made:
+            if len(made) == WRITTEN:
+                made.clear()
             made[key] = write(asked, models)
         return dict(made[key])
 
