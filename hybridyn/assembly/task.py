@@ -290,9 +290,7 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest, *, a
         m.closures, m.reduction.row_scale, m.reduction.col_scale, free,
         [target for _, target in request.targets], rank_tolerance=m.rank_tolerance,
     )  # fmt: skip
-    generic = m.reduction.scaled(m.generic_K)
-    if request.targets:
-        generic = problem.matrix(m.tree.sweep(m.postures))
+    generic = _generic_rows(module, problem)
     if request.stay:
         for joint in undetermined(module, problem, generic):
             request.given.append(joint)
@@ -321,13 +319,18 @@ def _freedoms(robot: HybridRobot, module: Module) -> list[Freedom]:
     return out
 
 
+def _generic_rows(module: Module, problem: LoopProblem) -> Array:
+    """Return the scaled rows of a module's problem at generic postures, shape (samples, rows, nv)."""
+    m = module.mechanism
+    return problem.matrix(m.tree.sweep(m.postures)) if problem.targets else m.reduction.scaled(m.generic_K)
+
+
 def left_open(robot: HybridRobot, module: Module, request: ModuleRequest) -> int:
     """Return the number of motions, idle ones apart, that what is given in a module leaves free."""
     problem = module_task(robot, module, request, alone=False).problem
     if problem.rank == int(problem.free.sum()):
         return 0
-    m = module.mechanism
-    motion = _open_motions(problem, problem.matrix(m.tree.sweep(m.postures)))
+    motion = _open_motions(problem, _generic_rows(module, problem))
     s = np.linalg.svd(_moved(module, problem, motion)[0], compute_uv=False)
     return int(np.sum(s > IDLE))
 

@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 
 from ....linkage.motion import Motion
-from ....linkage.newton import LoopProblem
 from ....linkage.reduction import decide_rank
 from ....spatial import Array, cross, quaternion_from_rotation, rotation_from_quaternion
 from ....structure.module import Module
@@ -82,8 +81,7 @@ def _by_pose(module: Module) -> bool:
         return False
     free = np.ones(m.tree.nv, dtype=bool)
     free[m.tree.v_slices[m.spec.platforms[0]]] = False
-    rows = LoopProblem(m.closures, m.reduction.row_scale, m.reduction.col_scale, free)
-    K = rows.matrix(m.tree.sweep(m.postures))[:, :, free]
+    K = m.reduction.scaled(m.generic_K)[:, :, free]
     return bool(decide_rank(K, m.rank_tolerance).rank == free.sum() <= MOST_FREEDOMS)
 
 
