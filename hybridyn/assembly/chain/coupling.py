@@ -167,20 +167,14 @@ def _coupled(
         left, k = one.modules & still_open, one.owner
         alone = one.alone(robot) if left <= {k} else None
         if alone and left and not one.own:
-            met = _leaves_open(robot, requests, k, (*_own_poses(poses, k), alone))
-            alone = None if met else alone
+            request = _at_first(robot, requests, k, (*_own_poses(poses, k), alone))
+            alone = None if left_open(robot, robot.modules[k], request) > 0 else alone
         if one.own or alone:
             out.append(frozenset())
             still_open -= set() if one.own else {k}
         else:
             out.append(left or frozenset({max(one.modules)}))
     return out
-
-
-def _leaves_open(robot: HybridRobot, requests: Requests, number: int, poses: Iterable[PoseRequest]) -> bool:
-    """Return whether given joints and some poses in a module's base leave it freedoms."""
-    request = _at_first(robot, requests, number, poses)
-    return left_open(robot, robot.modules[number], request) > 0
 
 
 def _at_first(
