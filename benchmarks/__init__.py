@@ -11,7 +11,8 @@ are those of `hybridyn compare`), `reference` (answers with their own error; are
 `accuracy` (models, batches, threads, cold calls), `scaling`, `flights` with `simulation`, `derivatives`,
 `singular`, `studies` (effects, sweeps), `losses`, `searches`, `shooting` (by `ddp`), `operations`,
 `callgrind`, `closing` and `programs`, `quantities`; `plan` (all jobs, and what is remembered). What is
-said of it: `fronts`, `goals`, `figures` (SVG), `texts` and `report` (Markdown, from the results alone).
+said of it: `fronts`, `goals`, `descents`, `figures` (SVG, by `panels`), `texts` and `report` (Markdown, from
+the results alone).
 `hard` has pages of tests.
 
 `python -m benchmarks.batches` measures batches on a GPU, `python -m benchmarks.identification` identification

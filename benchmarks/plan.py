@@ -40,7 +40,8 @@ CACHE = ROOT / "build" / "benchmarks" / "cache"
 OUTPUT = {
     f"{name}.py"
     for name in (
-        "report", "texts", "figures", "fronts", "goals", "descents", "__main__", "hard", "identification",
+        "report", "texts", "figures", "panels", "fronts", "goals", "descents", "__main__", "hard",
+        "identification",
     )
 }  # fmt: skip
 
