@@ -58,7 +58,7 @@ def searches(results: Results) -> list[list[Panel]]:
 def iterated(results: Results) -> tuple[Sequence[str], list[list[str]]]:
     """Give iterations and time of DDP: median and largest of the starts."""
     lines = []
-    for (motion, method), own in grouped(results["shooting"], "model", "method").items():
+    for (motion, method), own in grouped(chosen(results["shooting"], note=""), "model", "method").items():
         runs = [row for row in own if row.setting != "path"]
         needed = [row.iterations for row in runs]
         counts = [f"{x:.0f}" if math.isfinite(x) else "not reached" for x in (np.median(needed), max(needed))]

@@ -36,6 +36,7 @@ SMALL, MOST = 1e-6, 60
 #: Difference after which the path of a solution tells no more.
 TOLD = 1e-9
 EFFECTS = "model"
+FDDP = "Crocoddyl FDDP"
 
 
 class _Run(NamedTuple):
@@ -74,21 +75,23 @@ def measure(motion: str, starts: int = 5) -> list[Row]:
     """Find a motion from several starts by each method.
 
     Returns:
-        A row for each start, and for the first one the error after each iteration.
+        A row for each start, and for the first one the error after each iteration; a note where Crocoddyl
+        is not installed.
     """
     problem = leg_problem(MOTIONS[motion])
     methods: dict[str, Callable[[Array], _Run]] = {
         "exact": partial(_ours, problem, exact=True),
         "Gauss-Newton": partial(_ours, problem, exact=False),
     }
-    if importlib.util.find_spec("crocoddyl"):
-        methods["Crocoddyl FDDP"] = partial(_crocoddyl, problem)
+    there = importlib.util.find_spec("crocoddyl") is not None
+    if there:
+        methods[FDDP] = partial(_crocoddyl, problem)
     first = [first_efforts(problem, start) for start in range(starts)]
     fly(problem, first[0])  # builds what is compiled
     solve(problem, first[0], exact=True)
     found = {method: [call(u) for u in first] for method, call in methods.items()}
     best = found["exact"][0].efforts[-1]
-    rows = []
+    rows = [] if there else [Row("leg", motion, FDDP, note="crocoddyl is not installed")]
     for method, runs in found.items():
         for start, run in enumerate(runs):
             off = [float(np.abs((u - best) / problem.size).max()) for u in run.efforts]

@@ -1,11 +1,14 @@
 """Searches by gradients and DDP: right slopes, quadratic ends, and the same way as Crocoddyl's."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
 import hybridyn
-from benchmarks import searches, shooting
+from benchmarks import descents, searches, shooting
 from benchmarks.ddp import Problem, fly, solve
+from benchmarks.results import Row
 from hybridyn.optimal_control.closed_model import ClosedModel
 from tests.support.comparing import close_to
 from tests.support.extras import needs
@@ -66,6 +69,13 @@ def test_the_slope_of_an_energy_is_its_derivative() -> None:
     close_to(searches.slope(tuple(at), G, p[searches.RATIOS]) @ change, wanted, DIFFERENCES)
 
 
+def test_a_solver_that_is_absent_is_no_line_of_the_table() -> None:
+    measured = Row("leg", "lift", "exact", "start 0", iterations=9.0, seconds=0.02)
+    absent = Row("leg", "lift", shooting.FDDP, note="crocoddyl is not installed")
+    _, lines = descents.iterated({"shooting": [measured, absent]})
+    assert lines == [["lift", "DDP, exact", "9", "9", "20"]]
+
+
 @pytest.mark.slow
 def test_searches_of_a_leg_follow_their_gradients() -> None:
     needs("bench", "cma")
@@ -78,6 +88,7 @@ def test_searches_of_a_leg_follow_their_gradients() -> None:
 @pytest.mark.slow
 def test_ddp_of_a_leg_goes_the_way_of_crocoddyl() -> None:
     rows = shooting.measure("lift", 1)
+    assert [row.method for row in rows if row.note] == ([] if find_spec("crocoddyl") else [shooting.FDDP])
     needed = {row.method: row.iterations for row in rows if row.setting != "path"}
     assert needed["exact"] < needed["Gauss-Newton"]
     needs("crocoddyl", "crocoddyl")
