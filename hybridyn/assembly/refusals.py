@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import AT_SAMPLE, AssemblyError
-from ..linkage.newton import SMALLEST_SINGULAR_VALUE, Closed
+from ..linkage.elimination import SMALLEST_SINGULAR_VALUE
+from ..linkage.newton import Closed
 from ..spatial import Array
 from .task import Task, WeakRows
 

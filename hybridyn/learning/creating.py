@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..compiled import SecondDerivatives, compile
+from ..compiled import CompiledRobot, SecondDerivatives, compile
 from ..effects.choice import Choice
 from ..errors import required
 from ..structure.robot import HybridRobot
@@ -23,20 +23,16 @@ def torch(
 
     Args:
         robot: The robot.
-        effects: Effects to include, as for `hybridyn.idm`; those with a second derivative, see
-            `hybridyn.SecondDerivatives`.
+        effects: As for `hybridyn.idm`; those with a second derivative, see `hybridyn.SecondDerivatives`.
         threads: Number of threads that share a batch.
-        device: Device of Warp on which tensors lie, such as "cuda": its kernels compute values and
-            derivatives there, as of `hybridyn.warp`. By default tensors lie on the processor, and compiled
-            models compute.
+        device: Where tensors lie and kernels of `hybridyn.warp` compute, as "cuda"; the processor if None.
 
     Returns:
         The models; see `LearningRobot`.
 
     Raises:
         HybridynError: PyTorch, or Warp for a device, is not installed.
-        ModelError: An effect has no second derivative, or is not available in compiled models; or there is no
-            such device.
+        ModelError: An effect has no second derivative or no compiled model, or there is no such device.
         CompileError: As `hybridyn.compile` raises.
 
     Example:
@@ -50,8 +46,7 @@ def torch(
     required("torch", "torch", "hybridyn.torch")
     from .torch_arrays import framework_on  # it imports PyTorch, which takes seconds
 
-    SecondDerivatives(robot, effects=effects)  # refuses effects with kinks
-    fast = compile(robot, effects, threads=threads)
+    fast = _compiled(robot, effects, threads)
     if device is None:
         return LearningRobot(fast, framework_on("cpu"), functions_of(fast))
     batch = warp(robot, effects, device=device)
@@ -91,6 +86,11 @@ def jax(robot: HybridRobot, effects: Choice = None, *, threads: int = 1) -> Lear
     required("jax", "jax", "hybridyn.jax")
     from .jax_arrays import JAX  # it imports JAX, which takes seconds
 
-    SecondDerivatives(robot, effects=effects)  # refuses effects with kinks
-    fast = compile(robot, effects, threads=threads)
+    fast = _compiled(robot, effects, threads)
     return LearningRobot(fast, JAX, functions_of(fast))
+
+
+def _compiled(robot: HybridRobot, effects: Choice, threads: int) -> CompiledRobot:
+    """Return the compiled models of a robot whose effects have second derivatives."""
+    SecondDerivatives(robot, effects=effects)  # refuses effects with kinks
+    return compile(robot, effects, threads=threads)

@@ -13,6 +13,8 @@ from ..spatial import Array, Index, einsum
 
 #: Pivots of scaled rows below this are rounding.
 NO_PIVOT = 1e-13
+#: Lower bound on scaled singular values in divisions, so that quotients stay finite.
+SMALLEST_SINGULAR_VALUE = 1e-100
 
 
 def pivoted_qr(A: Array, columns: int, rank: int) -> tuple[Array, Index]:
@@ -171,3 +173,14 @@ def least_norm(
     y = y / safe if damping is None else y * (safe / (safe * safe + damping[:, None] * s[:, :1] ** 2))
     x: Array = einsum("bji,bj...->bi...", Vt, np.where(keep, y, 0.0))
     return x
+
+
+def relative_change(J: Array, change: Array, rank: int) -> Array:
+    """Compute the 2-norm of J^-1 change on the leading singular values, shape (T,)."""
+    if 0 in J.shape:
+        return np.zeros(len(J))
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    top = np.maximum(s[:, :rank, None], SMALLEST_SINGULAR_VALUE)
+    part = np.swapaxes(U[:, :, :rank], 1, 2) @ change @ np.swapaxes(Vt[:, :rank], 1, 2) / top
+    out: Array = np.linalg.norm(part, 2, axis=(1, 2))
+    return out

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..spatial import Array, Index, Mask
 from .closures import Closures
-from .elimination import back_substitute, least_squares, pivot_ratio, pivoted_qr
+from .elimination import back_substitute, least_squares, pivot_ratio, pivoted_qr, relative_change
 from .motion import Motion
 from .reduction import RANK_TOLERANCE, LegBlock
 from .targets import Target
@@ -25,8 +25,6 @@ from .tree import Tree
 
 #: Longest step of one iteration in scaled coordinates [rad, module lengths].
 LONGEST_STEP = 0.5
-#: Lower bound on scaled singular values in divisions, so that quotients stay finite.
-SMALLEST_SINGULAR_VALUE = 1e-100
 #: Residuals below this are rounding: damped steps may converge there at a singular posture, and a step longer
 #: than `NEVER_DAMPED` is rounding over a lost singular value, so that it is not taken.
 RESIDUAL_ROUNDING = 1e-12
@@ -211,17 +209,6 @@ class LoopProblem:
             out[:, cols] = x.reshape(T, count, c)
             easy &= pivot_ratio(R, c).reshape(T, count).min(axis=1) > RANK_TOLERANCE
         return np.flatnonzero(~easy)
-
-
-def relative_change(J: Array, change: Array, rank: int) -> Array:
-    """Compute the 2-norm of J^-1 change on the leading singular values, shape (T,)."""
-    if 0 in J.shape:
-        return np.zeros(len(J))
-    U, s, Vt = np.linalg.svd(J, full_matrices=False)
-    top = np.maximum(s[:, :rank, None], SMALLEST_SINGULAR_VALUE)
-    part = np.swapaxes(U[:, :, :rank], 1, 2) @ change @ np.swapaxes(Vt[:, :rank], 1, 2) / top
-    out: Array = np.linalg.norm(part, 2, axis=(1, 2))
-    return out
 
 
 def newton_step(problem: Problem, K: Any, residual: Array, damping: Array | None = None) -> Array:

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...linkage.elimination import least_norm, least_squares
+from ...linkage.elimination import least_norm, least_squares, relative_change
 from ...linkage.motion import Motion
-from ...linkage.newton import LoopProblem, relative_change
+from ...linkage.newton import LoopProblem
 from ...linkage.targets import Target
 from ...spatial import Array, Index, Mask
 from .bodies import Carried, CarriedFrame, ChainMotion, ChainTree, Frames

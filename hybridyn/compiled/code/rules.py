@@ -44,19 +44,17 @@ def check(program: Program) -> None:
             or writes shared numbers; or a result is never written.
     """
     own: dict[int, tuple[int, int]] = {}
-    shared = np.zeros(program.shared, dtype=bool)
     room = dict(zip(("given", "result", "shared", "own"), program.sizes, strict=True))
-    result = np.zeros(room["result"], dtype=bool)
+    known = {memory: np.zeros(room[memory], dtype=bool) for memory in ("shared", "result")}
     for step in program.steps:
         if isinstance(step, Start):
             if step.start + len(step.values) > program.shared:
                 raise ValueError(f"program '{program.name}' starts shared numbers that are not there")
-            shared[step.start : step.start + len(step.values)] = True
+            known["shared"][step.start : step.start + len(step.values)] = True
             continue
         where = f"program '{program.name}', kernel '{program.kernels[step.kernel].name}'"
         _check_sizes(program, step, where)
         reads, writes = ([x.span(step.copies) for x in ends] for ends in (step.sources, step.targets))
-        known = {"shared": shared, "result": result}
         for memory, a, b in [*reads, *writes]:
             if memory and not 0 <= a <= b <= room[memory]:
                 raise ValueError(f"{where}: {memory} has no numbers {a}..{b}")
@@ -74,8 +72,8 @@ def check(program: Program) -> None:
                 own[target.start] = (target.size, step.copies)
             if span[0] in known:
                 known[span[0]][target.at(step.copies)] = True
-    if not result.all():
-        raise ValueError(f"program '{program.name}': result {int(np.argmin(result))} is never written")
+    if not known["result"].all():
+        raise ValueError(f"program '{program.name}': result {np.argmin(known['result'])} is never written")
 
 
 def _check_copies(step: Call, reads: list[Span], writes: list[Span], where: str) -> None:

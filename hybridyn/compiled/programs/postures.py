@@ -128,15 +128,13 @@ class Postures:
             position: Positions in the order of `robot.motors`, shape (motors,) or (T, motors), [m or rad].
             rate: Their rates, of the same shape; zero by default.
             acceleration: Their accelerations, of the same shape; zero by default.
-            last: Posture of the last tick, shape (nq,), as this function returned it; the home posture by
-                default. C starts from any other posture that closes the loops, too; from one that does not,
-                such as one in single precision, the general path does. Of shape (T, nq), each sample has its
-                own.
+            last: Posture of the last tick, shape (nq,), as this function returned it, or one for each sample,
+                (T, nq); home by default. C starts from any other that closes the loops, too; from one that
+                does not, such as one in single precision, the general path does.
 
         Returns:
-            q, v, a on the spanning tree. The motors move straight from `last` to the first sample, on its
-            assembly branch, which must not end on the way; or each sample from its own. A base keeps its
-            pose.
+            q, v, a on the spanning tree. Motors move straight from `last` to the first sample, or each from
+            its own, on its assembly branch, which must not end on the way. A base keeps its pose.
 
         Raises:
             HybridynError: The same errors with the same messages as `hybridyn.assemble`.
@@ -151,11 +149,10 @@ class Postures:
         if (status and again(self._close_at_once, (start, position, speed, change), out)) == 0:
             return out[:nq], out[nq : nq + nv], out[nq + nv :]
         requests = requests_of_motors(self.robot, position, (rate, acceleration))
-        q, v, a = self.assemble_requests(requests, self.robot.home if last is None else last)
-        if not requests.samples:
-            return q, v, a
-        follower = self.follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
-        self._close_at_once = follower.from_motors if follower else refuse
+        q, v, a = self.assemble_requests(requests, start)
+        if requests.samples:
+            follower = self.follower = self._assembler.follow_motors(requests, np.atleast_2d(q)[-1])
+            self._close_at_once = follower.from_motors if follower else refuse
         return q, v, a
 
     def _close_each(

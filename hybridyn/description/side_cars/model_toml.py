@@ -102,18 +102,7 @@ def apply_model_file(
         *tables, name = keys[:3]
         message = f"[{'.'.join(tables)}] '{name}': {message}"
         raise ModelError(message, file=file, line=line_of(text, keys), element=keys[-1])
-    for name, coupling in model["couplings"].items():
-        line = line_of(text, ("couplings", name))
-        bent = coupling.get("curve")
-        curve = bent and Curve(tuple(bent["terms"].items()), tuple(bent["coefficients"]), bent["reference"])
-        terms = tuple(coupling["terms"].items())
-        robot.couplings.append(Coupling(name, terms, coupling["offset"], line, curve))
-    for name, stated in model["residuals"].items():
-        made = residual(
-            stated["closure"], stated["joints"], stated["numbers"], stated["zeros"],
-            stated["frames"], robot.joints,
-        )  # fmt: skip
-        robot.couplings.append(Coupling(name, (), 0.0, line_of(text, ("residuals", name)), made))
+    robot.couplings += _couplings(robot, model, text)
     for number, closure in enumerate(robot.closures):
         if kind := model["closures"].get(closure.name):
             form = FORMS[kind]
@@ -131,6 +120,19 @@ def apply_model_file(
         robot.motors.append(MotorStatement("model file", "model.toml", tuple(model["motors"]), file, line))
     kinds = {joint.name: joint.kind for joint in robot.joints}
     return {name: _position(kinds[name], value) for name, value in model["home"].items()}
+
+
+def _couplings(robot: RobotFile, model: Mapping[str, Any], text: str) -> Iterator[Coupling]:
+    """Yield the couplings that a model file adds to a robot, then its residuals."""
+    for name, coupling in model["couplings"].items():
+        line = line_of(text, ("couplings", name))
+        bent = coupling.get("curve")
+        curve = bent and Curve(tuple(bent["terms"].items()), tuple(bent["coefficients"]), bent["reference"])
+        yield Coupling(name, tuple(coupling["terms"].items()), coupling["offset"], line, curve)
+    for name, stated in model["residuals"].items():
+        given = stated["closure"], stated["joints"], stated["numbers"], stated["zeros"], stated["frames"]
+        line = line_of(text, ("residuals", name))
+        yield Coupling(name, (), 0.0, line, residual(*given, robot.joints))
 
 
 def _problems(robot: RobotFile, model: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
