@@ -213,11 +213,12 @@ def test_wrong_numbers_are_named_with_their_design() -> None:
         numbers = partial(DesignsInSlots(stated, on, parameters).numbers, [parameters.nominal, wrong], (2,))
         refused(numbers, ModelError, words)
     for effects, name, words in (
-        ([Damper({A: 1.0}), Damper({A: 2.0})], f"damper_coefficient:{A}", "no damper on the joint"),
+        ([Damper({A: 1.0}), Damper({A: 2.0})], f"damper_coefficient:{A}", "several effects 'damper' act"),
+        ([Spring({A: 1.0}), Spring({A: 2.0})], f"spring_stiffness:{A}", "several effects 'spring' act"),
         (
             [CoulombFriction({A: 1.0}), CoulombFriction({B: 1.0}, 0.1)],
             "width:coulomb_friction",
-            "there is no stated",
+            "several effects 'coulomb_friction' act",
         ),
         ([GearEfficiency({A: 0.9})], f"gear_back:{A}", f"there is no gear with 'back' at the motor '{A}'"),
         ([Damper({A: 1.0})], "width:damper", "there is no stated 'width' of the effect 'damper'"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ...effects.load_friction import OnLoads, on_loads
 from ...effects.tendons import OnTendons, on_tendons
 from ...errors import ModelError
 from ...structure.parameters.effect_numbers import EFFECT_NUMBERS, stated_numbers
-from ...structure.parameters.entries import OF_EFFECTS, name_of
+from ...structure.parameters.entries import OF_EFFECTS, effect_of, name_of
 from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 
@@ -125,10 +125,28 @@ def with_arguments_in(law: LinkEffect, slots: Sequence[Slot], column: Expression
     return out
 
 
-def with_stated_effects(robot: HybridRobot, effects: Effects) -> HybridRobot:
-    """Return a robot whose description states the numbers of its models' effects, which may be parameters."""
-    description = robot.description
-    for name, tables in _tables(effects).items():
+def _refuse_several(name: str, effect: str) -> NoReturn:
+    raise ModelError(
+        f"parameter '{name}': several effects '{effect}' act with numbers of their own: a model with such "
+        "parameters takes one",
+        element=name.partition(":")[2],
+    )
+
+
+def with_stated_effects(
+    robot: HybridRobot, effects: Effects, parameters: Sequence[str | Slot]
+) -> HybridRobot:
+    """Return a robot whose description states the numbers of its models' effects, which may be parameters.
+
+    Raises:
+        ModelError: Several effects state the number that a parameter names.
+    """
+    description, known = robot.description, _tables(effects)
+    several = {effect.name for effect in _laws(effects)} - {*known}
+    for name in parameters:
+        if isinstance(name, str) and (effect := effect_of(name)) and effect in several:
+            _refuse_several(name, effect)
+    for name, tables in known.items():
         description = description.with_effect(name, {word: x for word, x in tables.items() if x != {}})
     return replace(robot, description=description)
 
@@ -203,8 +221,4 @@ def check_coefficients(robot: HybridRobot, effects: Effects, slots: tuple[Slot, 
                 element=slot.name,
             )
         if not of_file and slot.table not in known:
-            raise ModelError(
-                f"parameter '{name}': several effects '{slot.table}' act with numbers of their own: a model "
-                "with such parameters takes one",
-                element=slot.name,
-            )
+            _refuse_several(name, slot.table)

@@ -132,7 +132,7 @@ def asked_for(
     if alone and on.limits is not None:
         why = f"the effect 'limits' is not part of {alone}: clip the efforts before the call"
         raise ModelError(why, element="limits")
-    robot = with_stated_effects(robot, on) if parameters else robot
+    robot = with_stated_effects(robot, on, parameters) if parameters else robot
     chosen = Parameters(robot.description, parameters)
     check_coefficients(robot, on, chosen.slots)
     if chosen.arguments is not None:

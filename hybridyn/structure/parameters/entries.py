@@ -197,6 +197,12 @@ def name_of(slot: Slot) -> str:
     return f"{kinds.get((slot.table, slot.field), slot.field)}:{slot.name}"
 
 
+def effect_of(name: str) -> str | None:
+    """Return the effect of which a parameter is a number by its name, or None."""
+    kind, _, of = name.partition(":")
+    return _OF_EFFECTS.get(kind, (of, kind))[0] if kind in _OF_EFFECTS or kind in _SHARED else None
+
+
 def _of_effect(description: Description, name: str, kind: str, of: str) -> Entry:
     """Return a parameter that is a number of an effect, or several.
 

@@ -249,12 +249,8 @@ def wrong_numbers(
             less, more = (_number(replace(slot, field=word), rows, known, description) for word in words)
             wrong = np.broadcast_to(less > more, own.shape)
             if wrong.any():
-                yield (
-                    slot,
-                    own,
-                    wrong,
-                    f"at most {words[1]}" if slot.field == words[0] else f"at least {words[0]}",
-                )
+                bound = f"at most {words[1]}" if slot.field == words[0] else f"at least {words[0]}"
+                yield slot, own, wrong, bound
 
 
 def _number(
