@@ -97,6 +97,18 @@ class Effects:
         return () if self.dc is None else (self.dc.effect.name,)
 
     @property
+    def ends(self) -> tuple[tuple[str, str], ...]:
+        """Joints, and which of their limits stops take from the robot's files: "lower" or "upper"."""
+        stops: list[Any] = [law.effect for law in self.joints if law.effect.name == "stop"]
+        return tuple(
+            (joint, word)
+            for stop in stops
+            for joint in stop.stiffness
+            for word in ("lower", "upper")
+            if joint not in getattr(stop, word)
+        )
+
+    @property
     def unbounded(self) -> Effects:
         """The effects but for those that bound what motors give."""
         return self.without(*BOUNDS)

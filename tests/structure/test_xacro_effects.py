@@ -1,5 +1,6 @@
 """Arguments of a xacro file that change numbers of effects which the file states."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 import hybridyn
 from hybridyn import idm, load
 from hybridyn.compiled.programs.sources import asked_for
-from hybridyn.effects import LineSprings
+from hybridyn.effects import LineSprings, Stop
 from hybridyn.structure.parameters.slots import values_of
 from tests.support.comparing import refused
 from tests.support.files import save
@@ -16,10 +17,11 @@ from tests.support.files import save
 #: A pendulum with a spring to the base, and a bushing.
 PENDULUM = """<robot name="pendulum" xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:drake="http://drake.mit.edu">
   <xacro:arg name="m" default="2"/><xacro:arg name="k" default="3"/>
+  <xacro:arg name="top" default="1"/>
   <link name="base"/><link name="arm"><inertial><origin xyz="0 0 -1"/><mass value="$(arg m)"/>
     <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
   <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
-    <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+    <limit lower="-3" upper="$(arg top)" effort="1" velocity="1"/></joint>
   FORCE
 </robot>"""
 SPRING = """<drake:linear_spring_damper><drake:linear_spring_damper_body_A name="base"/>
@@ -68,3 +70,18 @@ def test_arguments_that_move_the_ends_of_a_force_are_refused(tmp_path: Path) -> 
     robot = load(written(tmp_path, SPRING, "-$(arg m)"))
     words = "the effects are others: the robot has another structure"
     refused(lambda: asked_for(robot, "model", ["m"], "float64")[2].slots, hybridyn.ModelError, words)
+
+
+def test_an_argument_that_moves_the_begin_of_a_stop_is_refused(tmp_path: Path) -> None:
+    """Also beside others; not where the stop has limits of its own, or does not act."""
+    robot = load(written(tmp_path, ""))
+    words = "with top = .*limit 'upper' of joint 'turn' is .* instead of 1, where the effect 'stop' begins"
+    for names in (["top"], ["top", "m"]):
+        call = partial(asked_for, robot, ["default", Stop({"turn": 100.0})], names, "float64")
+        refused(call, hybridyn.ModelError, words)
+    own = Stop({"turn": 100.0}, upper={"turn": 1.0})
+    for asked in ([own], []):
+        _, _, parameters = asked_for(robot, ["default", *asked], ["top", "m"], "float64")
+        assert {slot.table for slot in parameters.slots} == {"links"}
+    call = partial(asked_for, robot, ["default", own], ["top"], "float64")
+    refused(call, hybridyn.ModelError, "no number of the models depends on top: leave them out")

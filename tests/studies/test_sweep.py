@@ -481,8 +481,19 @@ def test_numbers_beside_a_stated_one_are_scaled_with_its_link(folder: Path) -> N
     slots = differences(*each)
     assert len(slots) == 4
     assert np.array_equal(
-        SlotNumbers(variants, variants.robot(each[0]), slots)(values).p, [values_of(x, slots) for x in each]
+        SlotNumbers(variants, variants.robot(each[0]), slots, ())(values).p,
+        [values_of(x, slots) for x in each],
     )
+
+
+def test_designs_whose_stops_begin_elsewhere_are_left_to_the_general_path(folder: Path) -> None:
+    Path("pendulum.urdf.xacro").write_text(PENDULUM.replace('upper="2"', 'upper="${2 * $(arg length)}"'))
+    variants = Variants(read_study(written("method = 'grid'", "length = { values = [1.0, 1.5] }")))
+    values = np.array([[1.0], [1.5]])
+    each = [variants.description(variants.named(own)) for own in values]
+    robot, slots = variants.robot(each[0]), differences(*each)
+    for ends, possible in (((), [True, True]), ((("turn", "upper"),), [True, False])):
+        assert SlotNumbers(variants, robot, slots, ends)(values).possible.tolist() == possible
 
 
 def test_names_of_links_may_end_like_labels_of_numbers(folder: Path) -> None:

@@ -122,7 +122,7 @@ def asked_for(
     Raises:
         ModelError: A parameter is unknown, `dtype` is invalid, or an effect is not available; or no joint
             moves, or efforts are limited, in models that are alone; or the shares of motors in a load follow
-            a parameter.
+            a parameter, or the begin of a stop does; or no number of the models depends on the parameters.
     """
     if dtype not in REAL:
         raise ModelError(f"dtype must be {' or '.join(map(repr, REAL))}, not {dtype!r}")
@@ -136,5 +136,7 @@ def asked_for(
     chosen = Parameters(robot.description, parameters)
     check_coefficients(robot, on, chosen.slots)
     if chosen.arguments is not None:
-        chosen.arguments.model(robot)
+        chosen.arguments.model(robot, on.ends)
+    if chosen.size and not chosen.slots:
+        raise ModelError(f"no number of the models depends on {', '.join(chosen.labels)}: leave them out")
     return robot, on, chosen

@@ -14,6 +14,7 @@ from ...errors import ModelError
 from ...spatial import Array
 from ..robot import HybridRobot
 from .effect_numbers import EFFECT_NUMBERS
+from .ends import check_ends
 from .shares import check_shares
 from .slots import Slot, differences, values_of
 
@@ -68,15 +69,20 @@ class XacroArguments:
         self.nominal = np.array([_number(name, values[name], origin.file) for name in names])
         self._known: dict[tuple[float, ...], list[float]] = {}
         self._robot: HybridRobot | None = None
+        self._ends: Sequence[tuple[str, str]] = ()
         self._probed: list[tuple[Array, Description]] = []
 
-    def model(self, robot: HybridRobot) -> None:
+    def model(self, robot: HybridRobot, ends: Sequence[tuple[str, str]]) -> None:
         """State the robot whose models take the numbers: designs must share loads among motors as it does.
+
+        Args:
+            robot: The robot.
+            ends: Joints and limits at which stops begin, also in designs, as `Effects.ends`.
 
         Raises:
             ModelError: Designs near it do not.
         """
-        self._robot = robot
+        self._robot, self._ends = robot, ends
         for values, description in self._probed:
             self._check(values, description)
 
@@ -101,10 +107,11 @@ class XacroArguments:
         return tuple(sorted(found))
 
     def _check(self, values: Array, description: Description) -> None:
-        """Check the shares of motors in a design, where a model takes its numbers."""
+        """Check the shares of motors and the ends in a design, where a model takes its numbers."""
         if self._robot is not None:
             try:
                 check_shares(self._robot, description)
+                check_ends(self._robot, description, self._ends)
             except ModelError as error:
                 raise ModelError(f"with {self._text(values)}, {error}", element=error.element) from error
 

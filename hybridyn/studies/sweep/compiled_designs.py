@@ -24,7 +24,7 @@ from ...structure.parameters.slots import Slot
 from ...structure.robot import HybridRobot
 from ...tables.trajectory import TableMotion
 from .added_measures import is_function
-from .evaluation import Designer, effects_of
+from .evaluation import Designer, effects_of, ends_of
 from .following import follow
 from .many_designs import measures_of
 from .measures import OF_MOTORS
@@ -112,7 +112,8 @@ class CompiledDesigns:
         self.robot = variants.robot(variants.description(variants.named(structure.base)))
         if self.robot.base != "fixed":
             raise ModelError(f"the base is {self.robot.base}")
-        self.numbers = SlotNumbers(variants, self.robot, structure.slots)
+        ends = ends_of(self.robot, self.source.study.tasks.values())
+        self.numbers = SlotNumbers(variants, self.robot, structure.slots, ends)
         self.tasks = [self._task(name, task) for name, task in self.source.study.tasks.items()]
         robot = self.robot
         width = robot.nq + 2 * robot.nv + len(robot.motors) + len(structure.slots)

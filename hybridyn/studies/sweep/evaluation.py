@@ -6,7 +6,7 @@ A trajectory that every design follows is read once, then computed for each robo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -161,6 +161,11 @@ class Designer:
 def effects_of(robot: HybridRobot, task: TaskTable) -> Effects:
     """Return the effects of a task; limits are none, since margins say more."""
     return choose(robot, task.effects).unbounded
+
+
+def ends_of(robot: HybridRobot, tasks: Iterable[TaskTable]) -> tuple[tuple[str, str], ...]:
+    """Return the joints and limits at which stops of tasks begin, as `Effects.ends`."""
+    return tuple(dict.fromkeys(end for task in tasks for end in effects_of(robot, task).ends))
 
 
 def status_of(error: Exception) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -20,13 +20,14 @@ from ...gradients.kept import Kept, kept_by_requests
 from ...gradients.slot_changes import changes_of
 from ...spatial import Array
 from ...streams.postures import TreeSamples
+from ...structure.parameters.ends import check_ends
 from ...structure.parameters.entries import Numbers
 from ...structure.parameters.shares import check_shares
 from ...structure.parameters.slots import Slot, differences, values_of
 from ...structure.robot import HybridRobot
 from ...tables.layout import Layout
 from ...tables.trajectory import TableMotion
-from .evaluation import Designer, DesignRow, Motions, effects_of, said, status_of
+from .evaluation import Designer, DesignRow, Motions, effects_of, ends_of, said, status_of
 from .measure_bars import limits_of, slopes_of
 from .study_file import MARGINS, StudyFile, TaskTable
 
@@ -175,7 +176,8 @@ class StudyGradients:
         These are of the numbers in slots, then of the motors' limits.
         """
         variants, known, base = self._designer.variants, self._kept, robot.description
-        same = known if known is not None and _same(known, base) else None
+        ends = ends_of(robot, self.source.study.tasks.values())
+        same = known if known is not None and _same(known, base, ends) else None
         differ = {*same.slots} if same is not None else set[Slot]()
         slots = None
 
@@ -188,6 +190,7 @@ class StudyGradients:
                     described = variants.description(variants.named(row))
                     differ.update(differences(base, described))
                     check_shares(robot, described)
+                    check_ends(robot, described, ends)
                 except ModelError as error:
                     errors[i] = error
                 else:
@@ -265,10 +268,11 @@ def _stays(robot: HybridRobot, layout: Layout, motion: TableMotion, task: TaskTa
     return kept_by_requests(robot, requests)
 
 
-def _same(known: _Models, base: Description) -> bool:
-    """Return whether a design has a structure, and differs from it in its slots alone."""
+def _same(known: _Models, base: Description, ends: Sequence[tuple[str, str]]) -> bool:
+    """Return whether a design has a structure, and differs from it in slots alone, not in `ends` of stops."""
     try:
         check_shares(known.robot, base)
+        check_ends(known.robot, base, ends)
         return {*differences(known.robot.description, base)} <= {*known.slots}
     except ModelError:
         return False

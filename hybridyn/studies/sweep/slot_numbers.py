@@ -10,6 +10,7 @@ import numpy as np
 from ...description.records import Description
 from ...errors import ModelError
 from ...spatial import Array, Mask
+from ...structure.parameters.ends import check_ends
 from ...structure.parameters.shares import check_shares
 from ...structure.parameters.slots import Slot, differences, values_of, wrong_numbers
 from ...structure.robot import HybridRobot
@@ -33,15 +34,18 @@ class Slotted(NamedTuple):
 class SlotNumbers:
     """Computes the numbers in slots, without a description of each design where no xacro argument differs."""
 
-    def __init__(self, variants: Variants, robot: HybridRobot, slots: Sequence[Slot]) -> None:
+    def __init__(
+        self, variants: Variants, robot: HybridRobot, slots: Sequence[Slot], ends: Sequence[tuple[str, str]]
+    ) -> None:
         """Prepare the slots.
 
         Args:
             variants: Describes the designs.
             robot: The robot whose models are compiled.
             slots: The numbers that differ between designs.
+            ends: Joints and limits at which stops begin, in all designs, as `Effects.ends`.
         """
-        self.variants, self.robot, self.slots = variants, robot, tuple(slots)
+        self.variants, self.robot, self.slots, self.ends = variants, robot, tuple(slots), ends
         self.base = robot.description
 
     def __call__(self, values: Array) -> Slotted:
@@ -85,6 +89,7 @@ class SlotNumbers:
             try:
                 description = self.variants.description(self.variants.named(own))
                 check_shares(self.robot, description)
+                check_ends(self.robot, description, self.ends)
                 possible[i] = not set(differences(self.base, description)) - known
             except Exception:  # the general path says what is wrong
                 continue
