@@ -48,7 +48,7 @@ def compare_at_states(
     limit: float,
     *,
     states: Callable[[int], States] | None = None,
-    excused: Callable[[States, Array, Array], Array] | None = None,
+    excused: Callable[[States, Sequence[NDArray[Any]], Sequence[Array]], Array] | None = None,
     told: bool = True,
     why: Callable[[], str] | None = None,
 ) -> int:
@@ -62,8 +62,8 @@ def compare_at_states(
         general: Computes the results by the general path.
         limit: Largest difference, relative to the largest entry of each state's result.
         states: Draws states of a seed; None for `random_states`.
-        excused: Computes the differences that rounding explains, shape (T,), from states, the code's first
-            result and the general path's; asked where one exceeds `limit`.
+        excused: Computes the differences that rounding explains, shape (results, T), from states, the code's
+            results and the general path's; asked where one exceeds `limit`.
         told: Whether to log a warning if the general path has to compute most states.
         why: Says why in this warning; asked where the general path refuses none of them.
 
@@ -87,12 +87,11 @@ def compare_at_states(
                     f"the compiled {what} of the robot '{robot.description.name}' computes a state that the "
                     f"general path refuses ({error}): it is not used"
                 ) from error
-            offs = [difference(x[good], y) for x, y in zip(found, wanted, strict=True)]
-            off = np.where(np.isnan(guard[good]), np.nan, np.max(offs, axis=0))
-            rounding = (
-                excused(given, found[0][good], wanted[0]) if excused and not (off <= limit).all() else 0.0
-            )
-            check_agreement(robot, what, off, np.maximum(limit, rounding))
+            own = [x[good] for x in found]
+            offs = np.array([difference(x, y) for x, y in zip(own, wanted, strict=True)])
+            offs = np.where(np.isnan(guard[good]), np.nan, offs)
+            rounding = excused(given, own, wanted) if excused and not (offs <= limit).all() else 0.0
+            check_agreement(robot, what, offs, np.maximum(limit, rounding))
         computed, handed = computed + int(good.sum()), handed + int((~good).sum())
         if told and seed == 0 and handed > computed:
             refused = refused_states(general, [x[~good] for x in drawn])

@@ -57,7 +57,7 @@ def check_agreement(robot: HybridRobot, what: str, off: Any, limit: Any) -> None
     Raises:
         CompileError: A difference is not; it may be NaN.
     """
-    off, limit = np.broadcast_arrays(np.atleast_1d(off), limit)
+    off, limit = (x.ravel() for x in np.broadcast_arrays(off, limit))
     if (off <= limit).all():
         return
     worst = int(np.argmax(np.where(np.isnan(off), np.inf, off / limit)))

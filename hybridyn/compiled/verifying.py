@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from functools import cache, partial
 from typing import Any
 
@@ -16,20 +17,13 @@ from ..spatial import Array, Mask
 from ..structure.mechanism import Mechanism
 from ..structure.robot import HybridRobot
 from .comparing import SAMPLES, States, compare_at_states, random_states, trusted_nowhere
-from .failures import difference
 from .programs.general import general
 from .reasons import reason
+from .rounding import ROUNDINGS, changes_by_rounding, rounded
 
 #: Largest allowed difference from the general path, relative to the largest entry of each sample's result.
 #: In single precision it is the rounding, 6e-8, amplified by conditioning.
 MODEL_AGREES = {"float64": 1e-10, "float32": 1e-2}
-
-#: Allowed difference between two orders of elimination, in multiples of the general path's rounding error, or
-#: of what rounding in the file leaves open in redundant loops.
-ROUNDINGS = 100
-
-#: Number of random roundings that are tried: in two, terms may round alike, and their difference stays.
-DRAWS = 8
 
 #: Largest difference that rounding may explain, except where the result solves the equations of motion to
 #: rounding: an inertia that nearly vanishes along a motion (a rod's about its line) lets rounding do more, to
@@ -125,24 +119,30 @@ def _general(robot: HybridRobot, effects: Effects, name: str, *states: Array) ->
 
 
 def _rounding(
-    robot: HybridRobot, effects: Effects, name: str, states: States, found: Array, wanted: Array
+    robot: HybridRobot,
+    effects: Effects,
+    name: str,
+    states: States,
+    found: Sequence[Array],
+    wanted: Sequence[Array],
 ) -> Array:
-    """Compute `ROUNDINGS` times the relative change of the general path's results by rounding, shape (T,).
+    """Compute what rounding explains of the difference from the general path's result, shape (1, T).
 
     The states and the masses of the links are rounded, each its own way. The change exceeds `MODEL_AGREES`
     where terms cancel (long stacks at random states) or where the inertia nearly vanishes along a motion. No
     arithmetic of this width can do better there.
     """
-    rng, worst = np.random.default_rng(0), np.zeros(len(wanted))
     masses = {f"mass:{link.name}": link.mass for link in robot.description.links if link.mass}
-    for _ in range(DRAWS):
-        rounded = [x * (1 + 2.0**-52 * rng.uniform(-1.0, 1.0, x.shape)) for x in states]
-        like = robot.with_parameters(
-            {mass: value * (1 + 2.0**-52 * rng.uniform(-1.0, 1.0)) for mass, value in masses.items()}
-        )
-        worst = np.maximum(worst, difference(_general(like, effects, name, *rounded)[0], wanted))
-    sound = name == "ddm" and _sound(robot, effects, states, found)
-    return np.minimum(ROUNDINGS * worst, np.where(sound, np.inf, EXCUSED))
+
+    def draw(random: np.random.Generator) -> list[Array]:
+        """Compute the model of a rounded robot at rounded states."""
+        own = [rounded(x, random) for x in states]
+        like = robot.with_parameters({mass: rounded(value, random) for mass, value in masses.items()})
+        return _general(like, effects, name, *own)
+
+    sound = name == "ddm" and _sound(robot, effects, states, found[0])
+    changes = changes_by_rounding(draw, wanted)
+    return np.asarray(np.minimum(changes, np.where(sound, np.inf, EXCUSED)))
 
 
 def _sound(robot: HybridRobot, effects: Effects, states: States, found: Array) -> Mask:

@@ -29,7 +29,7 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from tests.robots.locked import with_truss
 from tests.robots.mechanisms import random_mechanism
-from tests.robots.robot_texts import door, read_text
+from tests.robots.robot_texts import CLOSED_FOUR_BAR, door, read_text, save
 from tests.support.comparing import refused
 from tests.support.samples import some
 
@@ -51,6 +51,10 @@ def regressor(robot: Robot) -> None:
     CompiledRows(robot, parameters, np.arange(len(parameters.names)))
 
 
+def products(robot: Robot) -> Any:
+    return hybridyn.SecondDerivatives(robot, "idm", coordinates="joints")._products
+
+
 #: What builds code, the robot's base, and a program with the outputs that are compared.
 NEW: dict[str, tuple[Callable[[Robot], Any], str, str, list[int]]] = {
     "derivatives": (lambda robot: Derivatives(robot, "ddm"), "fixed", "ddm_jacobian", [0, 1, 2, 3]),
@@ -61,6 +65,7 @@ NEW: dict[str, tuple[Callable[[Robot], Any], str, str, list[int]]] = {
     "motion map": (motion_map, "fixed", "following", [1, 2]),
     "wrench": (pushed_models, "floating", "idm_pushed", [0]),
     "accelerations under a wrench": (pushed_models, "floating", "ddm_pushed", [0]),
+    "products": (products, "fixed", "idm_product", [0, 3, 8]),
     "regressor": (regressor, "fixed", "regressor", [1]),
     "floating regressor": (regressor, "floating", "regressor", [1]),
 }  # fmt: skip
@@ -86,6 +91,26 @@ def test_new_code_that_differs_is_refused(
 
         monkeypatch.setattr(Calls, "batch", bent)
         refused(partial(build, robot), hybridyn.CompileError, "differs from the general path by")
+
+
+def test_derivatives_that_cancel_are_compared_up_to_their_rounding(
+    tmp_path: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A parallelogram has the same inertia everywhere: rates change no effort, except for rounding."""
+    robot, right, wrong = hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR)), Calls.batch, [1e-12]
+
+    def bent(self: Calls, *given: Any) -> Any:
+        found, guard = right(self, *given)
+        slopes = found[[name for name, _ in self.outputs].index("v_slope")]
+        assert np.abs(slopes).max() < 1e-14  # [N m s/rad], of efforts around 1 N m
+        slopes[:] += wrong[0]
+        return found, guard
+
+    monkeypatch.setattr(Calls, "batch", bent)
+    build = partial(products, robot)
+    refused(build, hybridyn.CompileError, "the compiled 'idm_product' .* differs from the general path by")
+    wrong[0] = 0.0
+    assert build().library
 
 
 def test_states_that_the_general_path_refuses_are_not_computed() -> None:

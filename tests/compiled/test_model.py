@@ -13,10 +13,11 @@ import hybridyn
 import hybridyn.effects
 from hybridyn.compiled.compiling import is_built
 from hybridyn.compiled.equations.states import random_states
+from hybridyn.compiled.failures import difference
 from hybridyn.compiled.library.calls import BLOCK
 from hybridyn.compiled.library.calls import in_blocks as run_in_blocks
 from hybridyn.compiled.programs.sources import robot_key
-from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
+from hybridyn.compiled.verifying import MODEL_AGREES, verify
 from hybridyn.effects.choice import choose
 from tests.robots.robot_texts import door, save
 from tests.support.comparing import refused, same_bits, same_words

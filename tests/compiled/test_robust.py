@@ -14,8 +14,9 @@ from hybridyn.compiled import comparing
 from hybridyn.compiled.equations.guarded_elimination import choose_pivots
 from hybridyn.compiled.equations.states import moving_states, random_states
 from hybridyn.compiled.exporting import export
+from hybridyn.compiled.failures import difference
 from hybridyn.compiled.programs.general import GENERAL, body_rows
-from hybridyn.compiled.verifying import MODEL_AGREES, difference, verify
+from hybridyn.compiled.verifying import MODEL_AGREES, verify
 from hybridyn.description.records import Closure, Coupling, Description, Joint, Link
 from hybridyn.effects.choice import Effects, choose
 from hybridyn.effects.joint_laws import ViscousFriction

@@ -12,7 +12,8 @@ import pytest
 import hybridyn
 from hybridyn.compiled.code.scalars import GUARD_LIMIT
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.verifying import difference, verify
+from hybridyn.compiled.failures import difference
+from hybridyn.compiled.verifying import verify
 from hybridyn.effects.choice import choose
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot

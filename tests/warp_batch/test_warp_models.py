@@ -9,7 +9,8 @@ import pytest
 
 import hybridyn
 from hybridyn.compiled.equations.states import any_accelerations, random_states
-from hybridyn.compiled.verifying import MODEL_AGREES, difference
+from hybridyn.compiled.failures import difference
+from hybridyn.compiled.verifying import MODEL_AGREES
 from hybridyn.scenes.references import MotorAxes
 from hybridyn.structure.building import build_robot
 from hybridyn.warp_batch import arrays
