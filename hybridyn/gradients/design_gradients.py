@@ -222,23 +222,29 @@ class DesignGradients:
         at = self._state(q, v, as_accelerations(self.robot, a), parameters, wrenches)
         factors = self._factors(at)
         (closing, of_closing), (part, of_part) = self._closed.closing(factors, at.numbers)
-        rows, tau = [of_closing, of_part], np.zeros((len(at.q), len(self.robot.motors)))
         check_held(self.robot, self._kept)
-        solved = passive == "solved"
-        whole = self._models.solved(at) if solved else at
+        whole = self._models.solved(at) if passive == "solved" else at
         caused = self._models.caused(whole, "idm") if measures else None
+        rows, tau = [of_closing, of_part], np.zeros((len(at.q), len(self.robot.motors)))
         for one in measures:
-            bars, direct = Bars(one.q, one.v, one.a), np.zeros(at.slots.shape)
-            for link, weights in one.links.items():
-                moved, own = self._models.of_link(at, link, weights)
-                bars, direct = Bars(*map(np.add, bars, moved)), direct + own
-            if solved:
-                direct = direct + self._closed.back(factors, at.numbers, bars)
-            added = None if solved else bars
-            tau, found = self._models.summed(whole, factors, one.tau, "idm", added, caused)
-            rows.append((found + direct).sum(axis=0))
+            tau, row = self._of_measure(one, at, whole, factors, caused)
+            rows.append(row)
         of_all = self._over(np.array(rows), at, factors, along)
         return MeasureGradients(tau, of_all[2:], closing, of_all[0], part, of_all[1])
+
+    def _of_measure(
+        self, one: MeasureBars, at: Samples, whole: Samples, factors: list[Factored], caused: Array | None
+    ) -> tuple[Array, Array]:
+        """Return efforts, (T, motors), and a sum's gradient over the slots; `whole` may be `at` solved."""
+        bars, direct = Bars(one.q, one.v, one.a), np.zeros(at.slots.shape)
+        for link, weights in one.links.items():
+            moved, own = self._models.of_link(at, link, weights)
+            bars, direct = Bars(*map(np.add, bars, moved)), direct + own
+        if whole is not at:
+            direct = direct + self._closed.back(factors, at.numbers, bars)
+        added = bars if whole is at else None
+        tau, found = self._models.summed(whole, factors, one.tau, "idm", added, caused)
+        return tau, (found + direct).sum(axis=0)
 
     def _gradient(
         self,
