@@ -9,15 +9,10 @@ from typing import Any
 
 import torch
 
-from ..compiled import CompiledRobot, RobotPrograms
+from ..compiled import CompiledRobot
 from ..errors import HybridynError
-from ..warp_batch.arrays import Arrays
 from ..warp_batch.batch import Batch
-from ..warp_batch.functions import InWarp, in_warp, of_program
-from ..warp_batch.launching import Launcher
 from .functions import SmoothFunction, functions_of
-
-DTYPE = "float64"
 
 
 class OnDevice:
@@ -28,10 +23,8 @@ class OnDevice:
 
     def __init__(self, batch: Batch, model: str) -> None:
         """Take the models; a program is written, and built by Warp, at its first use."""
-        self._programs, self._model = RobotPrograms(batch.robot, batch.effects), model
+        self._run = partial(batch.derivatives.run, model)
         self._motors, self._nv = batch.robot.motor_v if model == "close" else None, batch.robot.nv
-        self._launcher = Launcher(batch.robot, Arrays(batch.device, DTYPE))
-        self._made: dict[str, InWarp] = {}
 
     def product(self, q: Any, v: Any, x: Any, weights: Any, direction: Sequence[Any]) -> SimpleNamespace:
         """Compute the slope of weighted results, and its change along a direction."""
@@ -48,17 +41,6 @@ class OnDevice:
         found = self._run("path", q, v, x, *spread, *map(torch.zeros_like, spread))
         result = next(iter(found))  # the first output
         return SimpleNamespace(first=found[f"{result}_dot"], second=found[f"{result}_ddot"])
-
-    def _run(self, what: str, *given: Any) -> dict[str, Any]:
-        """Run a program; results of samples in doubt are NaN."""
-        if what not in self._made:
-            over = "joints" if self._motors is None else "motors"
-            program = self._programs.second(self._model, what, over)
-            self._made[what] = in_warp(of_program(program, DTYPE), DTYPE)
-        made = self._made[what]
-        names = [name for name, _ in made.native.inputs]
-        found = self._launcher.run(made, dict(zip(names, given, strict=True)))
-        return {name: x for (name, _), x in zip(made.native.outputs, found, strict=False)}
 
     def _spread(self, direction: Sequence[Any]) -> list[Any]:
         """Return a direction as programs read it, zero at joints that are no motors."""

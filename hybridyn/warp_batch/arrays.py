@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
@@ -117,13 +117,13 @@ class Arrays:
         return min(items, AT_ONCE * max(int(self.device.sm_count), 1))
 
     def launch(self, kernel: Any, count: int, inputs: Sequence[Any]) -> None:
-        """Launch a kernel for each sample, or so many threads of it.
+        """Launch a kernel for each sample, or so many threads of it; it is not recorded on a tape.
 
         Raises:
             TrajectoryError: The device is full.
         """
         try:
-            wp.launch(kernel, dim=count, inputs=inputs, device=self.device)
+            wp.launch(kernel, dim=count, inputs=inputs, device=self.device, record_tape=False)
         except Exception as error:  # of Warp: RuntimeError at the launch, Exception where a module is loaded
             if "out of memory" in str(error).lower().replace("_", " "):
                 raise self._full("what its kernel needs") from error
@@ -150,6 +150,17 @@ class Arrays:
         if self.device.is_cuda and torch is not None and isinstance(like, torch.Tensor):
             return wp.ScopedStream(wp.stream_from_torch(like.device))  # type: ignore[no-any-return]
         return nullcontext()
+
+
+def requires_gradient(x: Any) -> bool:
+    """Return whether an input is an array of Warp that requires a gradient."""
+    return isinstance(x, wp.array) and x.requires_grad
+
+
+def tape_of(given: Mapping[str, Any]) -> Any:
+    """Return the tape of Warp that records, if an input requires a gradient; None otherwise."""
+    tape = wp._src.context.runtime.tape  # Warp has no public name for it
+    return tape if tape is not None and any(map(requires_gradient, given.values())) else None
 
 
 def _has_dlpack(x: Any) -> bool:

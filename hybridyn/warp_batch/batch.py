@@ -8,19 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled import DesignsInSlots, as_compile_error
+from ..compiled import DesignsInSlots, RobotPrograms, as_compile_error
 from ..description.names import did_you_mean
 from ..effects.choice import Effects
 from ..errors import ModelError, TrajectoryError
 from ..structure.parameters.chosen import Parameters
 from ..structure.robot import HybridRobot
 from .arrays import Arrays
+from .derivatives import DerivativeKernels
 from .drawing import Draw
 from .fallback import Fallback, General
 from .functions import Functions, InWarp, in_warp, wp
 from .launching import Launcher
 from .maps import BatchMap
 from .native_models import LAWS, NativeModels
+from .taping import Taping
 
 
 class Batch:
@@ -33,12 +35,18 @@ class Batch:
     have the kind of the first array. The last result of each call is the guard, shape (N,): samples whose
     guard is above 1 or NaN are NaN, and are counted in `failed`.
 
+    On a tape of Warp `idm`, `ddm` and `close` have gradients over arrays of Warp that require one, in double
+    precision and of smooth effects, see `hybridyn.SecondDerivatives`; other calls refuse such arrays.
+    Gradients of samples in doubt are NaN. Those of `idm` and `ddm` hold along motions that keep the loops
+    closed, as those of `hybridyn.idm_jacobian`; quaternions are of unit length.
+
     Attributes:
         robot: The robot.
         effects: Effects in the models.
         parameters: Numbers that calls may change.
         dtype, device: Type of all numbers, and device of Warp.
         functions: The models as Warp functions, for kernels of your own.
+        derivatives: Kernels of derivatives.
     """
 
     def __init__(
@@ -52,6 +60,9 @@ class Batch:
         self._general = General(self._designs, dtype)
         self._made: dict[str, InWarp] = {}
         self._launcher = Launcher(robot, self._arrays)
+        programs = RobotPrograms(robot, effects, parameters.slots)
+        self.derivatives = DerivativeKernels(programs, self._launcher)
+        self._taping = Taping(robot, effects, self._arrays, self.derivatives)
         self.functions = Functions(tuple(self._models.makers), self.made)
 
     @property
@@ -297,4 +308,4 @@ class Batch:
         if name in ("idm", "ddm") and not self._launcher.has_run(name):
             self._general.check(made.native, partial(self._launcher.run, made))
             self._launcher.forget(name)  # its samples are not the user's
-        return self._launcher.run(made, given, fallback)
+        return self._launcher.run(made, given, fallback, self._taping.of(name))

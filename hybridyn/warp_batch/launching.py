@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from ..compiled import as_compile_error
 from ..errors import ModelError, TrajectoryError
 from ..structure.robot import HybridRobot
-from .arrays import Arrays
+from .arrays import Arrays, tape_of
 from .fallback import Fallback
 from .functions import InWarp, wp
 
@@ -37,17 +38,26 @@ class Launcher:
         """Forget the samples of a kernel so far."""
         self._counters[name].zero_()
 
-    def run(self, made: InWarp, given: dict[str, Any], fallback: Fallback | None = None) -> tuple[Any, ...]:
+    def run(
+        self, made: InWarp, given: dict[str, Any], fallback: Fallback | None = None,
+        record: Callable[..., None] | None = None,
+    ) -> tuple[Any, ...]:  # fmt: skip
         """Launch a kernel; return its results and the guards.
 
         Args:
             given: Its inputs by name; the first one decides how many samples there are.
             fallback: Computes the samples whose guard is above 1; None leaves them NaN.
+            record: Records the call on a tape, see `Taping`; None if it has no gradient.
 
         Raises:
-            HybridynError: An array is wrong, the device is full, or what the fallback raises.
+            HybridynError: An array is wrong, the device is full, there is no gradient that a tape asks for,
+                or what the fallback raises.
         """
-        native, arrays = made.native, self._arrays
+        native, arrays, tape = made.native, self._arrays, tape_of(given)
+        if tape is not None and record is None:
+            raise ModelError(
+                f"'{native.name}' has no gradient on a tape: call it outside, or without requires_grad"
+            )
         like = next(iter(given.values()))
         if given.keys() != dict(native.inputs).keys():
             raise ModelError(f"the base does not move: '{native.name}' takes no base_acceleration")
@@ -67,6 +77,8 @@ class Launcher:
                 launch(arrays, made, [*read.values()], results, guard, counter)
             if fallback is not None:
                 _hand_over(read, results, guard, fallback)
+            if tape is not None and record is not None:
+                record(tape, given, read, results)
             back = arrays.back(like)
             return (*(back(x) for x in results), back(guard))
 
