@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled import DesignsInSlots, RobotPrograms, as_compile_error
-from ..description.names import did_you_mean
+from ..compiled import DesignsInSlots, as_compile_error
 from ..effects.choice import Effects
 from ..errors import ModelError, TrajectoryError
 from ..structure.parameters.chosen import Parameters
@@ -21,7 +20,7 @@ from .fallback import Fallback, General
 from .functions import Functions, InWarp, in_warp, wp
 from .launching import Launcher
 from .maps import BatchMap
-from .native_models import LAWS, NativeModels
+from .native_models import NativeModels, read_by
 from .taping import Taping
 
 
@@ -36,9 +35,8 @@ class Batch:
     guard is above 1 or NaN are NaN, and are counted in `failed`.
 
     On a tape of Warp `idm`, `ddm` and `close` have gradients over arrays of Warp that require one, in double
-    precision and of smooth effects, see `hybridyn.SecondDerivatives`; other calls refuse such arrays.
-    Gradients of samples in doubt are NaN. Those of `idm` and `ddm` hold along motions that keep the loops
-    closed, as those of `hybridyn.idm_jacobian`; quaternions are of unit length.
+    precision and with smooth effects; other calls refuse such arrays. Those of samples in doubt are NaN.
+    Those of `idm` and `ddm` hold along motions that keep loops closed, like `hybridyn.idm_jacobian`.
 
     Attributes:
         robot: The robot.
@@ -60,8 +58,7 @@ class Batch:
         self._general = General(self._designs, dtype)
         self._made: dict[str, InWarp] = {}
         self._launcher = Launcher(robot, self._arrays)
-        programs = RobotPrograms(robot, effects, parameters.slots)
-        self.derivatives = DerivativeKernels(programs, self._launcher)
+        self.derivatives = DerivativeKernels(robot, effects, parameters.slots, self._launcher)
         self._taping = Taping(robot, effects, self._arrays, self.derivatives)
         self.functions = Functions(tuple(self._models.makers), self.made)
 
@@ -209,13 +206,9 @@ class Batch:
             HybridynError: An array or the law is wrong, or the robot has no such steps; or what
                 `hybridyn.simulate` raises, and a SingularityError where it ends early, with `fallback`.
         """
-        if law not in LAWS:
-            raise ModelError(f"there is no law '{law}'{did_you_mean(law, LAWS)}: {', '.join(LAWS)}")
-        for name in reads:
-            if name not in LAWS[law]:
-                raise ModelError(f"the law '{law}' reads {', '.join(LAWS[law])}, not '{name}'")
-        given = {"q": q, "v": v, "clock": np.array([h, steps])} | self._numbers(parameters)
-        given |= {name: reads.get(name, 0.0) for name in LAWS[law]}
+        given = (
+            {"q": q, "v": v, "clock": np.array([h, steps])} | self._numbers(parameters) | read_by(law, reads)
+        )
         return self._run(f"step_{law}", given, partial(self._general.step, law) if fallback else None)
 
     def joint_map(self, joints: Sequence[str]) -> BatchMap:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from ..compiled import RobotPrograms, as_compile_error
+from ..effects.choice import Effects
+from ..structure.parameters.slots import Slot
+from ..structure.robot import HybridRobot
 from .functions import InWarp, in_warp, of_program
 from .launching import Launcher
 
@@ -15,9 +19,18 @@ DTYPE = "float64"
 class DerivativeKernels:
     """The programs behind `hybridyn.SecondDerivatives`, launched for many samples."""
 
-    def __init__(self, programs: RobotPrograms, launcher: Launcher) -> None:
-        """Take the programs of a robot; each is written, and built by Warp, at its first use."""
-        self._programs, self._launcher = programs, launcher
+    def __init__(
+        self, robot: HybridRobot, effects: Effects, slots: Sequence[Slot], launcher: Launcher
+    ) -> None:
+        """Take a robot; a program is written, and built by Warp, at its first use.
+
+        Args:
+            robot: The robot.
+            effects: Its effects.
+            slots: Numbers of the description that programs read, "parameters".
+            launcher: Launches the kernels; its batch has numbers of the type `DTYPE`.
+        """
+        self._programs, self._launcher = RobotPrograms(robot, effects, slots), launcher
         self._made: dict[tuple[str, str], InWarp] = {}
 
     def run(self, model: str, what: str, *given: Any) -> dict[str, Any]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
+from typing import Any
 
 from ..compiled import Program, RobotPrograms, c_text
+from ..description.names import did_you_mean
 from ..dynamics.quantities.joint_map import motors_beside
 from ..effects.choice import Effects
 from ..errors import ModelError
@@ -145,3 +147,17 @@ class NativeModels:
         sizes = {"NQ": self.robot.nq, "NV": self.robot.nv, "MODULES": len(self.robot.modules)}
         head = LIFT_HEAD.format(LAST_NEWTON_STEP[self.dtype]) + sizes_text(**sizes)
         return head + c_text("newton.h") + c_text("lift.h")
+
+
+def read_by(law: str, reads: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all that a law of a step reads; zero where left out.
+
+    Raises:
+        ModelError: There is no such law, or it does not read what is given.
+    """
+    if law not in LAWS:
+        raise ModelError(f"there is no law '{law}'{did_you_mean(law, LAWS)}: {', '.join(LAWS)}")
+    for name in reads:
+        if name not in LAWS[law]:
+            raise ModelError(f"the law '{law}' reads {', '.join(LAWS[law])}, not '{name}'")
+    return {name: reads.get(name, 0.0) for name in LAWS[law]}
