@@ -39,12 +39,10 @@ class Batch:
     Those of `idm` and `ddm` hold along motions that keep loops closed, like `hybridyn.idm_jacobian`.
 
     Attributes:
-        robot: The robot.
-        effects: Effects in the models.
+        robot, effects: The robot, and effects in the models.
         parameters: Numbers that calls may change.
         dtype, device: Type of all numbers, and device of Warp.
-        functions: The models as Warp functions, for kernels of your own.
-        derivatives: Kernels of derivatives.
+        functions, derivatives: The models as Warp functions, for kernels of your own; kernels of derivatives.
     """
 
     def __init__(
@@ -206,9 +204,8 @@ class Batch:
             HybridynError: An array or the law is wrong, or the robot has no such steps; or what
                 `hybridyn.simulate` raises, and a SingularityError where it ends early, with `fallback`.
         """
-        given = (
-            {"q": q, "v": v, "clock": np.array([h, steps])} | self._numbers(parameters) | read_by(law, reads)
-        )
+        given = {"q": q, "v": v, "clock": np.array([h, steps])} | self._numbers(parameters)
+        given |= read_by(law, reads)
         return self._run(f"step_{law}", given, partial(self._general.step, law) if fallback else None)
 
     def joint_map(self, joints: Sequence[str]) -> BatchMap:
