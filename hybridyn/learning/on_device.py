@@ -11,7 +11,10 @@ import torch
 
 from ..compiled import CompiledRobot
 from ..errors import HybridynError
+from ..warp_batch.arrays import Arrays
 from ..warp_batch.batch import Batch
+from ..warp_batch.derivatives import DTYPE, DerivativeKernels
+from ..warp_batch.launching import Launcher
 from .functions import SmoothFunction, functions_of
 
 
@@ -23,7 +26,8 @@ class OnDevice:
 
     def __init__(self, batch: Batch, model: str) -> None:
         """Take the models; a program is written, and built by Warp, at its first use."""
-        self._run = partial(batch.derivatives.run, model)
+        launcher = Launcher(batch.robot, Arrays(batch.device, DTYPE))
+        self._run = partial(DerivativeKernels(batch.robot, batch.effects, (), launcher).run, model)
         self._motors, self._nv = batch.robot.motor_v if model == "close" else None, batch.robot.nv
 
     def product(self, q: Any, v: Any, x: Any, weights: Any, direction: Sequence[Any]) -> SimpleNamespace:

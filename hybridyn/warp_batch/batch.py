@@ -42,7 +42,7 @@ class Batch:
         robot, effects: The robot, and effects in the models.
         parameters: Numbers that calls may change.
         dtype, device: Type of all numbers, and device of Warp.
-        functions, derivatives: The models as Warp functions, for kernels of your own; kernels of derivatives.
+        functions: The models as Warp functions, for kernels of your own.
     """
 
     def __init__(
@@ -56,8 +56,8 @@ class Batch:
         self._general = General(self._designs, dtype)
         self._made: dict[str, InWarp] = {}
         self._launcher = Launcher(robot, self._arrays)
-        self.derivatives = DerivativeKernels(robot, effects, parameters.slots, self._launcher)
-        self._taping = Taping(robot, effects, self._arrays, self.derivatives)
+        derivatives = DerivativeKernels(robot, effects, parameters.slots, self._launcher)
+        self._taping = Taping(robot, effects, self._arrays, derivatives)
         self.functions = Functions(tuple(self._models.makers), self.made)
 
     @property
