@@ -15,7 +15,7 @@ from jax.interpreters import ad, batching, mlir
 
 from ..errors import TrajectoryError
 from ..spatial import Array
-from .framework import Framework
+from .framework import Framework, check_width, leading_axes
 from .functions import SmoothFunction, changed, check_order, weighed
 
 DOUBLE = np.dtype(float)
@@ -125,8 +125,7 @@ def _array(name: str, given: Any, width: int) -> Any:
             raise TrajectoryError(f"{name} is not an array of numbers") from None
     if given.dtype != DOUBLE:
         raise TrajectoryError(f"{name} has the type {given.dtype}; wanted float64: {name}.astype(float)")
-    if not given.ndim or given.shape[-1] != width:
-        raise TrajectoryError(f"{name} has shape {given.shape}; wanted (..., {width})")
+    check_width(name, given, width)
     return given
 
 
@@ -136,11 +135,7 @@ def _alike(given: Sequence[Any]) -> list[Any]:
     Raises:
         TrajectoryError: They cannot be broadcast.
     """
-    try:
-        axes = jnp.broadcast_shapes(*(x.shape[:-1] for x in given))
-    except ValueError:
-        shapes = ", ".join(str(x.shape) for x in given)
-        raise TrajectoryError(f"leading axes do not fit each other: shapes {shapes}") from None
+    axes = leading_axes(given)
     return [jnp.broadcast_to(x, (*axes, x.shape[-1])) for x in given]
 
 

@@ -13,7 +13,7 @@ from torch.autograd import Function
 
 from ..errors import TrajectoryError
 from ..spatial import Array
-from .framework import Framework
+from .framework import Framework, check_width, leading_axes
 from .functions import SmoothFunction, changed, check_order, weighed
 
 
@@ -134,8 +134,7 @@ def _array(device: Any, name: str, given: Any, width: int) -> Any:
         raise TrajectoryError(
             f"{name} is on the device '{given.device}', the models on '{device}': {name}.to('{device}')"
         )
-    if not given.ndim or given.shape[-1] != width:
-        raise TrajectoryError(f"{name} has shape {tuple(given.shape)}; wanted (..., {width})")
+    check_width(name, given, width)
     return given
 
 
@@ -167,11 +166,7 @@ def _alike(given: Sequence[Any]) -> list[Any]:
     Raises:
         TrajectoryError: They cannot be broadcast.
     """
-    try:
-        axes = torch.broadcast_shapes(*(x.shape[:-1] for x in given))
-    except RuntimeError:
-        shapes = ", ".join(str(tuple(x.shape)) for x in given)
-        raise TrajectoryError(f"leading axes do not fit each other: shapes {shapes}") from None
+    axes = leading_axes(given)
     return [x.expand(*axes, x.shape[-1]) for x in given]
 
 
