@@ -40,6 +40,8 @@ def kernel({arguments}, guard: wp.array(dtype=S), failed: wp.array(dtype=wp.int3
 THREAD = ("thread: int", "threads: int", "count: int")
 _numbers = itertools.count()
 
+#: Names and sizes of inputs, and of outputs.
+Ends = tuple[Sequence[tuple[str, int]], Sequence[tuple[str, int]]]
 #: Mark of a function of the device.
 ON_DEVICE = "CUDA_CALLABLE "
 #: What the C of programs needs before it, beside `scalar.h`.
@@ -86,12 +88,7 @@ class ByModules:
 
 
 def native(
-    name: str,
-    ends: tuple[Sequence[tuple[str, int]], Sequence[tuple[str, int]]],
-    programs: Mapping[str, Program],
-    run: str,
-    dtype: str,
-    more: str = "",
+    name: str, ends: Ends, programs: Mapping[str, Program], run: str, dtype: str, more: str = ""
 ) -> Native:
     """Return a native function.
 
@@ -123,12 +120,7 @@ def of_program(program: Program, dtype: str) -> Native:
 
 
 def on_rows(
-    name: str,
-    ends: tuple[Sequence[tuple[str, int]], Sequence[tuple[str, int]]],
-    programs: Mapping[str, Program],
-    run: str,
-    dtype: str,
-    more: str,
+    name: str, ends: Ends, programs: Mapping[str, Program], run: str, dtype: str, more: str
 ) -> Native:
     """Return a native function like `native`, whose C reads and writes the arrays in place.
 
@@ -149,13 +141,7 @@ def on_rows(
     return Native(name, inputs, outputs, _body(programs, dtype, more, lines))
 
 
-def on_tables(
-    name: str,
-    ends: tuple[Sequence[tuple[str, int]], Sequence[tuple[str, int]]],
-    run: str,
-    dtype: str,
-    more: str,
-) -> Native:
+def on_tables(name: str, ends: Ends, run: str, dtype: str, more: str) -> Native:
     """Return a native function of a thread, see `ByModules`.
 
     Args:

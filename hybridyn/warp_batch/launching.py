@@ -55,16 +55,12 @@ class Launcher:
         """
         native, arrays, tape = made.native, self._arrays, tape_of(given)
         if tape is not None and record is None:
-            raise ModelError(
-                f"'{native.name}' has no gradient on a tape: call it outside, or without requires_grad"
-            )
-        like = next(iter(given.values()))
-        if given.keys() != dict(native.inputs).keys():
+            raise _without_gradient(native.name)
+        widths, (first, like) = dict(native.inputs), next(iter(given.items()))
+        if given.keys() != widths.keys():
             raise ModelError(f"the base does not move: '{native.name}' takes no base_acceleration")
         with arrays.stream(like):
-            widths = dict(native.inputs)
             read = {name: arrays.given(name, x, widths[name]) for name, x in given.items()}
-            first = next(iter(read))
             if read[first].ndim != 2 or not read[first].shape[0]:
                 raise TrajectoryError(
                     f"{first} has shape {tuple(read[first].shape)}; wanted (N, {widths[first]}), N at least 1"
@@ -81,6 +77,10 @@ class Launcher:
                 record(tape, given, read, results)
             back = arrays.back(like)
             return (*(back(x) for x in results), back(guard))
+
+
+def _without_gradient(name: str) -> ModelError:
+    return ModelError(f"'{name}' has no gradient on a tape: call it outside, or without requires_grad")
 
 
 def launch(

@@ -13,7 +13,7 @@ from ..effects.choice import Effects
 from ..errors import ModelError
 from ..structure.parameters.slots import Slot
 from ..structure.robot import HybridRobot
-from .functions import Native, native, of_program, own_text, sizes_text
+from .functions import Ends, Native, native, of_program, own_text, sizes_text
 from .module_lanes import following, modules_text
 
 #: Fields of numbers on which the closures depend.
@@ -31,7 +31,6 @@ LIFT_HEAD = "#define EXPORT static CUDA_CALLABLE\n#define LAST_STEP {}\n"
 ABSENT = "static int {0}_single_at(const S *const *in, S *out) {{ return !in || !out || 1; }}\n"
 #: Why a walk cannot be made.
 CONTRADICTING = "its motors depend on each other: their positions contradict each other but by chance"
-Ends = list[tuple[str, int]]
 
 
 class NativeModels:
@@ -135,7 +134,7 @@ class NativeModels:
 
     def regular(self) -> Native:
         """Return the guard of a posture by the pivots of its closures, as of a step; zero without steps."""
-        ends: tuple[Ends, Ends] = [("q", self.robot.nq), ("v", self.robot.nv)], []
+        ends: Ends = [("q", self.robot.nq), ("v", self.robot.nv)], []
         if self._constant.lift is None:
             more = "static S regular(const S *given) { return 0; }\n"
             return native("regular", ends, {}, "regular(given)", self.dtype, more)
