@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..spatial import Array, Index, einsum
+from ..spatial import Array, Index, Mask, einsum
 
 #: Pivots of scaled rows below this are rounding.
 NO_PIVOT = 1e-13
@@ -118,6 +118,26 @@ def null_basis(
     out = np.empty_like(Z)
     out[np.arange(B)[:, None], order] = Z
     return out[:, :, :-1], out[:, :, -1], pivot_ratio(R, rank, size), surplus(R, n, rank)
+
+
+def full_rank_solution(A: Array, b: Array, least: float) -> tuple[Array, Mask]:
+    """Compute the least-squares solution of A x = b by QR, for A of full column rank.
+
+    Args:
+        A: Matrices, shape (B, m, n), n at most m.
+        b: Right-hand sides, shape (B, m).
+        least: Smallest ratio of the factor's diagonal entries at which A is not nearly singular.
+
+    Returns:
+        The solutions, shape (B, n), and the mask of those that are one, shape (B,): A is not nearly singular.
+    """
+    n = A.shape[2]
+    R = np.asarray(np.linalg.qr(np.concatenate([A, b[..., None]], axis=-1), mode="r"))[:, :n]
+    sure = pivot_ratio(R, n) > least
+    if not sure.all():
+        R[~sure, :, :n] = np.eye(n)
+    x: Array = np.linalg.solve(R[..., :n], R[..., n:])[..., 0]
+    return x, sure
 
 
 def size_of_rows(s: Array, tolerance: float) -> Array:

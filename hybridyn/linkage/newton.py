@@ -2,8 +2,8 @@
 
 Each step is the least-norm Gauss-Newton step, truncated to the generic rank of the rows. Its length is
 limited (a trust region in scaled coordinates), and it is damped while the residual does not decrease. If the
-free freedoms split into blocks of full column rank (the legs under a prescribed platform), pivoted QR solves
-each block separately.
+free freedoms split into blocks of full column rank (the legs under a prescribed platform), QR solves each
+block separately.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from ..spatial import Array, Index, Mask
 from .closures import Closures
-from .elimination import back_substitute, least_squares, pivot_ratio, pivoted_qr, relative_change
+from .elimination import full_rank_solution, least_squares, relative_change
 from .motion import Motion
 from .reduction import RANK_TOLERANCE, LegBlock
 from .targets import Target
@@ -202,12 +202,10 @@ class LoopProblem:
         easy = np.ones(T, dtype=bool)
         for rows, cols in self._blocks_by_shape:
             (count, m), c = rows.shape, cols.shape[1]
-            A = np.concatenate([K[:, rows[:, :, None], cols[:, None, :]], rhs[:, rows, None]], axis=-1)
-            R, order = pivoted_qr(A.reshape(-1, m, c + 1), c, c)
-            x = np.empty((len(R), c))
-            x[np.arange(len(R))[:, None], order] = back_substitute(R[:, :c, :c], R[:, :c, c:])[..., 0]
+            A, b = K[:, rows[:, :, None], cols[:, None, :]], rhs[:, rows]
+            x, sure = full_rank_solution(A.reshape(-1, m, c), b.reshape(-1, m), RANK_TOLERANCE)
             out[:, cols] = x.reshape(T, count, c)
-            easy &= pivot_ratio(R, c).reshape(T, count).min(axis=1) > RANK_TOLERANCE
+            easy &= sure.reshape(T, count).all(axis=1)
         return np.flatnonzero(~easy)
 
 

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from hybridyn.linkage.elimination import back_substitute, least_squares, null_basis, pivot_ratio, pivoted_qr
+from hybridyn.linkage.elimination import (
+    back_substitute,
+    full_rank_solution,
+    least_squares,
+    null_basis,
+    pivot_ratio,
+    pivoted_qr,
+)
 from tests.support.comparing import ROUNDING, close_to
 
 BATCH = 20
@@ -130,3 +137,13 @@ def test_least_squares_of_nothing_and_with_a_rank() -> None:
     A, b = np.diag([1.0, 0.5, 1e-6])[None], np.ones((1, 3))
     assert least_squares(A, b, rank=2).max() == 2.0
     assert least_squares(A, b).max() == pytest.approx(1e6)
+
+
+@pytest.mark.parametrize(("m", "n"), [(5, 5), (8, 6), (4, 1)])
+def test_solutions_of_full_rank_are_sure_away_from_singular_matrices(m: int, n: int) -> None:
+    A, b = matrices(m, n, n), np.random.default_rng(4).normal(size=(BATCH, m))
+    A[1, :, -1] = A[1, :, 0] if n > 1 else 0.0
+    x, sure = full_rank_solution(A, b, 1e-4)
+    assert np.flatnonzero(~sure).tolist() == [1]
+    assert np.isfinite(x).all()
+    close_to(x[sure], np.einsum("tij,tj->ti", np.linalg.pinv(A[sure]), b[sure]), 10 * ROUNDING)
