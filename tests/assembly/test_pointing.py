@@ -31,6 +31,7 @@ from tests.support.samples import slow
 
 KINDS = ("gough", "delta_bars", "stewart_arm", "stack", "scara_delta")
 SLOPE, SLOPED = 1e-6, 1e-7  # of central differences, and their error
+ACROSS, SPED = 5e-4, 1e-9  # steps in time of a point that speeds up [s], and of its acceleration: STEP^4
 EXACTLY = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
 Levels = tuple[Array, Array, Array]
 
@@ -117,6 +118,20 @@ def test_accelerations_are_those_of_the_rule_where_targets_move(what: str, tmp_p
     q, v, a = hybridyn.assemble(robot, platforms={"l6": tuple(rows)}, guess=q0)
     close_to((q[4] - q[2]) / (2 * STEP), v[3], DRIFTED)
     close_to((v[4] - v[2]) / (2 * STEP), a[3], DIFFERENCED)
+
+
+def test_a_point_that_begins_to_move_says_how_far_rates_look_ahead(tmp_path: Path) -> None:
+    """It speeds up across the distance, which hardly moves the arm: by differences of the rates."""
+    robot, start, centre = arm(tmp_path, "yyy"), np.array([0.3, 0.5, 0.2]), np.array([5.0, 0.0, 5.0])
+    way = of_link(robot, start[None], *np.zeros((2, 1, 3)), "l2", "base")[0][0, :3] - centre
+    across, t = np.array([-way[2], 0.0, way[0]]), ACROSS * np.arange(-2, 3)
+    points = centre + np.outer(t**2 / 2, across), np.outer(t, across), np.outer(np.ones(5), across)
+    lengths = np.linalg.norm(way) + 0.05 * t, np.full(5, 0.05), np.zeros(5)
+    rows = [{"distance": d, "cx": c[:, 0], "cy": c[:, 1], "cz": c[:, 2]}
+            for d, c in zip(lengths, points, strict=True)]  # fmt: skip
+    _, v, a = hybridyn.assemble(robot, platforms={"l2": tuple(rows)}, guess=start)
+    slope = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) @ v / (12 * ACROSS)
+    close_to(slope, a[2], SPED, float(np.linalg.norm(across)))
 
 
 def test_an_arm_points_where_least_squares_point(tmp_path: Path) -> None:

@@ -38,10 +38,10 @@ def test_random_mechanisms_agree_with_the_general_path(kind: str, seed: int) -> 
     written_agrees(robot, effects=geared(robot), within=AGREES)
 
 
-def test_c_computes_them_and_leaves_gears_that_lock_themselves_to_the_general_path() -> None:
+def test_models_compute_them_and_leave_gears_that_lock_themselves_to_the_general_path(by: str) -> None:
     robot = build_robot(shipped("five_bar"))
     effects = geared(robot, back=-0.2)
-    fast = hybridyn.compile(robot, effects, wait=True)
+    fast = hybridyn.compile(robot, effects, wait=by == "c")
     q, v, a = hybridyn.assemble(robot, motors=([0.1, 0.2], [1.0, -0.5], [0.3, 0.1]))
     tau = fast.idm(q, v, a)
     close_to(tau, hybridyn.idm(robot, q, v, a, effects=effects), AGREES)

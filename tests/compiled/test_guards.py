@@ -28,7 +28,7 @@ from hybridyn.compiled.equations.least_inertia import NEARLY_NO_INERTIA
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.scales import squares
 from hybridyn.compiled.equations.states import random_states
-from hybridyn.compiled.library.calls import load
+from hybridyn.compiled.library.calls import Library, load
 from hybridyn.compiled.program import Call, GivenPlace, Kernel, Program, ResultPlace, Worst
 from hybridyn.compiled.programs.whole_robot import function_of, programs
 from hybridyn.effects.choice import choose
@@ -180,11 +180,18 @@ def rooted(first: int) -> Program:
     return Program(f"rooted_{first}", (("x", 2),), (("one", 2),), (kernel,), calls, 0, 0)
 
 
+@pytest.fixture(scope="module")
+def roots() -> Library:
+    """Return the programs of both orders."""
+    return load([rooted(0), rooted(1)])
+
+
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("x", [(-1.0, 0.25), (0.25, -1.0), (-1.0, -1.0)])
-def test_a_guard_that_is_nan_fails_in_every_engine(first: int, x: tuple[float, float]) -> None:
-    program = rooted(first)
-    library = load([program])
+def test_a_guard_that_is_nan_fails_in_every_engine(
+    roots: Library, first: int, x: tuple[float, float]
+) -> None:
+    program, library = rooted(first), roots
     guards = [
         float(function_of(program)(np.array(x))[1]),
         single(library, program.name, np.array(x))[1],
@@ -194,15 +201,14 @@ def test_a_guard_that_is_nan_fails_in_every_engine(first: int, x: tuple[float, f
     assert not any(guard <= GUARD_LIMIT for guard in guards)
 
 
-def test_threads_do_not_read_each_others_guards() -> None:
+def test_threads_do_not_read_each_others_guards(roots: Library) -> None:
     """Each thread calls with its own sample, while the others' guards are on the other side of the limit."""
-    program = rooted(0)
-    library, wrong = load([program]), []
+    wrong = []
 
     def call(x: float) -> None:
         given, guard = np.full(2, x), np.sqrt(x)
         for _ in range(4000):
-            if single(library, program.name, given)[1] != guard:
+            if single(roots, "rooted_0", given)[1] != guard:
                 wrong.append(x)
 
     interval = sys.getswitchinterval()

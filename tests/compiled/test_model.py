@@ -64,10 +64,10 @@ def test_small_models_wake_threads_for_many_samples_only() -> None:
     assert hybridyn.compile(hybridyn.load("five_bar")).library.programs["ddm"].block > 8 * BLOCK
 
 
-@pytest.mark.parametrize("base", ["moving", "floating"])
-def test_other_bases(base: Any) -> None:
+@pytest.mark.parametrize("base", ["moving", slow("floating")])
+def test_other_bases(base: Any, by: str) -> None:
     robot = hybridyn.load("five_bar", base=base)
-    model = hybridyn.compile(robot)
+    model = hybridyn.compile(robot, wait=by == "c")
     q, v, _, tau = random_states(robot, 10, seed=3)
     acceleration = np.random.default_rng(1).normal(size=(10, 6))
     for given in (None, acceleration, acceleration[3])[: 3 if base == "moving" else 1]:
@@ -134,7 +134,7 @@ def test_a_wrong_program_never_reaches_the_user(
 ) -> None:
     import hybridyn.compiled.programs.whole_robot as file
 
-    robot, right = hybridyn.load(save(tmp_path, door(2), "door.urdf")), file.programs
+    robot, right = hybridyn.load(save(tmp_path, door(1), "door.urdf")), file.programs
 
     def wrong(robot: hybridyn.HybridRobot, effects: Any, **more: Any) -> Any:
         lighter = dataclasses.replace(robot, gravity=robot.gravity * (1 + 1e-8))

@@ -71,16 +71,6 @@ def test_rows_are_those_of_the_general_path(
     compare(robot, states[0][0], {link: named(robot, states, link, words)})
 
 
-def test_a_point_that_begins_to_move_is_followed_as_on_the_general_path(tmp_path: Path) -> None:
-    """It moves across: where the arm hardly moves, the point says how far differences may look ahead."""
-    robot, start, centre = arm(tmp_path, "yy"), np.array([0.3, 0.5]), np.array([5.0, 0.0, 5.0])
-    way = of_link(robot, start[None], *np.zeros((2, 1, 2)), "l1", "base")[0][0, :3] - centre
-    still = dict.fromkeys(("distance", "cx", "cy", "cz"), 0.0)
-    there = dict(zip(still, (np.linalg.norm(way), *centre), strict=True))
-    begins = {"cx": -way[2], "cz": way[0]}
-    compare(robot, start, {"l1": (there, still | {"distance": 0.05}, still | begins)})
-
-
 def test_a_direction_that_turns_out_of_a_plane_is_left_to_the_general_path(tmp_path: Path) -> None:
     """Of its two rows, an arm in a plane moves one."""
     robot = arm(tmp_path, "yyy")

@@ -339,8 +339,9 @@ HANGING = """<robot name="hanging"><link name="base"/>
 <joint name="ball" type="spherical"><parent link="base"/><child link="rod"/></joint></robot>"""
 
 
+@pytest.mark.usefixtures("by")
 def test_a_spring_at_rest_is_smooth(tmp_path: Path) -> None:
-    """In C: the turn along a step from rest is the step; its second derivative is of the size of the turn."""
+    """The turn along a step from rest is the step; its second derivative is of the size of the turn."""
     robot = hybridyn.load(save(tmp_path, HANGING, "hanging.urdf"), motors=[])
     q = np.array([[half, 0.0, 0.0, 1.0] for half in (0.0, 1e-17, 1e-13, 1e-9)])
     v, tau = np.zeros((len(q), 3)), np.zeros((len(q), 0))
