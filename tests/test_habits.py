@@ -79,6 +79,11 @@ def test_help_imports_nothing_heavy(words: list[str]) -> None:
 
 #: Modules that few runs need: those with several processes, a bar, a misspelt name, an endless coupling.
 RARE = ("subprocess", "shutil", "tempfile", "random", "difflib", "fractions", "decimal")
+#: Files of the package that few runs need: they are imported where they are used.
+SELDOM = (
+    "description.residuals", "dynamics.reactions", "dynamics.link_motion", "manifold.branch",
+    "studies.home", "tables.bags", "tables.tree_coordinates",
+)  # fmt: skip
 
 
 def test_a_start_imports_what_it_needs() -> None:
@@ -90,6 +95,7 @@ def test_a_start_imports_what_it_needs() -> None:
         "import sys; own = {*sys.modules};"
         "import hybridyn.assembly.assemble, hybridyn.cli.idm, hybridyn.loading, hybridyn.tables.results;"
         f"assert not {{*{RARE!r}}} & ({{*sys.modules}} - own), {{*{RARE!r}}} & ({{*sys.modules}} - own);"
+        f"print([name for name in {SELDOM!r} if f'hybridyn.{{name}}' in sys.modules]);"
         "robot = hybridyn.load('five_bar');"
         "import hybridyn.compiled.compiling, hybridyn.streams.postures;"
         "before = 'pinocchio' in sys.modules; hybridyn.idm(robot, robot.home, *[[0.0] * robot.nv] * 2);"
@@ -97,7 +103,7 @@ def test_a_start_imports_what_it_needs() -> None:
         "hybridyn.torch, hybridyn.jax; print({'torch', 'jax'} & {*sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout == "False True\nset()\n"
+    assert done.stdout == "[]\nFalse True\nset()\n"
 
 
 #: How dependencies are imported whose names are others.

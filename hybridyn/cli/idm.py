@@ -9,7 +9,6 @@ import numpy as np
 from ..description.loop_signs import has_mass
 from ..description.names import did_you_mean
 from ..dynamics.inverse import inverse_model
-from ..dynamics.reactions import Reactions
 from ..effects import Effects, choose
 from ..effects.choice import stated_names
 from ..effects.words import DEFAULT, FROM_FILES
@@ -31,6 +30,7 @@ from .common.table_pass import CommandPlan, Observer
 from .common.table_pass import run as run_pass
 
 if TYPE_CHECKING:
+    from ..dynamics.reactions import Reactions
     from ..effects.dc_motors import OnDcMotors
 
 #: Exit status where the motion exceeds a limit.
@@ -38,7 +38,7 @@ EXCEEDED = 1
 #: Options whose result is a report.
 REPORTS = ("loads", "bearings", "by_effect")
 
-InnerRows = Callable[[HybridRobot, Reactions], Array]
+InnerRows = Callable[[HybridRobot, "Reactions"], Array]
 
 
 def run(**words: Any) -> int:

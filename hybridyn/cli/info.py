@@ -14,9 +14,9 @@ from ..errors import HybridynError
 from ..figures.module_tree import NO_BREAK, Card, cards
 from ..figures.structure import figure_of_cards
 from ..structure.robot import HybridRobot
+from ..studies.branch import branch
 from ..studies.check.check import Finding, check, is_readable
 from ..studies.check.loops import home_residuals
-from ..studies.home import branch
 from .common.figures import save
 from .common.options import Grid, RobotChoice, refuse
 from .common.text import counted

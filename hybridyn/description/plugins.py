@@ -35,7 +35,7 @@ SYSTEMS = {
 }  # fmt: skip
 
 #: Names of Gazebo's own systems, and of the plugins of gazebo_ros that only serve its interface.
-OF_GAZEBO = re.compile(
+OF_GAZEBO = (
     rf"(lib)?((gz|ignition)-(sim|gazebo)\d*-({'|'.join(sorted(SYSTEMS))})-system"
     r"|gazebo_ros_(init|factory|state|api_plugin|paths_plugin|properties))(\.so)?"
 )
@@ -78,7 +78,7 @@ def name_of(plugin: XmlNode) -> str:
 def is_harmless(plugin: XmlNode) -> bool:
     """Return whether a plugin's name says that it exerts no force and holds nothing."""
     name = name_of(plugin)
-    return bool(_words(name) & HARMLESS or OF_GAZEBO.fullmatch(name))
+    return bool(_words(name) & HARMLESS or re.fullmatch(OF_GAZEBO, name))
 
 
 def is_read(plugin: XmlNode, model: str) -> bool:

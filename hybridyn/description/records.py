@@ -12,13 +12,15 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..joints.kinds import JointKind, RotationKind
-from .residuals import Residual
+
+if TYPE_CHECKING:  # few robots have closures of other packages
+    from .residuals import Residual
 
 Array = NDArray[np.float64]
 
@@ -285,7 +287,7 @@ class Coupling:
     @property
     def frames(self) -> tuple[str, ...]:
         """Links whose frames its residual sees."""
-        return self.curve.frames if isinstance(self.curve, Residual) else ()
+        return () if self.curve is None or isinstance(self.curve, Curve) else self.curve.frames
 
     def of(self, names: Mapping[str, str]) -> Coupling:
         """Return the coupling of joints of other names."""

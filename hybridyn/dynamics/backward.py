@@ -1,6 +1,9 @@
 """Backward sweep of the inverse model: compute forces, efforts and reactions, the outermost modules first."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,8 +28,10 @@ from .guards import (
 from .inverse_recursion import ModuleForces, needed_forces
 from .loads import Loads, all_loads
 from .possible_motions import along_motion, possible_motions
-from .reactions import Reactions, module_reactions
 from .state_checks import check_closed, natural_force, robot_mass
+
+if TYPE_CHECKING:  # most calls want no reactions
+    from .reactions import Reactions
 
 
 @dataclass(eq=False)
@@ -92,6 +97,8 @@ def backward(
                 robot, s, needed.basis, needed.H, size, rounding, sharing
             )  # fmt: skip
         if result is not None:
+            from .reactions import module_reactions  # which most calls want none of
+
             efforts = tau[:, module.motor_index]
             module_reactions(result, s, loads.modules[k], loads.on, needed, efforts)  # Eq. (52)
         if module.parent < 0:
@@ -120,6 +127,8 @@ def reactions_of(robot: HybridRobot, q: Array, v: Array, a: Array, tau: Array, l
         tau: Efforts of the motors, shape (T, motors).
         loads: External wrenches and effects.
     """
+    from .reactions import Reactions  # which most calls want none of
+
     result, on = Reactions(np.zeros((len(q), 6))), loads.on
     states = forward(robot, q, v, a, on.gravity, classical=on.velocity is not None)
     backward(

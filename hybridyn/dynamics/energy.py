@@ -16,7 +16,7 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_efforts, as_positions, same_samples
 from .direct import states_before, with_load_friction
-from .link_motion import link_motions, observed_motions
+from .link_motion import link_motions
 from .loads import all_loads
 from .state_checks import check_closed, checked_state
 
@@ -109,7 +109,7 @@ def add_energy_of_laws(
         kinetic += 0.5 * np.sum(rotor.p[0] * v[:, rotor.columns] ** 2, axis=1)
     for joint_law in on.joints:
         potential += joint_law.energy(q)
-    motions = observed_motions(robot, on, q, v)
+    motions = link_motions(robot, q, v, on.observed_links)
     for link_law in on.links:
         potential += link_law.energy(motions)
 
@@ -196,7 +196,7 @@ def power(
         check_closed(robot, states, q, v)
         rubbing = with_load_friction(robot, states, q, v, a, tau, loads)
         lost -= np.sum((rubbing.joints - loads.joints) * v, axis=1)
-    motions = observed_motions(robot, on, q, v)
+    motions = link_motions(robot, q, v, on.observed_links)
     for given in (wrenches or {}, *outer.wrenches(motions, clock, len(q))):
         for link, motion in link_motions(robot, q, v, list(given)).items():
             supplied += np.sum(given[link] * motion.twist(), axis=1)

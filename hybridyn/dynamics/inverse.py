@@ -19,12 +19,12 @@ from .actuation import Sharing
 from .backward import MotionOfModules, backward
 from .forward import forward
 from .loads import Loads, all_loads
-from .reactions import Reactions
 from .results import Result
 from .state_checks import check_closed
 
 if TYPE_CHECKING:
     from ..effects.load_friction import OnLoads
+    from .reactions import Reactions
 
 #: Advice in the error message if a passive motion would need an effort.
 HINT = 'Give the accelerations that need no effort there, or pass passive="solved"'
@@ -197,7 +197,11 @@ def under_loads(
 
         a = solve_passive(robot, q, v, a, loads)
     motion = _given_motion(robot, loads.on, q, v, a, sharing) if given is None else given
-    result = Reactions(np.zeros((len(q), 6))) if reactions else None
+    result = None
+    if reactions:
+        from .reactions import Reactions  # which most calls want none of
+
+        result = Reactions(np.zeros((len(q), 6)))
     tau = np.zeros((len(q), len(robot.motors)))
     backward(robot, motion, loads, sharing, tau, result, q)
     return Result(tau, motion.residual, result)

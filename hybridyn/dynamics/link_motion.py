@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..description.names import did_you_mean
-from ..effects.choice import Effects
 from ..errors import TrajectoryError
 from ..linkage.motion import Motion
 from ..spatial import Array, cross, quaternion_from_rotation, rotate, rotation_from_quaternion
@@ -118,11 +117,6 @@ def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -
     bodies = body_motions(robot, q, v, np.zeros_like(v), wanted)
     places = {link: robot.bodies.place[link] for link in links}
     return {link: bodies[b].then(Motion.at_rest(len(q), R, p)) for link, (b, R, p) in places.items()}
-
-
-def observed_motions(robot: HybridRobot, on: Effects, q: Array, v: Array) -> dict[str, Motion]:
-    """Compute the motion in the world, at zero accelerations, of the links that the effects depend on."""
-    return link_motions(robot, q, v, on.observed_links) if on.observed_links else {}
 
 
 def body_motions(

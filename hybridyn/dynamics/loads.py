@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from ..description.names import did_you_mean
 from ..effects.choice import Effects
 from ..errors import TrajectoryError
+from ..linkage.motion import Motion
 from ..spatial import Array, wrench_to_base
 from ..structure.module import ModuleState
 from ..structure.robot import HybridRobot
 from ..structure.samples import as_batch
-from .link_motion import observed_motions
 
 
 @dataclass(eq=False)
@@ -169,7 +169,12 @@ def all_loads(
     """
     modules = [ModuleLoad() for _ in robot.modules]
     loads = Loads(modules, np.zeros((len(q), 6)), on, on.joint_efforts(robot, q, v), on.rotor_diagonal(robot))
-    for given in (wrenches or {}, *on.wrenches(observed_motions(robot, on, q, v), time, len(q))):
+    motions: dict[str, Motion] = {}
+    if on.observed_links:
+        from .link_motion import link_motions  # the default effects depend on none
+
+        motions = link_motions(robot, q, v, on.observed_links)
+    for given in (wrenches or {}, *on.wrenches(motions, time, len(q))):
         _enter(robot, loads, given, len(q))
     return loads
 

@@ -7,17 +7,22 @@ these motions. Without a force, the acceleration along a motion without inertia 
 is chosen.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..linkage.elimination import least_squares, null_basis
 from ..linkage.motion import Motion
 from ..linkage.reduction import Basis
-from ..manifold.branch import along_branch
 from ..spatial import Array
 from ..structure.module import Module, ModuleState
 from .actuation import motion_size
 from .guards import LOST_PIVOT, MOTOR_ACCELERATIONS, check
-from .inertia_solve import InertiaFactor
+
+if TYPE_CHECKING:  # the inverse model does without
+    from .inertia_solve import InertiaFactor
 
 
 def motions_of(state: ModuleState, prescribed: Array | None, passing: bool) -> tuple[Basis, Motion]:
@@ -36,6 +41,8 @@ def motions_of(state: ModuleState, prescribed: Array | None, passing: bool) -> t
     unforced = m.tree.sweep(state.q, state.v)
     basis = m.basis(state.K, m.closures.rates(unforced, state.v)[1])
     if passing:
+        from ..manifold.branch import along_branch  # few motions pass postures of lost rank
+
         basis = along_branch(state, basis)
     motors = state.module.motor_columns
     if prescribed is None or not len(motors):
@@ -64,6 +71,8 @@ def along_motion(state: ModuleState, basis: Basis) -> Basis:
     lost = basis.pivot < LOST_PIVOT
     if not lost.any() or not state.mechanism.reduction.rank:
         return basis
+    from ..manifold.branch import along_branch  # few motions pass postures of lost rank
+
     branch = along_branch(state, basis._replace(pivot=np.where(lost, basis.pivot, 1.0)))
     lost &= branch.pivot >= LOST_PIVOT
     return branch._replace(pivot=np.where(lost, branch.pivot, basis.pivot))

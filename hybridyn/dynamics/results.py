@@ -1,9 +1,13 @@
 """What the two models return."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..spatial import Array
-from .reactions import Reactions
+
+if TYPE_CHECKING:  # most calls want no reactions
+    from .reactions import Reactions
 
 
 class Result(NamedTuple):

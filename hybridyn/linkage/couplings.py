@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from ..description.records import Curve
-from ..description.residuals import Residual
 from ..spatial import Array, Mask, rotate
+
+if TYPE_CHECKING:  # few robots have closures of other packages
+    from ..description.residuals import Residual
 
 
 class TreeCoupling(NamedTuple):

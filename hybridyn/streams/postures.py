@@ -15,7 +15,6 @@ from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.layout import Layout
 from ..tables.trajectory import TableMotion
-from ..tables.tree_coordinates import full_state
 from .departures import question
 
 HISTORY = (
@@ -76,6 +75,8 @@ def postures(
             except (AssemblyError, SingularityError) as error:
                 error.advice += question(robot, motion)
                 raise
+    from ..tables.tree_coordinates import full_state  # most tables name motors or links
+
     root = robot.description.root if robot.base != "fixed" else None
     order = [robot.records[name] for name in robot.joints if name in robot.records]
     return TreeSamples(motion, *full_state(motion, order, root))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..description.names import listed
-from ..dynamics.reactions import Reactions
 from ..spatial import Array
 from ..structure.robot import HybridRobot
 from ..tables.signals import WRENCH
+
+if TYPE_CHECKING:  # most tables want no reactions
+    from ..dynamics.reactions import Reactions
 
 
 def reaction_columns(robot: HybridRobot) -> list[str]:

@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from ..assembly.requests import home_requests
-from ..joints.kinds import JointKind
 from ..spatial import Array
-from ..structure.robot import HybridRobot, positions
-from ..tables.signals import unit_of
+from ..structure.robot import HybridRobot
+from .assemblies import search
+from .branch import distances_from
 
 #: Decimals of a distance that decide which joint is farther; at a tie the joint that stands first is.
 TIED = 9
@@ -71,53 +69,13 @@ def homes(
         TrajectoryError: A name is no joint, or one without a single position.
         AssemblyError: No posture closes the loops.
     """
-    requests = home_requests(robot, motors)
-    from .assemblies import search  # not needed to name the branch, as most commands do
-
-    found = search(robot, requests, starts, seed)
+    found = search(robot, home_requests(robot, motors), starts, seed)
     out = []
     for q, count, residual, within in zip(
         found.q, found.counts, found.residual, found.within_limits, strict=True
     ):
-        distances = _distances(robot, q, robot.home)
+        distances = distances_from(robot, robot.home, q)
         distances = dict(sorted(distances.items(), key=lambda item: -round(item[1], TIED)))
         joint, distance = next(iter(distances.items()), ("", 0.0))
         out.append(HomePosture(q, float(residual), bool(within), joint, distance, int(count), distances))
     return Homes(tuple(out), found.unseen)
-
-
-def branch(robot: HybridRobot) -> list[str]:
-    """Return one line that names the assembly branch; none if all joints of the loops are zero at home."""
-    far = far_from_zero(robot)
-    return [f"assembly branch: that of the home posture, {far}"] if far else []
-
-
-def far_from_zero(robot: HybridRobot) -> str:
-    """Name the joint of a loop that is farthest from zero at home; return "" if all are zero."""
-    loops = {closure.name for closure in robot.description.closures}
-    looped = {name for module in robot.modules if loops & {*module.closures} for name in module.joints}
-    if not looped:
-        return ""
-    zero = np.concatenate([kind.zero for kind in robot.kinds])
-    distances = _distances(robot, robot.home, zero)
-    joint = max((name for name in distances if name in looped), key=lambda name: distances[name], default="")
-    if not joint or distances[joint] == 0.0:
-        return ""
-    unit = unit_of(robot.kinds[robot.joint_index[joint]])
-    return f"in which '{joint}' is farthest from zero ({distances[joint]:.3g} {unit})"
-
-
-def _distances(robot: HybridRobot, q: Array, reference: Array) -> dict[str, float]:
-    """Return how far each joint of a posture is from another posture [m or rad]."""
-    here, home = positions(robot, q), positions(robot, reference)
-    kinds = dict(zip(robot.joints, robot.kinds, strict=True))
-    out = {}
-    for name, values in here.items():
-        a, b = np.array(values), np.array(home[name])
-        if kinds[name] is JointKind.SPHERICAL:
-            out[name] = 2 * float(np.arccos(min(1.0, abs(float(a @ b)))))
-        elif kinds[name].endless:
-            out[name] = abs(float(np.angle(np.exp(1j * (a[0] - b[0])))))
-        else:
-            out[name] = float(np.abs(a - b).max())
-    return out

@@ -26,7 +26,6 @@ from ..description.names import did_you_mean
 from ..description.records import Array
 from ..errors import TrajectoryError, required
 from .bag_folder import is_bag
-from .bags import bag_columns, bag_parts
 from .csv_rows import CsvForm, as_number, lines_of, parts_of
 
 #: Rows per block: enough for an efficient batch, few enough for the memory of any robot.
@@ -158,6 +157,8 @@ def _blocks(file: str, columns: tuple[str, ...], parts: Iterable[Array], gaps: b
 
 def _bag(file: str, block_rows: int, choose: Choose | None) -> tuple[tuple[str, ...], Iterator[Array], None]:
     """Return the chosen columns of a bag, without efforts by default, and its rows in parts."""
+    from .bags import bag_columns, bag_parts  # few tables are bags
+
     motion = choose or (lambda every: [name for name in every if not name.endswith("/effort")])
     columns = _chosen(file, bag_columns(file), motion)
     return columns, bag_parts(file, columns, block_rows), None

@@ -13,7 +13,7 @@ from hybridyn import HybridRobot, ddm, idm
 from hybridyn import effects as fx
 from hybridyn.description.side_cars.tables import EFFECTS
 from hybridyn.dynamics.energy import leg_bodies
-from hybridyn.dynamics.link_motion import observed_motions
+from hybridyn.dynamics.link_motion import link_motions
 from hybridyn.effects.catalogue import UNITS
 from hybridyn.effects.choice import STANDARD, choose, names_on
 from hybridyn.effects.words import DEFAULT, FROM_FILES, NAMES
@@ -350,7 +350,7 @@ def test_the_ground_pushes_and_never_pulls() -> None:
     v[1, 0] = 1.0
     law = fx.GroundContact({link: [[0.0, 0.0, 0.0]]}, stiffness=1e4, damping=0.2, friction=0.5, width=1e-3)
     on = choose(robot, [law])
-    (wrenches,) = on.wrenches(observed_motions(robot, on, q, v), None, len(q))
+    (wrenches,) = on.wrenches(link_motions(robot, q, v, on.observed_links), None, len(q))
     expected = np.zeros((4, 6))
     expected[1, [0, 2]] = -10.0, 20.0
     expected[2, 2] = 24.0

@@ -5,7 +5,6 @@ from typing import Any
 
 import click
 
-from .executors import Asked
 from .files import report_file, result_file, several
 from .one_table import one_table
 from .options import refuse
@@ -19,13 +18,14 @@ def for_each_table(compute: Callable[..., int], words: dict[str, Any], *, report
         words: Values of arguments and options.
         report: Whether the result is no table but a report, .csv or .json.
     """
-    resume = words.pop("resume")
-    asked = Asked(words["jobs"], words.pop("executor"), words.pop("dask"))
+    resume, executor, dask = (words.pop(name) for name in ("resume", "executor", "dask"))
     if several(words["source"]):
         from .batch import compute_each
+        from .executors import Asked  # one table needs none
 
+        asked = Asked(words["jobs"], executor, dask)
         return compute_each(compute, words, ".csv" if report else "", asked, resume=resume)
-    named = {"--resume": resume, "--executor": asked.executor, "--dask": asked.dask}
+    named = {"--resume": resume, "--executor": executor, "--dask": dask}
     refuse(*((there, f"{name} belongs to several tables") for name, there in named.items()))
     (report_file if report else result_file)(click.get_current_context(), None, words["output"])
     return one_table(compute, words)

@@ -12,7 +12,7 @@ from ...spatial import Array
 from ...streams.departures import Departures
 from ...streams.one_pass import BlockResults
 from ...structure.robot import HybridRobot
-from ...studies.home import branch
+from ...studies.branch import branch
 from ...tables.layout import Layout
 from ...tables.opening import Table
 from ...tables.over_time import Means, Peaks, places

@@ -40,8 +40,6 @@ from ..records import (
     MotorStatement,
     RobotFile,
 )
-from ..residual_closures import residual
-from ..residuals import Residual
 from ..writing import write_text
 from .toml_file import line_of, parse_toml
 
@@ -130,6 +128,8 @@ def _couplings(robot: RobotFile, model: Mapping[str, Any], text: str) -> Iterato
         curve = bent and Curve(tuple(bent["terms"].items()), tuple(bent["coefficients"]), bent["reference"])
         yield Coupling(name, tuple(coupling["terms"].items()), coupling["offset"], line, curve)
     for name, stated in model["residuals"].items():
+        from ..residual_closures import residual  # few robots have closures of other packages
+
         given = stated["closure"], stated["joints"], stated["numbers"], stated["zeros"], stated["frames"]
         line = line_of(text, ("residuals", name))
         yield Coupling(name, (), 0.0, line, residual(*given, robot.joints))
@@ -227,7 +227,7 @@ def model_file(
 def _coupling(coupling: Coupling) -> tuple[str, dict[str, Any]]:
     """Return name and content of the table of a coupling; joints of its curve alone stand there."""
     curve = coupling.curve
-    if isinstance(curve, Residual):
+    if curve is not None and not isinstance(curve, Curve):
         joints = [joint for joint, _ in curve.terms[: curve.stated]]
         zeros = dict(zip(joints, curve.zeros, strict=False))  # others are in the placements of joints
         about = {
@@ -237,7 +237,7 @@ def _coupling(coupling: Coupling) -> tuple[str, dict[str, Any]]:
         return f"residuals.{key_of(coupling.name)}", {key: value for key, value in about.items() if value}
     terms = {joint: factor for joint, factor in coupling.terms if factor}
     out: dict[str, Any] = {"terms": terms, "offset": coupling.offset}
-    if curve:
+    if curve is not None:
         out["curve"] = {
             "terms": dict(curve.terms), "coefficients": [*curve.coefficients], "reference": curve.reference
         }  # fmt: skip
