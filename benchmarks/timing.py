@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.results import Row
-from hybridyn.studies.compare.peer_engine import NotComparableError
 
 MIB = 2.0**20
 #: A measurement repeats a call until it takes this long [s].
@@ -133,6 +132,8 @@ def in_own_process(task: Callable[..., Any], *arguments: object, patience: float
     Raises:
         NotComparableError: It took too long, or its process died.
     """
+    from hybridyn.studies.compare.peer_engine import NotComparableError  # which the process need not import
+
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=_child, args=(there, task, *arguments))

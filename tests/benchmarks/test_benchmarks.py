@@ -255,7 +255,7 @@ def refuse_it() -> None:
 
 def test_processes_of_their_own() -> None:
     assert in_own_process(operator.add, 1, 2) == 3
-    refused(lambda: in_own_process(refuse, 1.0, 0.0, "a"), WrongModelError, "a: error 1")
+    refused(lambda: in_own_process(int, "a"), ValueError, "invalid literal for int")
     refused(lambda: in_own_process(os._exit, 7), NotComparableError, r"died \(exit status 7\)")
     refused(lambda: in_own_process(time.sleep, 1e6, patience=0.1), NotComparableError, "given up")
 
@@ -420,14 +420,13 @@ def test_ratios_that_grow_are_warned_of_and_no_others() -> None:
     assert [line.split(":")[0] for line in changes(results(2.1, 10.0, "lx4"), before)] == ["warning"]
 
 
-def test_a_panel_of_rounding_says_zero(tmp_path: Path) -> None:
+def test_a_panel_of_rounding_says_zero() -> None:
     def panels(*tops: float) -> list[Panel]:
         return [Panel("p", "x", "y", [Curve("c", "#000000", [1.0, 2.0], [top, top / 2])]) for top in tops]
 
-    for number, (tops, zeros) in enumerate((((1.0, 1e-13), 1), ((1e-13, 1e-14), 0))):
-        path = tmp_path / f"{number}.svg"
-        draw("t", "r", [panels(*tops)]).savefig(path)
-        assert path.read_text().count("<!-- zero -->") == zeros
+    for tops, zeros in (((1.0, 1e-13), 1), ((1e-13, 1e-14), 0)):
+        axes = draw("t", "r", [panels(*tops)]).axes
+        assert [text.get_text() for ax in axes for text in ax.texts] == ["zero"] * zeros
 
 
 def test_a_section_that_is_not_measured_says_so() -> None:

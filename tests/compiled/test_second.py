@@ -21,7 +21,7 @@ from hybridyn.structure.building import build_robot
 from hybridyn.studies.compare.methods import Model
 from tests.compiled import rods
 from tests.compiled.found import Found
-from tests.compiled.fuzzing import compare, shaped
+from tests.compiled.fuzzing import compare, drawn, shaped
 from tests.compiled.second_order import ORACLE, Judge, Offs, spins_of
 from tests.compiled.test_derivatives import near_a_lost_pivot
 from tests.oracle import Oracle
@@ -115,7 +115,19 @@ def test_products_of_random_mechanisms_against_the_oracle(kind: str, interpreted
         agree(judge.offs(model, "motors"))
 
 
-@pytest.mark.parametrize("seed", [DRAWN[0], *map(slow, (*DRAWN[1:], *range(8)))])
+@pytest.mark.parametrize(
+    ("model", "coordinates"), [("idm", "motors"), *(slow("ddm", over) for over in ("joints", "motors"))]
+)
+def test_products_of_a_rod_that_spins_against_the_oracle(
+    model: str, coordinates: str, interpreted: None
+) -> None:
+    """One of the drawn mechanisms."""
+    description, base = drawn(DRAWN[0])
+    agree(Judge(build_robot(description, base=base), DRAWN[0]).offs(model, coordinates))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [*DRAWN, *range(8)])
 def test_drawn_mechanisms_against_the_oracle(seed: int, interpreted: None) -> None:
     """Over joints and over motors, which rods follow whose spins keep their rates."""
     found = Found()
@@ -283,7 +295,7 @@ def test_rates_in_time_beside_a_spin(interpreted: None) -> None:
 )
 @pytest.mark.parametrize(
     ("model", "coordinates"),
-    [("ddm", "joints"), ("idm", "motors"), slow("idm", "joints"), slow("ddm", "motors")],
+    [("idm", "motors"), *(slow(*one) for one in (("ddm", "joints"), ("idm", "joints"), ("ddm", "motors")))],
 )
 def test_a_product_costs_at_most_eight_models(name: str, model: Model, coordinates: str) -> None:
     assert cost_of_product(build_robot(shipped(name)), model, coordinates) <= COST
@@ -391,12 +403,13 @@ def test_a_compiled_robot_offers_them(interpreted: None) -> None:
     on = ["default", *CASES["viscous_friction"](robot)]
     fast = hybridyn.compile(robot, on, parameters=names, threads=2, wait=False)
     found = fast.second_derivatives("ddm", coordinates="motors")
-    known = hybridyn.SecondDerivatives(robot, "ddm", on, coordinates="motors", parameters=names)
-    assert (found.threads, found.parameters.labels) == (2, known.parameters.labels)
-    q, v, _, tau = random_states(robot, 2)
-    d, p = np.random.default_rng(0).normal(size=(3, 2)), known.parameters.nominal
-    one, other = (x.product(q, v, tau, [1.0, -0.5], d, parameters=p) for x in (found, known))
-    same_bits(one.product, other.product)
+    assert (found.threads, found.parameters.labels) == (2, fast.parameters.labels)
+    design = dict(zip(names, p := 1.05 * found.parameters.nominal, strict=True))
+    changed = robot.with_parameters(design)
+    q, v, _, tau = random_states(changed, 2)
+    value = found.product(q, v, tau, [1.0, -0.5], np.zeros((3, 2)), parameters=p).value
+    wanted = hybridyn.ddm(changed, q, v, tau, effects=["default", *CASES["viscous_friction"](changed)])
+    close_to(value, wanted[:, changed.motor_v], ROUNDING)
 
 
 def test_what_has_no_second_derivative_is_refused(interpreted: None) -> None:
@@ -440,5 +453,5 @@ def test_what_has_no_second_derivative_is_refused(interpreted: None) -> None:
     for call, error, words in refusals:
         refused(call, error, words)
     near = near_a_lost_pivot(robot, 1e-6, robot.home)
-    lost = partial(make("ddm").product, near, 0 * v, np.zeros(2), np.ones(4), [0 * v, 0 * v, still])
+    lost = partial(second.product, near, 0 * v, 0 * v, still, [still] * 3)
     refused(lost, hybridyn.SingularityError, "not to be trusted at sample 0: a pivot")

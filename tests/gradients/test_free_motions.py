@@ -18,28 +18,32 @@ from tests.support.comparing import close_to
 from tests.support.files import save
 from tests.support.samples import slow
 
-NAMES = ["upper_length", "lower_length", "spacing", "mass:m1_tool"]
+
+@pytest.fixture(scope="module")
+def floating() -> hybridyn.DesignGradients:
+    """Return the gradients of a five-bar on a floating base."""
+    return hybridyn.DesignGradients(
+        hybridyn.load("five_bar", base="floating"), ["upper_length", "mass:m1_tool"]
+    )
 
 
-def test_accelerations_of_free_motions_follow_those_of_motors() -> None:
+def test_accelerations_of_free_motions_follow_those_of_motors(floating: hybridyn.DesignGradients) -> None:
     """Motors keep their accelerations; the base moves as their efforts demand."""
-    robot = hybridyn.load("five_bar", base="floating")
+    gradients, robot = floating, floating.robot
     q, v, a = near_home(robot)
-    gradients, nv = hybridyn.DesignGradients(robot, NAMES), robot.nv
-    p, still = gradients.parameters.nominal, np.zeros((1, nv))
-    each = [MeasureBars(still, still, one[None], np.zeros((1, 2)), {}) for one in np.eye(nv)]
+    p, still = gradients.parameters.nominal, np.zeros((1, robot.nv))
+    each = [MeasureBars(still, still, one[None], np.zeros((1, 2)), {}) for one in np.eye(robot.nv)]
     found = gradients.of_measures((q[None], v[None], a[None]), p, np.eye(len(p)), each)
-    along = p * [0.5, -0.3, 0.2, 0.4]
+    along = p * [0.5, 0.4]
     wanted, errors = differences(robot, gradients.parameters, along, q, design(robot, q, v, a))
     size = AGREE * np.abs(wanted.found).max()
     assert (np.abs(found.over @ along - wanted.found) <= size + errors.found).all()
 
 
-def test_solved_accelerations_are_those_of_no_effort() -> None:
+def test_solved_accelerations_are_those_of_no_effort(floating: hybridyn.DesignGradients) -> None:
     """Those of a floating base, and of joints that follow the motors, are not read."""
-    robot = hybridyn.load("five_bar", base="floating")
-    q, v, a = near_home(robot)
-    gradients, other = hybridyn.DesignGradients(robot, NAMES), np.full(robot.nv, 7.0)
+    gradients, robot = floating, floating.robot
+    (q, v, a), other = near_home(robot), np.full(robot.nv, 7.0)
     other[robot.motor_v] = a[robot.motor_v]
     found, known = gradients.idm(q, v, other, passive="solved"), gradients.idm(q, v, a)
     close_to(found.value, hybridyn.idm(robot, q, v, other, passive="solved"), AGREE)
@@ -64,9 +68,7 @@ def test_without_motors_there_are_accelerations_alone(tmp_path: Path) -> None:
     close_to(found.over[:, 0], (one - other) / 2e-4, 1e-7)  # the square of the step
 
 
-@pytest.mark.parametrize(
-    ("seed", "base"), [(1, "fixed"), slow(0, "fixed"), slow(2, "fixed"), slow(3, "fixed"), (1, "moving")]
-)
+@pytest.mark.parametrize(("seed", "base"), [*(slow(seed, "fixed") for seed in range(4)), (1, "moving")])
 def test_joints_without_motors_may_stay_beside_motors(seed: int, base: Any) -> None:
     """Also where the base has an acceleration of its own."""
     description = random_mechanism(seed, kind="five_bar_one_motor", base=base)
