@@ -145,6 +145,31 @@ def crank(seed: int = 0, foot: Foot = "ball", *, thin: bool = False, beside: flo
     return s.description(f"{foot}_crank")
 
 
+def two_legs(seed: int, *, free: bool = False) -> Description:
+    """Draw a carriage on two legs: a universal joint, a driven slide, a ball; and a ball, a slide, a ball.
+
+    A free one is a floating body on a closure.
+    """
+    s = plain(seed)
+    p = s.place()
+    at, along = p(0.0, 0.0, 0.8), unit(p.axes @ [0.2, 0.9, 0.3])
+    carriage = s.joint("floating" if free else "prismatic", "base", at, along, stem="carriage")
+    if free:
+        s.close("prismatic", "base", carriage, at, along)
+    ends = (
+        (p(0.4, 0.1, 0.0), p(0.1, 0.05, 0.7), "universal"),
+        (p(-0.4, -0.2, 0.05), p(-0.1, 0.0, 0.75), "ball"),
+    )
+    for k, (B, P, own) in enumerate(ends):
+        d = unit(P - B)
+        lower = footed(s, "base", B, d, own, "lower")
+        rod_body(s, lower, B, d, 0.4)
+        upper = s.joint("prismatic", lower, B + 0.3 * d, d, motor=k == 0, stem="slide")
+        rod_body(s, upper, B + 0.3 * d, d, 0.4)
+        s.close("spherical", upper, carriage, P)
+    return s.description("two_legs")
+
+
 def mirrored_cranks() -> str:
     """Return URDF of two cranks, mirrored, whose rods push slides; all bodies in the axes of the base."""
 

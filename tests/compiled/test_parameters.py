@@ -19,7 +19,7 @@ from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
 from hybridyn.structure.parameters.chosen import Parameters
 from hybridyn.structure.parameters.effect_numbers import stated_numbers
-from tests.robots.mechanisms import random_mechanism
+from tests.compiled import rods
 from tests.robots.shipped import shipped
 from tests.structure.test_parameters import CASES
 from tests.support.comparing import close_to, refused, same_bits
@@ -52,13 +52,9 @@ def agrees(
 
 def test_a_position_may_move_a_slide_off_the_line_of_its_rod() -> None:
     """The rod's turns move its end along the rod then, too."""
-    description = random_mechanism(27, kind="gough_floating")
-    robot = build_robot(description)
-    end = next(closure.link_a for closure in description.closures if closure.kind == "spherical")
-    parents = {joint.child: joint for joint in description.joints}
-    slide = parents[parents[end].parent]
-    assert slide.kind.slides
-    parameters = Parameters(description, [f"position:{slide.name}"])
+    description = rods.two_legs(0, free=True)
+    robot, (slide,) = build_robot(description), description.motors
+    parameters = Parameters(description, [f"position:{slide}"])
     slots = parameters.slot_values(parameters.nominal[None] + 0.01)[0]
     model = function_of(programs(robot, models=("idm",), parameters=parameters.slots)["idm"])
     other = changed(robot, parameters, slots)
