@@ -53,7 +53,8 @@ class Stepper:
 def stepper(robot: HybridRobot, folder: Path, *given: str) -> Stepper:
     """Export a robot's control step, build it, and load it."""
     export(robot, folder / "made", name="m", given=given)
-    assert compiler(*STRICT, "-shared", "-fPIC", "-o", folder / "m.so", folder / "made" / "m.c", "-lm") == ""
+    words = "-O0", "-shared", "-fPIC", "-o", folder / "m.so", folder / "made" / "m.c", "-lm"
+    assert compiler(*STRICT, *words) == ""
     return Stepper(robot, ctypes.CDLL(str(folder / "m.so")).m_idm_from_given)
 
 
