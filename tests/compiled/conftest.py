@@ -1,5 +1,6 @@
-"""What tests of compiled models share: an empty cache of libraries, and models that CasADi runs or C."""
+"""What tests of compiled models share: an empty cache, models that CasADi runs or C, libraries without C."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -20,3 +21,13 @@ def by(request: pytest.FixtureRequest) -> str:
     if request.param == "casadi":
         request.getfixturevalue("interpreted")
     return str(request.param)
+
+
+@pytest.fixture
+def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a library be its C source, where a test looks at files and opens none."""
+
+    def build(units: Mapping[str, str], compiler: object, target: Path, *_: object) -> None:
+        target.write_text("".join(units.values()))
+
+    monkeypatch.setattr("hybridyn.compiled.library.cache.build", build)

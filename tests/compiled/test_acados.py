@@ -23,33 +23,36 @@ from tests.support.samples import slow
 #: Rounding, and the condition of loops and of the mass matrix.
 ROUNDING = 1e-11
 LIBRARY = ("-shared", "-fPIC", "-O0")
+OF_CASADI = "-Dcasadi_int=long long int"
 
 
-@pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Export each robot once, as "bar"."""
-
-    @cache
-    def source(name: str) -> Path:
-        folder = tmp_path_factory.mktemp(name)
-        export(build_robot(shipped(name)), folder, name="bar", acados=True)
-        return folder / "bar.c"
-
-    return source
-
-
-def built(source: Path, file: Path, *words: str) -> Path:
-    """Build what is exported."""
-    assert compiler(*STRICT, *LIBRARY, *words, "-o", file, source, "-lm") == ""
+def built(robot: hybridyn.HybridRobot, folder: Path, *words: str) -> Path:
+    """Export a robot as "bar", and build it."""
+    export(robot, folder, name="bar", acados=True)
+    file = folder / "bar.so"
+    assert compiler(*STRICT, *LIBRARY, *words, "-o", file, folder / "bar.c", "-lm") == ""
     return file
 
 
+@pytest.fixture(scope="module")
+def for_casadi(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Build each robot once, with the integers of CasADi."""
+
+    @cache
+    def library(name: str) -> Path:
+        fast = ("-O1", *NATIVE) if name != "five_bar" else ()  # equal legs in vectors
+        return built(build_robot(shipped(name)), tmp_path_factory.mktemp(name), OF_CASADI, *fast)
+
+    return library
+
+
 @pytest.mark.parametrize("name", ["five_bar", slow("gough_stewart"), slow("lx4")])
-def test_casadi_calls_what_acados_calls(name: str, exported: Callable[[str], Path], tmp_path: Path) -> None:
-    """The judges are the general path and the derivatives over motors."""
-    robot = build_robot(shipped(name))
-    fast = ("-O1", *NATIVE) if name != "five_bar" else ()  # equal legs in vectors
-    file = built(exported(name), tmp_path / "bar.so", "-Dcasadi_int=long long int", *fast)
+def test_casadi_calls_what_acados_calls(
+    name: str, for_casadi: Callable[[str], Path], request: pytest.FixtureRequest
+) -> None:
+    """The judges are the general path and the derivatives over motors, which CasADi runs."""
+    robot, file = build_robot(shipped(name)), for_casadi(name)
+    request.getfixturevalue("interpreted")
     ode, forward, adjoint, hessian = (ca.external(f"bar_{word}", str(file)) for word in SIGNATURES)
     m, random = len(robot.motors), np.random.default_rng(0)
     x = 5e-3 * random.normal(size=2 * m) + np.append(robot.home[robot.motor_q], np.zeros(m))
@@ -76,20 +79,21 @@ def test_casadi_calls_what_acados_calls(name: str, exported: Callable[[str], Pat
     close_to(both[1].full().ravel(), lower, ROUNDING)
 
 
-def test_acados_finds_shapes_and_memory_and_what_fails(
-    exported: Callable[[str], Path], tmp_path: Path
-) -> None:
-    """With its own integers: dense arrays of known shapes; NaN and 1 where no posture follows."""
-    robot = build_robot(shipped("five_bar"))
-    library = ctypes.CDLL(str(built(exported("five_bar"), tmp_path / "bar.so")))
+def test_acados_finds_shapes_and_memory_and_what_fails(for_casadi: Callable[[str], Path]) -> None:
+    """Dense arrays of known shapes; NaN and 1 where no posture follows. Its own integers compile, too."""
+    robot, file = build_robot(shipped("five_bar")), for_casadi("five_bar")
+    assert compiler(*STRICT, "-fsyntax-only", file.with_suffix(".c")) == ""
+    header = file.with_name("bar_acados.h").read_text()
+    assert "#ifndef casadi_int\n#define casadi_int int\n" in header
+    library = ctypes.CDLL(str(file))
     f = library.bar_expl_vde_forw
-    sizes = [ctypes.c_int() for _ in range(4)]
+    sizes = [ctypes.c_longlong() for _ in range(4)]
     assert library.bar_expl_vde_forw_work(*map(ctypes.byref, sizes)) == 0
     assert [size.value for size in sizes[:3]] == [5, 3, 0]
     found = []
     for side, n in (("in", library.bar_expl_vde_forw_n_in()), ("out", library.bar_expl_vde_forw_n_out())):
         pattern = getattr(library, f"bar_expl_vde_forw_sparsity_{side}")
-        pattern.restype = ctypes.POINTER(ctypes.c_int)
+        pattern.restype = ctypes.POINTER(ctypes.c_longlong)
         found.append([tuple(pattern(i)[:3]) for i in range(n)])
         assert not pattern(n)
     square, tall, column = (4, 4, 1), (4, 2, 1), (4, 1, 1)

@@ -9,37 +9,28 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar
 
 import pytest
 
 import hybridyn
-from hybridyn.compiled.code.library_source import Source, library_source
-from hybridyn.compiled.code.scalars import Scalar
 from hybridyn.compiled.comparing import random_states
 from hybridyn.compiled.library import current
-from hybridyn.compiled.library.artifact import Artifact
-from hybridyn.compiled.library.cache import Built, folder_in_use
-from hybridyn.compiled.library.current import Current
-from hybridyn.compiled.programs.whole_robot import Interpreted
+from hybridyn.compiled.library.cache import folder_in_use
 from tests import ROOT
+from tests.compiled.beside import Model, Witness, alone, artifact, refuse
 from tests.compiled.test_interpreted import AGREES
-from tests.compiled.toys import numbered, toy
+from tests.compiled.toys import numbered
 from tests.robots.robot_texts import door
 from tests.support.comparing import close_to, refused
 from tests.support.files import save
 from tests.support.waiting import PATIENCE, wait_until
 
-TOY = toy(4, 2)
-
 #: A program that ends while its optimised library is built.
-PROGRAM = f"""
+PROGRAM = """
 import os, signal, sys
 from functools import partial
-from {__name__} import Model, numbered
+from tests.compiled.beside import Model, numbered
 model = Model(None, "a toy", partial(numbered, 1))
 if "kill" in sys.argv:
     os.kill(os.getpid(), signal.SIGKILL)
@@ -48,49 +39,7 @@ if "kill" in sys.argv:
 pytestmark = pytest.mark.usefixtures("empty_cache")
 
 
-def source() -> Source:
-    return library_source([TOY], Scalar("float64", 1))
-
-
-def artifact(
-    check: Callable[[Built], None] | None = None, key: str = "a toy", write: Callable[[], Source] = source
-) -> Artifact:
-    return Artifact(None, key, write, check)
-
-
 kept = artifact().known
-
-
-class Run(Interpreted):
-    """The toy, run by CasADi."""
-
-    built, steps = None, None
-
-    def program(self, name: str) -> Any:
-        """Return the calls of a program."""
-        return self.programs[name]
-
-
-class Model(Current):
-    """What CasADi runs, until the library is built."""
-
-    def __init__(self, *asked: Any) -> None:
-        super().__init__(Run([TOY]), lambda models: None, artifact(*asked))
-
-
-class Witness:
-    """What is asked for; it notes the thread in which it is pickled."""
-
-    threads: ClassVar[list[str]] = []
-
-    def __reduce__(self) -> tuple[type, tuple[()]]:
-        """Note the thread."""
-        self.threads.append(threading.current_thread().name)
-        return Witness, ()
-
-    def __call__(self) -> Source:
-        """Write the source."""
-        return numbered(1)
 
 
 def test_the_library_takes_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,11 +87,6 @@ def test_the_folder_that_replaces_the_cache_is_removed_at_the_end(
     assert made.is_dir()
     at_end[0]()
     assert not made.exists()
-
-
-def refuse(built: Built) -> None:
-    """Refuse every library."""
-    raise hybridyn.CompileError("it is wrong")
 
 
 def test_a_library_that_is_wrong_is_not_used(caplog: pytest.LogCaptureFixture) -> None:
@@ -206,13 +150,6 @@ def test_no_compiler_goes_on_for_long_after_the_program(tmp_path: Path) -> None:
         subprocess.run(command, stdin=asked, env=environment, timeout=PATIENCE, check=True)
     number = int(pid.read_text())
     wait_until(lambda: not Path(f"/proc/{number}").exists(), "the end of what the compiler started")
-
-
-def alone(folder: Path, built: Built) -> None:
-    """Fail where another process does so at the same time."""
-    folder.mkdir()
-    time.sleep(0.2)
-    folder.rmdir()
 
 
 @pytest.mark.slow

@@ -20,13 +20,14 @@ from hybridyn.compiled.library.cache import ABANDONED, IN_USE, Built, remove_unu
 from hybridyn.compiled.library.calls import Library
 from hybridyn.errors import CompileError
 from tests import ROOT
-from tests.compiled.toys import cached, never, numbered, toy
+from tests.compiled.toys import cached, double, never, numbered
 from tests.support.clocks import Clock
 from tests.support.waiting import PATIENCE
 
 HOUR = 3600.0
 #: The time of all tests [s]; it stands still, and files that are written are newer.
 NOW = time.time()
+FILES_ALONE = pytest.mark.usefixtures("uncompiled")
 
 
 @pytest.fixture(autouse=True)
@@ -64,6 +65,7 @@ def count(at: Path) -> tuple[int, int]:
     return keys, libraries
 
 
+@FILES_ALONE
 def test_those_not_used_for_longest_go_first(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     limit(monkeypatch, 4)
     for number, ago in ((0, 20), (1, 40), (2, 30), (3, 10)):
@@ -77,6 +79,7 @@ def test_those_not_used_for_longest_go_first(at: Path, monkeypatch: pytest.Monke
     assert [known(number) for number in range(6)] == [False, True, False, True, True, True]
 
 
+@FILES_ALONE
 def test_what_was_used_within_the_hour_stays(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     limit(monkeypatch, 1)
     for number in range(4):
@@ -87,6 +90,7 @@ def test_what_was_used_within_the_hour_stays(at: Path, monkeypatch: pytest.Monke
     assert [known(number) for number in range(4)] == [True, False, True, True]
 
 
+@FILES_ALONE
 def test_a_large_library_may_stand_alone(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     used(built(0), 2 * HOUR)
     monkeypatch.setattr(keeping, "LIMIT", 1)
@@ -94,6 +98,7 @@ def test_a_large_library_may_stand_alone(at: Path, monkeypatch: pytest.MonkeyPat
     assert count(at) == (2, 1)
 
 
+@FILES_ALONE
 def test_below_the_limit_nothing_goes(at: Path) -> None:
     for number in range(3):
         used(built(number), 1e4 * HOUR)
@@ -112,6 +117,7 @@ def test_an_open_library_works_on(at: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert ctypes.CDLL(str(built(7).path)).number() == 7  # built again
 
 
+@FILES_ALONE
 def test_only_what_was_abandoned_is_removed_of_what_is_being_built(at: Path) -> None:
     built(0)
     drafts = [at / "building-old", at / "building-new", at / "keys" / ".old", at / "keys" / ".new"]
@@ -128,6 +134,7 @@ def test_only_what_was_abandoned_is_removed_of_what_is_being_built(at: Path) -> 
     assert known(0)
 
 
+@FILES_ALONE
 def test_foreign_and_damaged_files_do_no_harm(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     used(built(0), 2 * HOUR)
     (at / "keys" / "da").write_text('{"library": 3')
@@ -144,7 +151,7 @@ def test_foreign_and_damaged_files_do_no_harm(at: Path, monkeypatch: pytest.Monk
 
 def test_a_library_that_goes_before_it_is_loaded_is_built_again() -> None:
     """Another process may have looked at its age just before it was handed out."""
-    program, found = toy(4, 6), []
+    program, found = double(), []
 
     def load(built: Built) -> Library:
         found.append(built)
@@ -194,6 +201,7 @@ def test_processes_may_build_use_and_remove_at_once(at: Path, monkeypatch: pytes
         assert (at / "libraries" / f"{json.loads(key.read_text())['library']}.so").exists()
 
 
+@FILES_ALONE
 def test_a_read_only_file_is_used_all_the_same(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another user's cache: the time of use cannot be set."""
     built(0)

@@ -126,6 +126,14 @@ def toy(seed: int, copies: int) -> Program:
     )
 
 
+def double() -> Program:
+    """Return the smallest program: it doubles a number."""
+    x, place = ca.SX.sym("x"), np.zeros((1, 1), dtype=int)
+    kernel = Kernel("double", ca.Function("double", [x], [2.0 * x]), "module")
+    call = Call(0, 1, (GivenPlace(place),), (ResultPlace(place),))
+    return Program("double", (("x", 1),), (("y", 1),), (kernel,), (call,), 0, 0)
+
+
 def inputs(program: Program, samples: int, seed: int = 0) -> list[np.ndarray[Any, Any]]:
     """Return random inputs of a program, shapes (samples, n)."""
     rng = np.random.default_rng(seed)

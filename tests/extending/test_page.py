@@ -1,5 +1,6 @@
 """The page "Extending": its package installs, and its Python runs."""
 
+import inspect
 import os
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hybridyn
 from hybridyn import extensions
 from hybridyn.studies.sweep.evaluation import Designer
 from hybridyn.studies.sweep.reading import read_study
@@ -26,9 +28,10 @@ def shown() -> list[Block]:
 
 @pytest.mark.parametrize("block", shown(), ids=str)
 def test_python_of_the_page_runs(
-    block: Block, workshop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    block: Block, workshop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, interpreted: None
 ) -> None:
     needs("compiled")
+    monkeypatch.setitem(inspect.unwrap(hybridyn.compile).__kwdefaults__, "wait", False)  # as users have it
     stand_where_a_user_does(tmp_path, monkeypatch)
     block.run({"__name__": "__page__"})
 
