@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from ..errors import HybridynError, TrajectoryError
 from ..linkage.elimination import least_squares
+from ..linkage.loop_problem import LoopProblem
 from ..linkage.motion import Motion
-from ..linkage.newton import LoopProblem
 from ..spatial import Array
 from ..structure.module import Module
 from ..structure.robot import HybridRobot

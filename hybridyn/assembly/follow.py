@@ -239,13 +239,13 @@ def _steps_as_predicted(task: AnyTask, q: Array, samples: Index) -> Mask:
     start = task.with_known(q[samples], samples + 1)
     motion = tree.sweep(start)
     K = problem.matrix(motion, samples + 1, every=False)
-    dx = newton_step(problem, K, problem.residual(start, samples + 1, motion))
+    dx, size, _ = newton_step(problem, K, problem.residual(start, samples + 1, motion))
     predicted = tree.integrate(start, dx * problem.col_scale)
     if (lowered := task.predicted(predicted, samples + 1)) is not None:
         predicted = lowered
         dx = tree.difference(start, predicted) / problem.col_scale
+        size = np.abs(dx).max(axis=1, initial=0.0)
     off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
-    size = np.abs(dx).max(axis=1, initial=0.0)
     out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL_STEP
     if problem.has_loops:
         given = tree.difference(q[samples], start) / problem.col_scale

@@ -15,8 +15,8 @@ import numpy as np
 
 from ..description.groups import Groups
 from ..joints.kinds import JointKind
+from ..linkage.loop_problem import LoopProblem
 from ..linkage.motion import Motion
-from ..linkage.newton import LoopProblem
 from ..linkage.targets import Target
 from ..spatial import Array, Index, rotate
 

@@ -3,8 +3,9 @@
 import numpy as np
 
 from ..linkage.closures import Closures
+from ..linkage.loop_problem import LoopProblem
 from ..linkage.motion import Motion
-from ..linkage.newton import LoopProblem, close
+from ..linkage.newton import close
 from ..linkage.reduction import LegBlock
 from ..spatial import Array
 from ..structure.mechanism import Mechanism

@@ -15,7 +15,8 @@ import numpy as np
 from ..description.groups import Groups
 from ..description.names import counted, listed
 from ..errors import AT_SAMPLE, AssemblyError, SingularityError
-from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, LoopProblem, close
+from ..linkage.loop_problem import LoopProblem
+from ..linkage.newton import RESIDUAL_ROUNDING, SMALLEST_STEP, Closed, close
 from ..linkage.reduction import LegBlock, decide_rank
 from ..linkage.targets import CoordinateTarget, named_rows, row_measures
 from ..spatial import Array, Index, Mask, in_turn, indices

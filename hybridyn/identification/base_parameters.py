@@ -15,7 +15,8 @@ import scipy.linalg
 from ..assembly.spanning import spanning_positions
 from ..compiled import any_accelerations, moving_states
 from ..effects.choice import Choice
-from ..linkage.newton import LoopProblem, close
+from ..linkage.loop_problem import LoopProblem
+from ..linkage.newton import close
 from ..linkage.walking import CLOSED
 from ..spatial import Array, Index
 from ..structure.module import Module

@@ -19,7 +19,8 @@ from ..description.cache_folder import hashed, keep, kept, state_of
 from ..logs import warn
 from ..spatial import Array
 from .closures import Closures
-from .newton import STALLED, Closed, LoopProblem, close
+from .loop_problem import LoopProblem
+from .newton import STALLED, Closed, close
 from .reduction import RANK_TOLERANCE, report_on
 from .walking import CLOSED, Level, ranks, relative_values, walk, widest
 

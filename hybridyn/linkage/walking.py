@@ -13,7 +13,8 @@ import numpy as np
 
 from ..spatial import Array, Index
 from .elimination import size_of_rows
-from .newton import LoopProblem, close
+from .loop_problem import LoopProblem
+from .newton import close
 from .reduction import RANK_GAP, RANK_TOLERANCE, ROUNDED_ROWS
 
 #: Postures with a residual below this are closed to the last digit.

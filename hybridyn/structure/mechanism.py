@@ -20,8 +20,9 @@ import numpy as np
 from ..linkage.closures import Closures
 from ..linkage.elimination import least_squares
 from ..linkage.generic_postures import kept_generic_postures
+from ..linkage.loop_problem import LoopProblem
 from ..linkage.motion import Motion
-from ..linkage.newton import LoopProblem, close
+from ..linkage.newton import close
 from ..linkage.reduction import RANK_TOLERANCE, Basis
 from ..spatial import Array, Index, Mask, indices, spatial_inertia, to_body_axes
 from .cut import Cut

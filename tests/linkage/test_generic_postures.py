@@ -12,7 +12,8 @@ from hybridyn.description.cache_folder import folder
 from hybridyn.linkage import generic_postures as searching
 from hybridyn.linkage import newton
 from hybridyn.linkage.generic_postures import FOLDER, generic_postures, kept_generic_postures
-from hybridyn.linkage.newton import LoopProblem, close
+from hybridyn.linkage.loop_problem import LoopProblem
+from hybridyn.linkage.newton import close
 from hybridyn.structure import mechanism
 from hybridyn.structure.building import build_robot
 from hybridyn.threads import VARIABLES, _controller, one_thread

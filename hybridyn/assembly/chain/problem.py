@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...linkage.elimination import least_norm, least_squares, relative_change
+from ...linkage.loop_problem import LoopProblem
 from ...linkage.motion import Motion
-from ...linkage.newton import LoopProblem
 from ...linkage.targets import Target
 from ...spatial import Array, Index, Mask
 from .bodies import Carried, CarriedFrame, ChainMotion, ChainTree, Frames

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....assembly.free_motions import IDLE, effects
-from ....linkage.newton import LoopProblem
+from ....linkage.loop_problem import LoopProblem
 from ....linkage.tree import Tree
 from ....spatial import Array, Index, motion_to_body
 from ....structure.mechanism import Mechanism

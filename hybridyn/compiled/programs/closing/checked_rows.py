@@ -13,8 +13,9 @@ from ....assembly.requests import Requests
 from ....assembly.spanning import spanning_positions
 from ....errors import HybridynError
 from ....linkage.angles import angles_of
+from ....linkage.loop_problem import LoopProblem
 from ....linkage.motion import Motion
-from ....linkage.newton import LoopProblem, close
+from ....linkage.newton import close
 from ....linkage.targets import COORDINATES
 from ....manifold.manifold import Manifold
 from ....spatial import Array, Mask, cross, rotation_from_vector

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....assembly.spanning import spanning_positions
-from ....linkage.newton import LoopProblem, close
+from ....linkage.loop_problem import LoopProblem
+from ....linkage.newton import close
 from ....spatial import Array
 from ....structure.robot import HybridRobot
 from ...library.closed_rows import ClosedRows, Rows
