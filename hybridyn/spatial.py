@@ -334,11 +334,17 @@ def sines(R: Array) -> Array:
 
 def rotation_vector(R: Array) -> Array:
     """Compute the log of rotations (..., 3, 3) as rotation vectors (..., 3), accurate up to half a turn."""
-    quat = quaternion_from_rotation(R)
-    sine = np.linalg.norm(quat[..., :3], axis=-1)
-    angle, known = 2.0 * np.arctan2(sine, quat[..., 3]), sine > 1e-9
-    scale = np.where(known, angle / np.where(known, sine, 1.0), 2.0)
-    return quat[..., :3] * scale[..., None]
+    return vector_from_quaternion(quaternion_from_rotation(R))
+
+
+def vector_from_quaternion(quat: Array) -> Array:
+    """Compute the log of unit quaternions x, y, z, w, shape (..., 4), as rotation vectors (..., 3)."""
+    v, w = quat[..., :3], quat[..., 3:]
+    sine = np.sqrt(einsum("...i,...i->...", v, v))[..., None]
+    known = sine > 1e-9
+    half = np.arctan2(sine, np.abs(w)) / np.where(known, sine, 1.0)
+    out: Array = np.copysign(np.where(known, 2.0 * half, 2.0), w) * v
+    return out
 
 
 def quaternion_from_vector(r: Array) -> Array:

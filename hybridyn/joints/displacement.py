@@ -24,8 +24,8 @@ from ..spatial import (
     rotate,
     rotate_back,
     rotation_from_quaternion,
-    rotation_vector,
     sin,
+    vector_from_quaternion,
 )
 from .kinds import JointKind, Turn
 
@@ -216,8 +216,7 @@ def _angle(x: Array, y: Array) -> Array:
 
 def _ball_vector(x: Array, y: Array) -> Array:
     """Compute the rotation vector from one quaternion to another."""
-    R = rotation_from_quaternion(x)
-    return rotation_vector(np.matmul(np.swapaxes(R, -1, -2), rotation_from_quaternion(y)))
+    return vector_from_quaternion(np.concatenate([0.5 * _ball_chord(x, y), along(x, y)], axis=-1))
 
 
 def _ball_chord(x: Array, y: Array) -> Array:
