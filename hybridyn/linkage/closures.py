@@ -75,13 +75,14 @@ class _Group:
         self.translations, self.rotation = first.translations, first.rotation
         a, b = [c.body_a for c in closures], [c.body_b for c in closures]
         self.bodies = run(np.array([*a, *b]))  # frames A, then frames B: one call of NumPy serves both
-        self.R = np.array([*(c.R_a for c in closures), *(c.R_b for c in closures)])
-        self.p = np.array([*(c.p_a for c in closures), *(c.p_b for c in closures)])
+        placed = [(c.R_a, c.p_a) for c in closures] + [(c.R_b, c.p_b) for c in closures]
+        columns = np.array([np.column_stack(frame).T for frame in placed])
+        self.on_bodies = columns.swapaxes(0, 1).copy().transpose(1, 2, 0)  # columns outermost, samples inside
         self.of_a, self.of_b = slice(len(a)), slice(len(a), None)
         self.rows = np.array(first_rows)[:, None] + np.arange(first.rows)
         self.cols = np.array([np.flatnonzero(involved(tree, c)) for c in closures]).reshape(len(closures), -1)
         on_a, on_b = (tree.support[np.array(x)[:, None], self.cols].astype(float) for x in (a, b))
-        self.sign = (on_b - on_a)[..., None]
+        self.sign = (on_b - on_a)[..., None, None]
 
     def moved_by(self, free: Mask) -> _Group:
         """Return the group restricted to some freedoms, if every closure involves the same number of them."""
@@ -90,7 +91,7 @@ class _Group:
         if (count == count[0]).all():
             chosen = free[self.cols]
             out.cols = self.cols[chosen].reshape(len(self.cols), -1)
-            out.sign = self.sign[chosen].reshape(len(self.cols), -1, 1)
+            out.sign = self.sign[chosen].reshape(len(self.cols), -1, 1, 1)
         return out
 
     def frames(self, motion: Motion) -> tuple[Array, Array, Array, Array]:
@@ -100,18 +101,19 @@ class _Group:
 
     def _placed(self, motion: Motion) -> tuple[Array, Array]:
         """Compute axes and origins of the frames A, then of the frames B, (T, 2 g, 3, 3), (T, 2 g, 3)."""
-        R = select(motion.R, self.bodies)
-        return compose(R, self.R), added(select(motion.p, self.bodies), rotate(R, self.p))
+        frames = compose(select(motion.R, self.bodies), self.on_bodies)
+        return frames[..., :3], added(select(motion.p, self.bodies), frames[..., 3])
 
     def residual(self, motion: Motion) -> Array:
         """Compute the residuals, shape (T, g, rows): metres, then radians."""
         A, pa, B, pb = self.frames(motion)
         return residual_of(self.translations, self.rotation, (A, pa), (B, pb))
 
-    def matrix(self, tree: Tree, motion: Motion, columns: tuple[Array, Array]) -> Array:
+    def matrix(self, tree: Tree, motion: Motion, columns: Array) -> Array:
         """Compute the rows over the involved freedoms, shape (T, g, rows, involved)."""
         A, _, B, pb = self.frames(motion)
-        linear, angular = (multiplied(select(c, self.cols), self.sign) for c in columns)
+        own = multiplied(select(columns, self.cols), self.sign)
+        linear, angular = own[..., 0], own[..., 1]
         origin = select(motion.p, tree.dof_body[self.cols])
         at_b = added(linear, cross(angular, subtracted(pb[:, :, None, :], origin)))
         return rows_of(directions_of(self.translations, self.rotation, A, B[..., 2]), (at_b, angular))

@@ -33,6 +33,8 @@ from ..spatial import (
 from .joints import TreeJoint
 from .motion import Motion
 
+#: Axes of the base.
+_AXES = np.eye(3)
 #: The one number of velocities at rest.
 _ZERO = np.zeros(1)
 _ZERO.flags.writeable = False
@@ -67,10 +69,10 @@ class Tree:
         self.q_slices = slices(j.kind.nq for j in joints)
         self.v_slices = slices(j.kind.nv for j in joints)
         self.dof_body = np.repeat(np.arange(1, len(joints) + 1), [j.kind.nv for j in joints]).astype(int)
-        self._placement_R = np.array([j.R for j in joints]).reshape(-1, 3, 3)
-        self._placement_p = np.array([j.p for j in joints]).reshape(-1, 3)
+        self._placement = np.array([np.column_stack([j.R, j.p]) for j in joints]).reshape(-1, 3, 4)
         S = np.concatenate([j.S for j in joints], axis=1) if joints else np.zeros((6, 0))
         self.S_linear, self.S_angular = S[:3].T.copy(), S[3:].T.copy()
+        self._S = np.stack([self.S_linear, self.S_angular]).transpose(1, 2, 0)  # samples stay innermost
         self.linear: Mask = np.logical_not(self.S_angular.any(axis=1))
         depth = np.zeros(len(joints) + 1, dtype=int)
         self.support = np.zeros((len(joints) + 1, self.nv), dtype=bool)
@@ -83,7 +85,7 @@ class Tree:
         for level in range(1, int(depth.max(initial=0)) + 1):
             children = np.flatnonzero(depth == level)
             self._levels.append((run(children), run(parents[children - 1]), run(children - 1)))
-        self._number_kind = np.result_type(self._placement_R, self._placement_p, float)
+        self._number_kind = np.result_type(self._placement, float)
         self._turning = [
             self._turns(turn)
             for turn in (Turn.ANGLE, Turn.CIRCLE)
@@ -106,7 +108,7 @@ class Tree:
         """
         numbers, at, _ = self._where(lambda j: j.kind.single and j.kind.turn is turn)
         own = turn_parts(np.array([self.joints[i].axis for i in numbers]))
-        parts = np.matmul(self._placement_R[numbers, None], own).swapaxes(0, 1)
+        parts = np.matmul(self._placement[numbers, None, :, :3], own).swapaxes(0, 1)
         return turn, run(numbers), at, parts[..., None]
 
     def _where(self, chosen: Callable[[TreeJoint], bool]) -> tuple[Index, Index, Index]:
@@ -171,10 +173,14 @@ class Tree:
 
     def local(self, q: Array) -> tuple[Array, Array]:
         """Compute child frames in their parents: rotations (T, joints, 3, 3), origins (T, joints, 3)."""
-        T, n = len(q), len(self.joints)
-        kind = self._kind(q)
-        R, p = np.empty((n, 3, 3, T), kind), np.empty((n, 3, T), kind)  # samples innermost in memory
-        R[:], p[:] = self._placement_R[..., None], self._placement_p[..., None]
+        frames = self._local(q)
+        return frames[..., :3], frames[..., 3]
+
+    def _local(self, q: Array) -> Array:
+        """Compute child frames in their parents, axes beside origins, shape (T, joints, 3, 4)."""
+        frames = np.empty((len(self.joints), 3, 4, len(q)), self._kind(q))  # samples innermost in memory
+        frames[:] = self._placement[..., None]
+        R, p = frames[:, :, :3], frames[:, :, 3]
         for turn, numbers, at, (still, by_cos, by_sin) in self._turning:
             x = q.T[at]
             c, s = (cos(x), sin(x)) if turn is Turn.ANGLE else (x, q.T[at + 1])
@@ -182,24 +188,24 @@ class Tree:
             R[numbers] = added(turned, multiplied(by_sin, s[:, None, None]))
         if len(self._sliding):
             p[self._sliding] += self._slides * q.T[self._sliding_q][:, None]
-        R, p = R.transpose(3, 0, 1, 2), p.transpose(2, 0, 1)
+        out = frames.transpose(3, 0, 1, 2)
         for i in self._of_several:
             joint = self.joints[i]
             own, shift = joint.transform(q[:, self.q_slices[i]])
-            R[:, i], p[:, i] = compose(joint.R, own), joint.p + rotate(joint.R, shift)
-        return R, p
+            out[:, i, :, :3], out[:, i, :, 3] = compose(joint.R, own), joint.p + rotate(joint.R, shift)
+        return out
 
     def _placements(self, q: Array) -> tuple[Array, Array]:
         """Compute axes and origins of all bodies in the base, shapes (T, bodies, 3, 3), (T, bodies, 3)."""
-        T, n = len(q), len(self.joints) + 1
-        kind = self._kind(q)
-        R, p = samples_inside((T, n, 3, 3), kind), samples_inside((T, n, 3), kind)
-        R[:, 0] = np.eye(3)
-        R_local, p_local = self.local(q)
-        for children, parents, joints in self._levels:
-            R0 = select(R, parents)
-            R[:, children] = compose(R0, select(R_local, joints))
-            p[:, children] = added(select(p, parents), rotate(R0, select(p_local, joints)))
+        local, n = self._local(q), len(self.joints) + 1
+        R, p = (samples_inside((len(q), n, *shape), local.dtype) for shape in ((3, 3), (3,)))
+        R[:, 0] = _AXES
+        for level, (children, parents, joints) in enumerate(self._levels):
+            own = select(local, joints)
+            if level:
+                own = compose(select(R, parents), own)
+            R[:, children] = own[..., :3]
+            p[:, children] = added(select(p, parents), own[..., 3]) if level else own[..., 3]
         return R, p
 
     def sweep(
@@ -228,20 +234,22 @@ class Tree:
         """Fill in w, p_dot, w_dot, p_ddot of `Motion` for body placements (R, p), parents first."""
         w, p_dot, w_dot, p_ddot = out
         rel_p, rel_w = self._joint_rates(R, v)
-        acc_p, acc_w = (np.zeros(()), np.zeros(())) if a is None else self._joint_rates(R, a)
-        for children, parents, _ in self._levels:
-            r = select(p, children) - select(p, parents)
-            w0, wd0 = select(w, parents), select(w_dot, parents)
+        acc_p, acc_w = cross(rel_w, rel_p), None
+        if a is not None:
+            own_p, acc_w = self._joint_rates(R, a)
+            acc_p = acc_p + own_p
+        for level, (children, parents, _) in enumerate(self._levels):
             slide, turn = select(rel_p, children), select(rel_w, children)
-            w1, sweep = w0 + turn, cross(w0, r)
-            w[:, children] = w1
-            p_dot[:, children] = select(p_dot, parents) + sweep + slide
-            wd1 = wd0 + cross(w0, turn)
-            swept = cross(w0, sweep + 2.0 * slide) + cross(turn, slide)
-            pdd1 = select(p_ddot, parents) + cross(wd0, r) + swept
-            if a is not None:
-                wd1 += select(acc_w, children)
-                pdd1 += select(acc_p, children)
+            pdd1, wd1 = select(acc_p, children), 0.0 if acc_w is None else select(acc_w, children)
+            w1, pd1 = turn, slide
+            if level:
+                r = select(p, children) - select(p, parents)
+                w0, wd0 = select(w, parents), select(w_dot, parents)
+                sweep = cross(w0, r)
+                w1, pd1 = w0 + turn, select(p_dot, parents) + sweep + slide
+                wd1 = wd0 + cross(w0, turn) + wd1
+                pdd1 = select(p_ddot, parents) + cross(wd0, r) + cross(w0, sweep + 2.0 * slide) + pdd1
+            w[:, children], p_dot[:, children] = w1, pd1
             w_dot[:, children], p_ddot[:, children] = wd1, pdd1
 
     def _joint_rates(self, R: Array, rates: Array) -> tuple[Array, Array]:
@@ -256,15 +264,14 @@ class Tree:
             angular[i + 1] = self.S_angular[at].T @ rates[:, at].T
         return rotate(R, linear.transpose(2, 0, 1)), rotate(R, angular.transpose(2, 0, 1))
 
-    def columns(self, motion: Motion) -> tuple[Array, Array]:
+    def columns(self, motion: Motion) -> Array:
         """Compute the velocity of each freedom's child body at unit rate, base axes.
 
         Returns:
-            Velocity of the body's origin and angular velocity, each of shape (T, nv, 3). A point x of a body
-            further out moves with `linear + angular x (x - origin of dof_body)`.
+            Velocity of the body's origin beside its angular velocity, shape (T, nv, 3, 2). A point x of a
+            body further out moves with `linear + angular x (x - origin of dof_body)`.
         """
-        R = select(motion.R, self.dof_body)
-        return rotate(R, self.S_linear), rotate(R, self.S_angular)
+        return compose(select(motion.R, self.dof_body), self._S)
 
     def jacobian(self, motion: Motion, body: int, point: Array | None = None) -> Array:
         """Compute the Jacobian of a point of a body (velocity, then angular velocity) in base axes.
@@ -278,7 +285,8 @@ class Tree:
             Shape (T, 6, nv).
         """
         point = motion.p[:, body] if point is None else point
-        linear, angular = self.columns(motion)
+        columns = self.columns(motion)
+        linear, angular = columns[..., 0], columns[..., 1]
         at_point = linear + cross(angular, point[:, None] - select(motion.p, self.dof_body))
         J = np.concatenate([at_point, angular], axis=-1) * self.support[body][:, None]
         return np.swapaxes(J, 1, 2)

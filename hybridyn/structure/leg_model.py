@@ -207,7 +207,8 @@ class LongLegs:
 
     def _columns(self, motion: Motion) -> Array:
         """Compute the twist at the base's origin for a unit rate of each freedom, shape (T, nv, 6)."""
-        linear, angular = self.tree.columns(motion)
+        columns = self.tree.columns(motion)
+        linear, angular = columns[..., 0], columns[..., 1]
         at = linear - cross(angular, motion.p[:, self.tree.dof_body])
         return np.concatenate([at, angular], axis=-1)
 
