@@ -298,7 +298,7 @@ def module_task(robot: HybridRobot, module: Module, request: ModuleRequest, *, a
             free[m.tree.v_slices[joint]] = False
     if alone:
         rank = check_determined(robot, module, problem, generic)
-        blocks = full_rank_blocks(generic, free, m.rank_tolerance)
+        blocks = full_rank_blocks(generic, free, m.rank_tolerance, sure=rank == int(free.sum()))
     else:
         rank, blocks = decide_rank(generic[:, :, free], m.rank_tolerance).rank, []
     problem = replace(problem, rank=rank, blocks=blocks)
@@ -548,8 +548,15 @@ def _what_is_singular(module: Module, problem: LoopProblem, K: Array) -> tuple[s
     return "motors", kind, ", or give a platform instead of motors"
 
 
-def full_rank_blocks(generic: Array, free: Mask, tolerance: float) -> list[LegBlock]:
-    """Find the connected blocks of rows and free columns; empty if one lacks full column rank."""
+def full_rank_blocks(generic: Array, free: Mask, tolerance: float, *, sure: bool = False) -> list[LegBlock]:
+    """Find the connected blocks of rows and free columns; empty if one lacks full column rank.
+
+    Args:
+        generic: As in `check_determined`.
+        free: The columns.
+        tolerance: Relative singular value from which on rows count as independent.
+        sure: Whether the free columns are known to be independent, all together: then each block's are.
+    """
     cols = np.flatnonzero(free)
     touched = np.abs(generic[:, :, cols]).max(axis=0, initial=0.0) > 1e-12
     groups: Groups[int] = Groups()
@@ -558,8 +565,7 @@ def full_rank_blocks(generic: Array, free: Mask, tolerance: float) -> list[LegBl
     blocks = []
     for own in groups.classes(range(len(cols))):
         rows = np.flatnonzero(touched[:, own].any(axis=1))
-        K = generic[:, rows[:, None], cols[own]]
-        if decide_rank(K, tolerance).rank < len(own):
+        if not sure and decide_rank(generic[:, rows[:, None], cols[own]], tolerance).rank < len(own):
             return []
         blocks.append(LegBlock(rows, cols[own]))
     return blocks
