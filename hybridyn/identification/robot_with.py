@@ -11,7 +11,7 @@ from ..effects.gears import GearEfficiency
 from ..effects.load_friction import LoadFriction
 from ..errors import ModelError
 from ..spatial import Array, Mask
-from ..structure.building import rebuilt
+from ..structure.building import described, rebuilt
 from ..structure.robot import HybridRobot
 from .inertial import mass_centre_inertia, moved, ten_numbers
 from .parameters import standard_parameters
@@ -63,7 +63,8 @@ def with_parameters(
         else joint
         for joint in robot.description.joints
     )
-    return rebuilt(robot, replace(robot.description, joints=joints), like=robot).with_parameters(named | laws)
+    description = described(replace(robot.description, joints=joints), named | laws)
+    return rebuilt(robot, description, like=robot)
 
 
 def with_losses(robot: HybridRobot, effects: Sequence[LoadFriction | GearEfficiency]) -> HybridRobot:

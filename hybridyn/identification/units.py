@@ -1,5 +1,6 @@
 """Units and signs of a log, found by comparison with the numbers of the robot's file."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -102,7 +103,7 @@ def _check_times(source: LogSource, log: Log) -> None:
         return
     if together is not None:
         measured = np.einsum("tij,tj->ti", together, measured)
-    like = {factor: _like(source, states, measured, factor) for factor in (1.0, *TIMES)}
+    like = _likes(source, states, measured, (1.0, *TIMES))
     best = max(like, key=lambda factor: like[factor])
     if best > 1 and like[best] > max(TELLING, like[1.0] + (1 - like[1.0]) / 2):
         raise TrajectoryError(
@@ -112,14 +113,16 @@ def _check_times(source: LogSource, log: Log) -> None:
         )  # fmt: skip
 
 
-def _like(source: LogSource, states: Triple, measured: Array, factor: float) -> float:
-    """Return how far measured efforts are those of the same path some times faster; 0 if unknown."""
-    q, v, a = states
+def _likes(source: LogSource, states: Triple, measured: Array, factors: Sequence[float]) -> dict[float, float]:
+    """Return how far measured efforts are those of the same path so many times faster; 0 if unknown."""
+    f = np.repeat(factors, len(measured))[:, None]
+    q, v, a = (np.tile(level, (len(factors), 1)) for level in states)
     try:
-        _, _, of_file = source.of_states(q, factor * v, factor**2 * a)
+        _, _, of_file = source.of_states(q, f * v, f**2 * a)
     except HybridynError:
-        return 0.0
-    return _alike(measured, of_file)[0]
+        return dict.fromkeys(factors, 0.0)
+    each = np.split(of_file, len(factors))
+    return {factor: _alike(measured, one)[0] for factor, one in zip(factors, each, strict=True)}
 
 
 def _alike(measured: Array, predicted: Array) -> tuple[float, float]:

@@ -119,18 +119,31 @@ def _far_frame(description: Description) -> str:
 
 def _with_parameters(robot: HybridRobot, values: Mapping[str, ArrayLike]) -> HybridRobot:
     """Build a robot with other parameters, see `HybridRobot.with_parameters`."""
+    return rebuilt(robot, described(robot.description, values), like=robot)
+
+
+def described(description: Description, values: Mapping[str, ArrayLike]) -> Description:
+    """Return a description with other parameters.
+
+    Args:
+        description: The description.
+        values: Parameters by name, as in `HybridRobot.with_parameters`.
+
+    Raises:
+        ModelError: A parameter is unknown, or a value has a wrong size or is out of range.
+    """
     from .parameters.chosen import Parameters  # which few robots are asked for, as the next
     from .parameters.slots import with_values
     from .parameters.xacro import XacroArguments
 
-    description, arguments = robot.description, [name for name in values if ":" not in name]
+    arguments = [name for name in values if ":" not in name]
     if arguments:
         description = XacroArguments(description, arguments).expanded([values[name] for name in arguments])
     named = {name: value for name, value in values.items() if ":" in name}
     parameters = Parameters(description, list(named))
     slots = parameters.slot_values(parameters.vector(named)[None])[0]
     parameters.check(slots)
-    return rebuilt(robot, with_values(description, parameters.slots, slots.tolist()), like=robot)
+    return with_values(description, parameters.slots, slots.tolist())
 
 
 def rebuilt(
