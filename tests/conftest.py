@@ -293,3 +293,11 @@ def interpreted(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     find_compiler.cache_clear()  # an earlier test may have found one
     yield
     find_compiler.cache_clear()
+
+
+@pytest.fixture
+def one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let worker processes be none: `tests/streams/test_jobs.py` starts some."""
+    from tests.support.one_process import OneProcess
+
+    monkeypatch.setattr("concurrent.futures.ProcessPoolExecutor", OneProcess)

@@ -113,7 +113,9 @@ def _check_times(source: LogSource, log: Log) -> None:
         )  # fmt: skip
 
 
-def _likes(source: LogSource, states: Triple, measured: Array, factors: Sequence[float]) -> dict[float, float]:
+def _likes(
+    source: LogSource, states: Triple, measured: Array, factors: Sequence[float]
+) -> dict[float, float]:
     """Return how far measured efforts are those of the same path so many times faster; 0 if unknown."""
     f = np.repeat(factors, len(measured))[:, None]
     q, v, a = (np.tile(level, (len(factors), 1)) for level in states)

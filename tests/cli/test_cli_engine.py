@@ -62,16 +62,22 @@ def worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "WORTH", 2_000)
 
 
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    """Return the first rows of the five-bar's motion."""
+    return save(tmp_path, "".join(TRAJECTORY.read_text().splitlines(keepends=True)[:101]), "motion.csv")
+
+
 @pytest.mark.parametrize("command", ["idm", "ddm", "simulate"])
-def test_both_engines_give_the_same_tables(run: Run, tmp_path: Path, command: str) -> None:
+def test_both_engines_give_the_same_tables(run: Run, tmp_path: Path, table: Path, command: str) -> None:
     """The direct model gets a motion's own states and efforts."""
-    words: list[object] = ["five_bar"]
+    words: list[object] = ["five_bar", table]
     if command == "ddm":
-        run("idm", "five_bar", "-o", tmp_path / "efforts.csv")
-        left = TRAJECTORY.read_text().splitlines()
+        run("idm", *words, "-o", tmp_path / "efforts.csv")
+        left = table.read_text().splitlines()
         right = [line.split(",", 1)[1] for line in (tmp_path / "efforts.csv").read_text().splitlines()]
         rows = [f"{a},{b}" for a, b in zip(left, right, strict=True)]
-        words.append(save(tmp_path, "\n".join(rows) + "\n", "states.csv"))
+        words[1] = save(tmp_path, "\n".join(rows) + "\n", "states.csv")
     if command == "simulate":
         joints = "joints = { m1_left_drive = 0.5, m1_right_drive = 0.2 }"
         words = [
@@ -89,9 +95,11 @@ def test_both_engines_give_the_same_tables(run: Run, tmp_path: Path, command: st
         assert "engine: general (640 samples times freedoms; compiled from 40,000 on)" in said.err
 
 
-def test_compiled_engines_close_the_loops_of_a_table(run: Run, tmp_path: Path, monkeypatch: Any) -> None:
+def test_compiled_engines_close_the_loops_of_a_table(
+    run: Run, tmp_path: Path, table: Path, monkeypatch: Any
+) -> None:
     monkeypatch.setattr(assembling, "assemble_requests", lambda *_: pytest.fail("the general path assembled"))
-    said = run("idm", "five_bar", "--engine", "compiled", "-o", tmp_path / "efforts.csv")
+    said = run("idm", "five_bar", table, "--engine", "compiled", "-o", tmp_path / "efforts.csv")
     assert "worst closure residual: " in said.err
 
 
@@ -115,14 +123,14 @@ class Motion(NamedTuple):
 
 @pytest.fixture(scope="module")
 def near_singular() -> Motion:
-    """Return a motion of the five-bar that comes twice to where the lower links lie on each other.
+    """Return a motion of the five-bar to where the lower links nearly lie on each other, and back.
 
     There the left upper link has turned by the angle from home to the middle between the motors, and the
     right one by as much the other way.
     """
     robot = hybridyn.load("five_bar")
     upper, spacing, home = 0.25, 0.12, 0.436332  # [m, m, rad from the vertical], as the file has them
-    t = np.linspace(0.0, 1.0, 61)
+    t = np.linspace(0.0, 0.5, 31)
     cos, sin = np.cos(np.pi * t), np.sin(np.pi * t)
     turn = np.arcsin(spacing / upper) + home - GAP
     rates = (
@@ -131,12 +139,14 @@ def near_singular() -> Motion:
         turn * 4 * np.pi**2 * (cos**4 - 3 * cos**2 * sin**2),
     )
     motors = {"m1_left_drive": [-x for x in rates], "m1_right_drive": list(rates)}
-    return Motion(robot, *hybridyn.assemble(robot, motors=motors))
+    q, v, a = hybridyn.assemble(robot, motors=motors)
+    q, v, a = (np.vstack([x, sign * x[-2::-1]]) for x, sign in ((q, 1), (v, -1), (a, 1)))
+    return Motion(robot, q, v, a)
 
 
 @pytest.mark.parametrize("command", ["idm", "ddm"])
 def test_samples_by_the_general_path_are_counted_in_every_process(
-    near_singular: Motion, run: Run, tmp_path: Path, monkeypatch: Any, command: str
+    near_singular: Motion, run: Run, tmp_path: Path, monkeypatch: Any, one_process: None, command: str
 ) -> None:
     robot, q, v, a = near_singular
     compiled = hybridyn.compile(robot)
@@ -162,8 +172,8 @@ def test_samples_by_the_general_path_are_counted_in_every_process(
     assert same(tables[0], tables[-1])  # the processes use what was built
 
 
-def test_small_tables_are_not_worth_it(run: Run, tmp_path: Path) -> None:
-    said = run("idm", "five_bar", "-o", tmp_path / "efforts.csv").err
+def test_small_tables_are_not_worth_it(run: Run, tmp_path: Path, table: Path) -> None:
+    said = run("idm", "five_bar", table, "-o", tmp_path / "efforts.csv").err
     assert "engine: general (" in said
     assert "compiled from 8,000 on)" in said
 
@@ -256,9 +266,10 @@ def test_effects_tell_what_compiled_models_cannot_do(run: Run, tmp_path: Path) -
     run(*statics, status=1, says="models without the effect 'inertia' cannot be compiled")
 
 
-def test_motor_sizing_too(run: Run) -> None:
+def test_motor_sizing_too(run: Run, table: Path) -> None:
     """The loads of the motors agree in all digits that are printed, and the compiled models assemble."""
-    told = {name: run("idm", "five_bar", "--loads", "--engine", name) for name in ("general", "compiled")}
+    words = ("idm", "five_bar", table, "--loads", "--effects", "default", "--engine")
+    told = {name: run(*words, name) for name in ("general", "compiled")}
     assert all(f"engine: {name} (as asked)" in said.err for name, said in told.items())
     assert told["general"].out == told["compiled"].out
 

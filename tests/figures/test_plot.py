@@ -19,7 +19,7 @@ from hybridyn.figures.panels import Panel, PanelFigure
 from hybridyn.figures.reports import chart_of_report
 from hybridyn.figures.workspace import figure_of_workspace
 from tests import ROOT
-from tests.support.command_line import call
+from tests.support.command_line import call, table_text
 from tests.support.comparing import refused
 from tests.support.files import save
 
@@ -79,8 +79,7 @@ def test_nothing_to_draw_is_said() -> None:
 @pytest.mark.parametrize(("ending", "head"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
 def test_the_command_draws_a_file(tmp_path: Path, ending: str, head: bytes) -> None:
     table = tmp_path / "run.csv"
-    lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in ROWS.tolist())]
-    table.write_text("# a remark\n" + "\n".join(lines) + "\n")
+    table.write_text("# a remark\n" + table_text(COLUMNS[:2], ROWS[:, :2]))
     target = tmp_path / f"run.{ending}"
     assert main(["plot", str(table), "-o", str(target)]) == 0
     assert target.read_bytes().startswith(head)
@@ -196,13 +195,14 @@ def test_extremes_keep_every_peak_of_long_tables(each: int) -> None:
 @pytest.mark.parametrize("ending", ["png", "svg", "html"])
 def test_idm_draws_what_it_computes(tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str) -> None:
     words = ("-o", tmp_path / "efforts.csv", "--plot", tmp_path / f"efforts.{ending}")
-    call(capsys, "idm", "tanev", *words)
+    rows = (ROOT / "models/tanev/traj.csv").read_text().splitlines(keepends=True)[:11]
+    call(capsys, "idm", "tanev", save(tmp_path, "".join(rows), "motion.csv"), *words)
     drawn = (tmp_path / f"efforts.{ending}").read_bytes()
     if ending != "png":
         for expected in (b"m1_platform", b"m2_platform"):
             assert expected in drawn
     assert drawn.startswith({"png": b"\x89PNG", "svg": b"<?xml", "html": b"<!doctype html>"}[ending])
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["efforts.csv", f"efforts.{ending}"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["efforts.csv", f"efforts.{ending}", "motion.csv"]
 
 
 def test_a_page_needs_no_network(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -112,19 +112,30 @@ def test_outliers_count_little_in_the_robust_estimate() -> None:
 
 @pytest.mark.parametrize(("runs", "rate"), [(6, 50.0), slow(40, 100.0)])
 def test_instruments_are_unbiased_where_least_squares_is_not(runs: int, rate: float) -> None:
-    """Noise of the encoders makes accelerations noisy: least squares takes inertias for too small."""
+    """Noise of the encoders makes accelerations noisy: least squares takes inertias for too small.
+
+    The rows are those of `identify`, with which the first log is compared.
+    """
     one = case("five_bar", rate=rate)
     command, rng, means = one.log(), np.random.default_rng(4), {}
+    base = base_parameters(one.robot, effects="model", symmetric=True)
+    source = LogSource(one.robot, linear_model(base), None, band=15.0, every=1)
     errors: dict[str, list[np.ndarray]] = {"wls": [], "iv": []}
+    instruments = None
     for _ in range(runs):
         log = one.log(tau=one.tau + 0.01 * rng.normal(size=one.tau.shape))
         for motor in one.robot.motors:
             log[f"{motor}/position"] = log[f"{motor}/position"] + 3e-4 * rng.normal(size=len(one.time))
-        for method, words in (("wls", {}), ("iv", {"reference": command})):
-            found = hybridyn.identify(
-                one.robot, log, symmetric=True, method=method, band=15.0, every=1, **words
+        data = source.rows(read_log(one.robot, log))
+        if instruments is None:
+            instruments = source.instruments(read_log(one.robot, command, efforts=False), data)
+            whole = hybridyn.identify(
+                one.robot, log, symmetric=True, method="iv", reference=command, band=15.0, every=1
             )
-            errors[method].append(found.values - one.base)
+        for method, other in (("wls", None), ("iv", instruments)):
+            found = estimate(data.Y, data.measured - data.known, base.names, method, other)
+            errors[method].append(found.x - one.base)
+    np.testing.assert_array_equal(whole.values - one.base, errors["iv"][0])
     for method, all_ in errors.items():
         spread = np.std(all_, axis=0, ddof=1) / np.sqrt(runs)
         means[method] = np.abs(np.mean(all_, axis=0) / spread).max()

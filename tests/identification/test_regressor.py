@@ -25,7 +25,7 @@ def agrees(robot, q, v, a, effects=None, symmetric=False) -> None:
 @pytest.mark.parametrize("symmetric", [False, True])
 def test_shipped_robots(name: str, symmetric: bool) -> None:
     robot = hybridyn.load(name)
-    q, v, a = states_near_home(shipped(name), "fixed", 1, 4)
+    q, v, a = states_near_home(shipped(name), "fixed", 1, 2)
     agrees(robot, q, v, a, ["model", "offsets"], symmetric)
     agrees(robot, q, v, a, None, symmetric)
 
@@ -36,5 +36,5 @@ def test_shipped_robots(name: str, symmetric: bool) -> None:
 def test_random_mechanisms(kind: str, seed: int) -> None:
     base = ("fixed", "moving", "floating")[seed % 3] if kind != "sps_thin" else "fixed"
     description = described(kind, seed, base)
-    q, v, a = random_states(description, base, seed, 3)
+    q, v, a = random_states(description, base, seed, 2)
     agrees(build_robot(description, base=base), q, v, a)

@@ -452,7 +452,7 @@ def test_effects_that_miss_the_target_over_the_whole_scene_are_not_advised(
     monkeypatch: pytest.MonkeyPatch, here: float, there: float, kept: int
 ) -> None:
     """The changes of single effects need not add up: their set is run, and once more from the end."""
-    ready = stage(ROOT / "models/lx4/sag.toml")
+    ready = stage(SWING)
     every = ready.effects.only(["gravity", "inertia", "leg_inertia", "velocity"])
     end = SimpleNamespace(state=SimpleNamespace(q=ready.q0, v=ready.v0))
     runner = SimpleNamespace(ready=ready, compiled=True, whole=lambda *_: end, start=None)
@@ -585,7 +585,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_its_time_extrapolated(
     assert (point.error, point.seconds) == (np.inf, pytest.approx(3.5 * 2.0 / early.state.t))
     assert re.fullmatch(r"the first \S+ % of the scene.*, time extrapolated", point.how)
     assert error_words(point, STUDY) == "not known"
-    stopped, _ = scene.run(usual, 20.5)
+    stopped, _ = scene.run(usual, 13.5)
     assert stopped.status == "interrupted"
     assert 0 < stopped.state.t < 2.0
     scene.duration = float(stopped.t[-1])

@@ -21,6 +21,8 @@ from tests.support.comparing import refused
 CLOSED = 1e-12
 #: A posture against its own triangle [rad].
 EXACT = 1e-9
+#: So few starts find both triangles.
+FEW = "--starts", 8
 
 #: Two bars of lengths 3 and 4 (dm) whose tips meet at a distance of 5; open at zero.
 TRIANGLE = """<robot name="triangle"><link name="ground"/>
@@ -95,7 +97,7 @@ def test_what_no_closure_needs_stays_at_home(case: str, tmp_path: Path) -> None:
     file = save(tmp_path, TRIANGLE.replace("</robot>", LOOSE[case] + "</robot>"), "triangle.urdf")
     robot = hybridyn.load(file)
     home = positions(robot, robot.home)
-    found = homes(robot, starts=20)
+    found = homes(robot, starts=8)
     assert len(found.postures) == 2
     for q in [one.q for one in found.postures] + [assemble_home(robot)]:
         at = positions(robot, q)
@@ -136,7 +138,7 @@ def test_postures_are_named_by_the_farthest_joints() -> None:
 
 def test_of_joints_that_are_equally_far_the_first_is_named() -> None:
     """Two joints of this mechanism flip by the same angle, which rounding must not order."""
-    for found in homes(hybridyn.load("andrews"), starts=40).postures:
+    for found in homes(hybridyn.load("andrews"), starts=20).postures:
         (first, far), (second, near) = list(found.distances.items())[:2]
         assert far > near + 1e-6 or (first, second) in {("beta", "theta"), ("phi", "omega")}
 
@@ -147,7 +149,7 @@ def test_a_posture_is_printed_without_rounding_noise(capsys: pytest.CaptureFixtu
 
 
 def test_a_written_posture_is_the_next_home(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    listed = call(capsys, "home", file, "--all")
+    listed = call(capsys, "home", file, "--all", *FEW)
     assert "2 postures with the motors there, positions in m and rad" in listed.out
     assert re.match(r"1  . \d.* from home  (within|beyond) limits +closed to .*\n2  ", listed.out)
     model = file.with_name("triangle.model.toml")
@@ -155,8 +157,8 @@ def test_a_written_posture_is_the_next_home(file: Path, capsys: pytest.CaptureFi
         'motors = ["drive"]\n\n[home]\ndrive = 0.05  # old\n\n# rotors\n[joints.drive]\ndamping = 0.1\n'
     )
     for number in (1, 2):
-        shown = call(capsys, "home", file, "--choose", number)
-        written = call(capsys, "home", file, "--choose", number, "--write")
+        shown = call(capsys, "home", file, "--choose", number, *FEW)
+        written = call(capsys, "home", file, "--choose", number, "--write", *FEW)
         assert written.out == ""
         text = model.read_text()
         assert shown.out in text
@@ -181,7 +183,7 @@ def test_commands_say_where_they_start(
     assert "branch: " not in call(capsys, "info", file).out
     assert "[branch]" not in call(capsys, "info", file).out
     for number in (1, 2):
-        call(capsys, "home", file, "--choose", number, "--write")
+        call(capsys, "home", file, "--choose", number, "--write", *FEW)
         at = positions(robot := hybridyn.load(file), robot.home)
         angle = max(abs(at["a"][0]), abs(at["b"][0]))
         joint = "ab"[abs(at["b"][0]) == angle]
@@ -195,7 +197,7 @@ def test_every_command_says_that_home_is_open(
     file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     table = save(tmp_path, "time,drive/position\n" + "".join(f"{t / 10},0\n" for t in range(8)), "drive.csv")
-    commands = [("info",), ("home",), ("home", "--write"), ("idm", table), ("info",)]
+    commands = [("info",), ("home", *FEW), ("home", "--write", *FEW), ("idm", table), ("info",)]
     for number, (command, *words) in enumerate(commands):
         caplog.clear()
         call(capsys, command, file, *words)

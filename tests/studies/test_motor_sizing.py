@@ -174,7 +174,9 @@ def test_power_is_what_the_energy_gains(tmp_path: Path, capsys: pytest.CaptureFi
     assert [row["motor"] for row in rows] == ["m1_left_drive", "m1_right_drive"]
 
 
-def test_numbers_are_those_of_the_inverse_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_numbers_are_those_of_the_inverse_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], one_process: None
+) -> None:
     robot = hybridyn.load("five_bar")
     report = tmp_path / "report.json"
     figure = tmp_path / "cloud.svg"

@@ -146,7 +146,7 @@ def test_what_has_no_gradient_is_refused(text: str, measures: str, says: str, tm
 
 def of_every_joint(folder: Path) -> None:
     """Write a trajectory of every joint of the five-bar."""
-    robot, t = hybridyn.load("five_bar"), np.linspace(0.0, 1.0, 9)
+    robot, t = hybridyn.load("five_bar"), np.linspace(0.0, 1.0, 6)
     moved = dict.fromkeys(robot.motors, (0.2 * t, 0.2 + 0 * t, 0 * t))
     levels = zip(
         ("position", "velocity", "acceleration"), hybridyn.assemble(robot, motors=moved), strict=True
@@ -203,7 +203,7 @@ trajectory = "loop.csv"
 
 def test_power_that_no_motor_takes_back_has_no_slope(tmp_path: Path) -> None:
     """The tool rises all the time."""
-    of, t = study(tmp_path, 'measure = ["braking_power", "peak_power"]'), np.linspace(0.0, 1.0, 9)
+    of, t = study(tmp_path, 'measure = ["braking_power", "peak_power"]'), np.linspace(0.0, 1.0, 6)
     rows = np.column_stack([t, 0.0 * t, -0.5 + 0.05 * t + 0.02 * t**2])
     header = "time,m1_tool/pose/x,m1_tool/pose/z"
     np.savetxt(tmp_path / "loop.csv", rows, delimiter=",", header=header, comments="")

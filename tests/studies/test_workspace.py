@@ -112,17 +112,11 @@ def test_a_single_slide_reaches_its_limits(tmp_path: Path) -> None:
 
 def motor_map(robot: hybridyn.HybridRobot, found: Workspace, i: int) -> Array:
     """Return motor positions over the tool's x and z by central differences of assembled postures."""
-    columns = []
-    for axis in range(2):
-        ends = []
-        for sign in (1.0, -1.0):
-            values = found.coordinates[i].copy()
-            values[axis] += sign * DIFFERENCE
-            platforms = {"m1_tool@m1_base": dict(zip(("x", "z"), values, strict=True))}
-            q = hybridyn.assemble(robot, platforms=platforms, guess=found.q[i])[0]
-            ends.append(q[[robot.joint_index[name] for name in robot.motors]])
-        columns.append((ends[0] - ends[1]) / (2 * DIFFERENCE))
-    return np.stack(columns, axis=1)
+    ends = found.coordinates[i] + DIFFERENCE * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    platforms = {"m1_tool@m1_base": dict(zip(("x", "z"), ends.T, strict=True))}
+    q = hybridyn.assemble(robot, platforms=platforms, guess=found.q[i])[0]
+    motors = q[:, [robot.joint_index[name] for name in robot.motors]]
+    return (motors[::2] - motors[1::2]).T / (2 * DIFFERENCE)
 
 
 def test_maps_of_a_five_bar_are_those_of_virtual_work() -> None:
@@ -224,7 +218,7 @@ def test_a_linkage_that_lies_flat_holds_no_weight(seed: int) -> None:
     assert not np.any(efforts)
 
 
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], one_process: None) -> None:
     """The table, the summary and the figure; several processes give the same bytes as one."""
     one, two, figure = (tmp_path / name for name in ("one.csv", "two.csv", "maps.png"))
     words = ["workspace", "five_bar", "--link", "m1_tool", "--step", "x=0.3,z=0.3"]

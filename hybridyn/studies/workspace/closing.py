@@ -15,13 +15,14 @@ from ...assembly.follow import SAME_BRANCH, SMALL_STEP
 from ...assembly.requests import gather_requests
 from ...assembly.spanning import settled, spanning_positions
 from ...assembly.task import Task
-from ...linkage.newton import Problem, close
+from ...linkage.newton import STALLED, Problem, close
 from ...spatial import Array, Index, Mask
 from ...streams.departures import position_limits
 from ...structure.robot import HybridRobot
 from .link_sweep import LinkSweep, pose_of
 
-#: Largest number of Newton steps from one pose to the next. A pose that needs more counts as out of reach.
+#: Largest number of Newton steps from one pose to the next. A pose that needs more, or to which they
+#: stall, counts as out of reach.
 MOST_NEWTON_STEPS = 25
 #: Results of a step. Any other value is the number of the joint that is outside its limits.
 REACHED, OUT_OF_REACH = -1, -2
@@ -118,7 +119,7 @@ def _step(task: Task | ChainTask, start: Array, here: Array) -> tuple[Array, Mas
     K = problem.matrix(motion, samples, every=False)
     dx = problem.solve(K, -problem.residual(known, samples, motion))
     predicted = tree.integrate(known, dx * problem.col_scale)
-    result = close(problem, known, samples, iterations=MOST_NEWTON_STEPS)
+    result = close(problem, known, samples, iterations=MOST_NEWTON_STEPS, enough=STALLED)
     off = np.abs(tree.difference(predicted, result.q) / problem.col_scale).max(axis=1, initial=0.0)
     good = off <= SAME_BRANCH * np.abs(dx).max(axis=1, initial=0.0) + SMALL_STEP
     q, good = result.q, task.closed(result) & good
