@@ -295,7 +295,7 @@ def test_rates_in_time_beside_a_spin(interpreted: None) -> None:
 )
 @pytest.mark.parametrize(
     ("model", "coordinates"),
-    [("idm", "motors"), *(slow(*one) for one in (("ddm", "joints"), ("idm", "joints"), ("ddm", "motors")))],
+    [("ddm", "joints"), *(slow(*one) for one in (("idm", "motors"), ("idm", "joints"), ("ddm", "motors")))],
 )
 def test_a_product_costs_at_most_eight_models(name: str, model: Model, coordinates: str) -> None:
     assert cost_of_product(build_robot(shipped(name)), model, coordinates) <= COST
@@ -381,35 +381,28 @@ def test_series_and_quotient_of_a_turn_meet(half: float) -> None:
 
 
 @pytest.mark.parametrize("names", [["mass:m1_tool"], slow(["upper_length", "mass:m1_tool"])])
-def test_parameters_are_those_of_a_changed_robot(names: list[str], interpreted: None) -> None:
+@pytest.mark.parametrize("model", ["ddm", slow("idm")])
+def test_a_compiled_robot_offers_them(model: str, names: list[str], interpreted: None) -> None:
+    """With its effects, threads and parameters: those of a changed robot."""
     robot = hybridyn.load("five_bar")
-    second = hybridyn.SecondDerivatives(robot, coordinates="motors", parameters=names)
-    p = 1.05 * second.parameters.nominal
-    other = robot.with_parameters(dict(zip(names, p, strict=True)))
-    q, v, a, _ = random_states(other, 2)
-    weights, d = [1.0, -0.5], np.random.default_rng(0).normal(size=(3, 2))
-    known = hybridyn.SecondDerivatives(other, coordinates="motors")
-    many = second.product(q, v, a, weights, d, parameters=np.tile(p, (2, 1)))
-    close_to(many.product, known.product(q, v, a, weights, d).product, ROUNDING)
-    H = second.hessian(q[0], v[0], a[0], weights, parameters=p)
-    close_to(H, known.hessian(q[0], v[0], a[0], weights), ROUNDING)
-    wrong = partial(second.product, q, v, a, weights, d, parameters=-p)
-    refused(wrong, hybridyn.ModelError, "negative")
-
-
-def test_a_compiled_robot_offers_them(interpreted: None) -> None:
-    """With its effects, parameters and threads."""
-    robot, names = build_robot(shipped("five_bar")), ["upper_length", "mass:m1_tool"]
     on = ["default", *CASES["viscous_friction"](robot)]
     fast = hybridyn.compile(robot, on, parameters=names, threads=2, wait=False)
-    found = fast.second_derivatives("ddm", coordinates="motors")
-    assert (found.threads, found.parameters.labels) == (2, fast.parameters.labels)
-    design = dict(zip(names, p := 1.05 * found.parameters.nominal, strict=True))
-    changed = robot.with_parameters(design)
-    q, v, _, tau = random_states(changed, 2)
-    value = found.product(q, v, tau, [1.0, -0.5], np.zeros((3, 2)), parameters=p).value
-    wanted = hybridyn.ddm(changed, q, v, tau, effects=["default", *CASES["viscous_friction"](changed)])
-    close_to(value, wanted[:, changed.motor_v], ROUNDING)
+    second = fast.second_derivatives(model, coordinates="motors")
+    assert (second.threads, second.parameters.labels) == (2, fast.parameters.labels)
+    p = 1.05 * second.parameters.nominal
+    other = robot.with_parameters(dict(zip(names, p, strict=True)))
+    q, v, a, tau = random_states(other, 2)
+    given = q, v, a if model == "idm" else tau
+    weights, d = [1.0, -0.5], np.random.default_rng(0).normal(size=(3, 2))
+    known = hybridyn.SecondDerivatives(other, model, on, coordinates="motors")
+    many = second.product(*given, weights, d, parameters=np.tile(p, (2, 1)))
+    wanted = known.product(*given, weights, d)
+    for found, right in zip(many, wanted, strict=True):
+        close_to(found, right, ROUNDING)
+    H = second.hessian(*(x[0] for x in given), weights, parameters=p)
+    close_to(H, known.hessian(*(x[0] for x in given), weights), ROUNDING)
+    wrong = partial(second.product, *given, weights, d, parameters=-p)
+    refused(wrong, hybridyn.ModelError, "negative")
 
 
 def test_what_has_no_second_derivative_is_refused(interpreted: None) -> None:
