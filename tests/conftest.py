@@ -33,7 +33,7 @@ NEW_OBJECTS = 50_000
 #: So many modules are kept at most.
 MODULES = 500
 #: So many written models are kept at most.
-WRITTEN = 500
+WRITTEN = 1000
 #: Numbers of the folders of tests, and how many lie side by side.
 FOLDERS, NEIGHBOURS = itertools.count(), 50
 
@@ -186,13 +186,15 @@ def write_once() -> None:
         slots = getattr(asked.arguments, "slots", ())
         if asked.arguments is not None and not slots:
             return write(asked, models)
-        facts = slots, asked.dtype, asked.compared, asked.links, models
-        key = sources.robot_key(asked.robot, asked.on), facts
-        if key not in made:
-            if len(made) == WRITTEN:
-                made.clear()
-            made[key] = write(asked, models)
-        return dict(made[key])
+        facts = sources.robot_key(asked.robot, asked.on), slots, asked.dtype, asked.compared, asked.links
+        out: dict[str, Any] = {}
+        for model in models:
+            if (model, facts) not in made:
+                if len(made) == WRITTEN:
+                    made.clear()
+                made[model, facts] = write(asked, (model,))
+            out |= made[model, facts]
+        return out
 
     whole_robot.programs_of = robot_programs.programs_of = written
 
