@@ -45,7 +45,7 @@ def test_models_are_there_without_a_compiler(model: hybridyn.CompiledRobot) -> N
 
 def test_they_simulate(model: hybridyn.CompiledRobot) -> None:
     robot = model.robot
-    start = robot.home, np.zeros(robot.nv), (0.0, 0.05)
+    start = robot.home, np.zeros(robot.nv), (0.0, 0.01)
     own, right = (hybridyn.simulate(robot, *start, compiled=one) for one in (model, None))
     assert model.steps is None
     close_to(own.q[-1], right.q[-1], AGREES)

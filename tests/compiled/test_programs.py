@@ -82,11 +82,11 @@ def test_effects_that_are_off_leave_no_code_and_base_parameters_make_it_shorter(
 
 
 def test_a_state_that_is_not_closed_is_not_trusted() -> None:
-    robot = hybridyn.load("gough_stewart")
+    robot = hybridyn.load("five_bar")
     q, v, _, tau = (x[0] for x in random_states(robot, 1))
     function = function_of(programs(robot, models=("ddm",))["ddm"])
-    slide = robot.q_slices[robot.joint_index[robot.motors[0]]].start
-    for dq, dv in ((0.0, 0.0), (1e-9 * np.eye(robot.nq)[slide], 0.0), (0.0, 1e-8 * np.eye(robot.nv)[3])):
+    turn = robot.q_slices[robot.joint_index[robot.motors[0]]].start
+    for dq, dv in ((0.0, 0.0), (1e-9 * np.eye(robot.nq)[turn], 0.0), (0.0, 1e-8 * np.eye(robot.nv)[3])):
         assert (float(function(q + dq, v + dv, tau)[1]) <= TRUSTED) == (not np.any(dq + np.sum(dv)))
 
 
