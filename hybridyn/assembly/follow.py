@@ -1,49 +1,23 @@
 """Continuation from one posture along a trajectory, with detection of changes of the assembly branch.
 
-All samples are solved together, from coarse to fine. Then each step between neighbours is compared with the
-Newton prediction, from which a change of branch deviates. A step that is too long for this comparison is
-divided into smaller ones.
+All samples are solved together, from coarse to fine. Then each step between neighbours is judged, and a walk
+replaces it where that is in doubt.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
-
 import numpy as np
 
 from ..errors import AssemblyError
-from ..linkage.newton import SETTLED, STALLED, Closed, newton_step
+from ..linkage.newton import SETTLED, STALLED, Closed
 from ..spatial import Array, Index, Mask, in_turn
 from .refusals import Ended, lost, unreachable
-from .task import Task
+from .walk import SMALL_STEP, AnyTask, joined, steps_as_predicted, walk
 
-if TYPE_CHECKING:  # most tasks are those of one module
-    from .chain.task import ChainTask
-
-#: The task of a module, or of a chain of modules.
-AnyTask = TypeVar("AnyTask", Task, "ChainTask")
-
-#: Largest deviation of a step between samples from its prediction, relative to it, plus `SMALL_STEP`.
-SAME_BRANCH = 0.25
-#: Steps below this [rad, module lengths] are not checked: the rounding of a prediction is as large.
-SMALL_STEP = 1e-7
-#: Largest relative change of the Jacobian along a step. Two solutions across a fold differ by
-#: |J^-1 (J(x) - J)| = 1, however close to each other they are relative to the step.
-MOST_TURNING = 0.5
 #: Stride of the samples that are solved first, before all others.
 STRIDE = 8
-#: Longest step of a given joint [rad, module lengths] that the checks can judge: different branches may look
-#: alike at the ends of a longer one.
-FARTHEST = 1.0
 #: A guess whose loops are open by more than this [module lengths] is no posture, and has no branch.
 NEARLY_CLOSED = 1e-3
-#: Number of parts of the motion from a guess to a first sample that are solved at once.
-PARTS = 32
-#: Largest number of parts into which a step is divided.
-FINEST = 4096
-#: The same if Newton does not converge at the end of the step: it is out of reach then, but for few, and the
-#: walk finds where the motion ends. Of 347 steps on random stacks that a fine motion makes, it refuses none.
-COARSEST = 16
 
 
 def follow(
@@ -81,7 +55,7 @@ def follow(
         task = task.headed(q[last:stop], samples[0])
         pairs, steady = samples[:, :-1].ravel(), good[:, 1:].ravel()
         steady &= ~task.mirrored(q[pairs + 1], pairs + 1)
-        steady &= _steps_as_predicted(task, q, pairs)
+        steady &= steps_as_predicted(task, q, pairs)
         bad = pairs[~steady]
         if len(bad):
             _only_alone(guess)
@@ -146,12 +120,12 @@ def _on_branch_of(task: AnyTask, guess: Array, result: Closed, starts: Index, st
             raise unreachable(task, result, 0)
         return found
     way = task.from_here(start.q, starts)
-    steady = _steps_as_predicted(way, in_turn(start.q, found), 2 * np.arange(len(guess)))
+    steady = steps_as_predicted(way, in_turn(start.q, found), 2 * np.arange(len(guess)))
     closed = task.closed(result)
     for k in np.flatnonzero(~(steady & closed)):
-        if closed[k] and _joined(way, start.q[k], found[k], 2 * int(k)):
+        if closed[k] and joined(way, start.q[k], found[k], 2 * int(k)):
             continue
-        end, done = _walk(way, start.q[k], 2 * int(k), strict)
+        end, done = walk(way, start.q[k], 2 * int(k), strict)
         if done == 1.0:
             found[k] = end
         elif strict:
@@ -229,38 +203,11 @@ def _interpolated(task: AnyTask, q: Array, have: Index, todo: Index) -> tuple[Ar
     return before, step
 
 
-def _steps_as_predicted(task: AnyTask, q: Array, samples: Index) -> Mask:
-    """Check for each sample whether the step to the next agrees with the Newton prediction.
-
-    The rows are compared with those at the sample itself, before the given joints move: these alone may turn
-    the rows beyond a fold.
-    """
-    problem, tree = task.problem, task.problem.tree
-    start = task.with_known(q[samples], samples + 1)
-    motion = tree.sweep(start)
-    K = problem.matrix(motion, samples + 1, every=False)
-    dx, size, _ = newton_step(problem, K, problem.residual(start, samples + 1, motion))
-    predicted = tree.integrate(start, dx * problem.col_scale)
-    if (lowered := task.predicted(predicted, samples + 1)) is not None:
-        predicted = lowered
-        dx = tree.difference(start, predicted) / problem.col_scale
-        size = np.abs(dx).max(axis=1, initial=0.0)
-    off = tree.difference(predicted, q[samples + 1]) / problem.col_scale
-    out: Mask = np.abs(off).max(axis=1, initial=0.0) <= SAME_BRANCH * size + SMALL_STEP
-    if problem.has_loops:
-        given = tree.difference(q[samples], start) / problem.col_scale
-        out &= np.abs(given).max(axis=1, initial=0.0) <= FARTHEST
-    rest = np.flatnonzero(out & (size > SMALL_STEP))
-    if len(rest):
-        out[rest] = problem.turned(q, samples[rest]) <= MOST_TURNING
-    return out
-
-
 def _next(task: AnyTask, q: Array, sample: int, keep_branch: bool) -> Array:
     """Compute the posture of the next sample, on the branch of a sample or, unless kept, on any."""
     there, ended = np.array([sample + 1]), None
     if not task.lacking(q[None], there).any():
-        q, done = _walk(task, q, sample)
+        q, done = walk(task, q, sample)
         if done == 1.0:
             return q
         ended = Ended(task, sample, q, done)
@@ -268,44 +215,3 @@ def _next(task: AnyTask, q: Array, sample: int, keep_branch: bool) -> Array:
     if keep_branch or not task.closed(result)[0]:
         raise lost(task, result, sample + 1, "from the one before", ended)
     return np.asarray(result.q[0])
-
-
-def _joined(task: AnyTask, q: Array, end: Array, sample: int) -> bool:
-    """Return whether `PARTS` steps, all as predicted, join a sample's posture and one of the next, (nq,)."""
-    tree, fractions = task.problem.tree, np.arange(PARTS + 1) / PARTS
-    way = task.between(sample, fractions)
-    whole = tree.difference(q[None], end[None])
-    start = tree.integrate(np.tile(q, (PARTS - 1, 1)), fractions[1:-1, None] * whole)
-    result = way.solve(start, np.arange(1, PARTS), enough=STALLED)
-    if not way.closed(result).all():
-        return False
-    return bool(
-        _steps_as_predicted(way, np.concatenate([q[None], result.q, end[None]]), np.arange(PARTS)).all()
-    )
-
-
-def _walk(task: AnyTask, q: Array, sample: int, finest: bool = False) -> tuple[Array, float]:
-    """Follow the branch from a sample to the next, with steps as long as predictions hold.
-
-    Args:
-        finest: Whether the shortest steps are tried even if Newton's method does not close the loops at the
-            end of the whole one.
-
-    Returns:
-        The last posture on the branch, shape (nq,), and which part of the way it is at; 1 at the next sample.
-    """
-    start, done, step, longer = q, 0.0, 0.25, 2
-    while done < 1.0:
-        step = min(step, 1.0 - done)
-        way = task.between(sample, np.array([done, done + step]))
-        result: Closed = way.solve(q[None], np.array([1]), enough=STALLED)
-        if way.closed(result)[0] and _steps_as_predicted(way, np.stack([q, *result.q]), np.zeros(1, int))[0]:
-            q, done, step, longer = result.q[0], done + step, longer * step, 2
-            task = task.headed(q[None], np.array([sample]), done=done)
-            continue
-        if step <= 1 / COARSEST and not finest:
-            finest = bool(task.closed(task.solve(start[None], np.array([sample + 1])))[0])
-        if step <= 1 / (FINEST if finest else COARSEST):
-            return q, done
-        step, longer = step / 2, 1  # two steps in a row have this length
-    return q, 1.0

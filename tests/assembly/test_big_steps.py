@@ -8,7 +8,7 @@ import pytest
 
 import hybridyn
 from hybridyn import AssemblyError, HybridRobot, TrajectoryError
-from hybridyn.assembly import assemble, follow
+from hybridyn.assembly import assemble, walk
 from hybridyn.assembly.task import Task
 from hybridyn.spatial import Array
 from hybridyn.structure.building import build_robot
@@ -69,12 +69,12 @@ def judged(robot: HybridRobot, steps: int, largest: float, step_to: Step) -> int
     return followed
 
 
-@pytest.mark.parametrize("finest", [16, slow(follow.FINEST)])
+@pytest.mark.parametrize("finest", [16, slow(walk.FINEST)])
 def test_a_step_that_straight_motions_cannot_make_is_an_error(
     finest: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The straight motion of the delta's arms meets a singularity; Newton's method finds a posture beyond."""
-    monkeypatch.setattr(follow, "FINEST", finest)
+    monkeypatch.setattr(walk, "FINEST", finest)
     robot = hybridyn.load("delta")
     x, target = BEYOND
     q = hybridyn.assemble(robot, motors=x)[0]

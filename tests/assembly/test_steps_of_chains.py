@@ -27,7 +27,7 @@ NEAR, SHORT, MOST = 1e-4, 0.05, 400
 #: Paths of a stack, and stacks of a case: all slow ones are 2,000 paths, 10,000 steps.
 PATHS, STACKS = 20, 4
 #: Part of the steps that may be refused though a fine motion goes there: Newton's method does not reach the
-#: end of these long ones at once, and no more than `follow.COARSEST` parts are tried then.
+#: end of these long ones at once, and no more than `walk.COARSEST` parts are tried then.
 REFUSED = 0.05
 
 

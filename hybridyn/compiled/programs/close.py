@@ -19,7 +19,7 @@ from functools import reduce
 import casadi as ca
 import numpy as np
 
-from ...assembly.follow import MOST_TURNING
+from ...assembly.walk import MOST_TURNING
 from ...joints import displacement
 from ...spatial import Index
 from ...structure.robot import HybridRobot
@@ -70,7 +70,7 @@ def turning_program(request: Request, side: Sequence[str]) -> Program:
     """Build the program that compares the loops at two postures, of which joints of one freedom are given.
 
     Inputs are "near" and "q"; there are no outputs. The guard is the largest sum of a row of
-    |K_d^-1 (K_d' - K_d)|, K_d' at "q", without units, over `assembly.follow.MOST_TURNING`. Postures on two
+    |K_d^-1 (K_d' - K_d)|, K_d' at "q", without units, over `assembly.walk.MOST_TURNING`. Postures on two
     sides of a fold have a guard above 1.
     """
     w = loop_writer(request, "turning", {"near": "q", "q": "q"}, {})

@@ -2,7 +2,7 @@
 
 From where some joints are, the walk takes them straight to where they are wanted, in parts (`c/walk.h`): in
 each, Newton's method closes the loops (`c/newton.h`, as it does for tables, designs and steps in time), and
-their rows must not turn by more than `assembly.follow` allows.
+their rows must not turn by more than `assembly.walk` allows.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...assembly.follow import FARTHEST
+from ...assembly.walk import FARTHEST
 from ...linkage.newton import LONGEST_STEP
 from ...spatial import Array
 from ...structure.robot import HybridRobot

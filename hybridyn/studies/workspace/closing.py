@@ -11,10 +11,10 @@ from ...assembly.chain.between import pose_task
 from ...assembly.chain.lowest import LowestTask
 from ...assembly.chain.solve import cut_positions
 from ...assembly.chain.task import ChainTask
-from ...assembly.follow import SAME_BRANCH, SMALL_STEP
 from ...assembly.requests import gather_requests
 from ...assembly.spanning import settled, spanning_positions
 from ...assembly.task import Task
+from ...assembly.walk import SAME_BRANCH, SMALL_STEP
 from ...linkage.newton import STALLED, Problem, close
 from ...spatial import Array, Index, Mask
 from ...streams.departures import position_limits

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ....assembly.follow import FARTHEST, MOST_TURNING, SAME_BRANCH, SMALL_STEP
+from ....assembly.walk import FARTHEST, MOST_TURNING, SAME_BRANCH, SMALL_STEP
 from ....linkage.newton import LONGEST_STEP, NEVER_DAMPED
 from ....spatial import LARGEST, Index
 from ....structure.robot import HybridRobot

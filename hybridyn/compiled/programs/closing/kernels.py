@@ -213,7 +213,7 @@ class ModuleKernels:
         return guard
 
     def _branch(self) -> Kernel:
-        """Return the kernel that compares a step with its prediction, see `assembly.follow`.
+        """Return the kernel that compares a step with its prediction, see `assembly.walk`.
 
         The first posture is the start, the second the predicted one, the third the one that was found.
         """

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....assembly.follow import MOST_TURNING
 from ....assembly.module_request import ModuleRequest
+from ....assembly.walk import MOST_TURNING
 from ....linkage.angles import angles_of
 from ....linkage.reduction import LegBlock
 from ....spatial import Array, Index
