@@ -91,12 +91,18 @@ class Extended:
         return Factor(Q[:, :rank][:, turned], inverse, V[:, :rank], V[:, rank:])
 
     def solve(self, A: Numbers, B: Numbers) -> Numbers:
-        """Solve the square system `A X = B` by one QR."""
-        Q, R, order, _ = self._qr(A, 0.0, 0.0)
-        Y, X = Q.T @ B, np.empty_like(B)
-        for i in reversed(range(len(Y))):
-            Y[i] = ((Y[i] - R[i, i + 1 :] @ Y[i + 1 :]) if i + 1 < len(Y) else Y[i]) / R[i, i]
-        X[order] = Y
+        """Solve the square system `A X = B` by Gaussian elimination with row pivots."""
+        A, X, count = A.copy(), B.copy(), len(A)
+        for k in range(count):
+            i = k + max(range(count - k), key=lambda j: abs(A[k + j, k]))
+            A[[k, i]], X[[k, i]] = A[[i, k]], X[[i, k]]
+            for j in range(k + 1, count):
+                if A[j, k]:
+                    factor = A[j, k] / A[k, k]
+                    A[j, k + 1 :] = A[j, k + 1 :] - factor * A[k, k + 1 :]
+                    X[j] = X[j] - factor * X[k]
+        for i in reversed(range(count)):
+            X[i] = ((X[i] - A[i, i + 1 :] @ X[i + 1 :]) if i + 1 < count else X[i]) / A[i, i]
         return X
 
     def _qr(self, A: Numbers, tolerance: float, largest: float) -> tuple[Numbers, Numbers, list[int], int]:

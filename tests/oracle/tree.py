@@ -137,21 +137,29 @@ class Tree:
         for kind, _, at in self.coordinates.values():
             self.unit[at.start : at.start + SLIDES.get(kind, 0)] = self.length
         self.free = slice(6 if base == "moving" else 0, self.nv)
+        self._last: Posture | None = None
 
     def _placement(self, placement: Numbers) -> tuple[Numbers, Numbers]:
         """Return rotation and origin of a placement, with the rotation made orthonormal to rounding."""
         M = self.arithmetic.array(placement)
         R = M[:3, :3]
+        three = 3 * np.eye(3)
         for _ in range(3):
-            R = R @ (3 * np.eye(3) - R.T @ R) / 2
+            R = R @ (three - R.T @ R) / 2
         return R, M[:3, 3]
 
     def posture(self, q: Numbers) -> Posture:
-        """Compute the placement of every link and every row at q, shape (nq,)."""
+        """Compute the placement of every link and every row at q, shape (nq,); the last one is remembered."""
         q = self.arithmetic.array(q)
+        if self._last is None or not np.array_equal(self._last.q, q):
+            self._last = self._posture(q)
+        return self._last
+
+    def _posture(self, q: Numbers) -> Posture:
         zero, eye = self.arithmetic.array(np.zeros(3)), self.arithmetic.array(np.eye(3))
         links, joints = {WORLD: Frame(zero, eye, zero, 0)}, []
         G = [self.arithmetic.array(np.zeros((6, self.nv)))]
+        moved_by: list[list[int]] = [[]]  # columns of G that move each body: the others are zero
         for joint, at_q, at_v, R_P, t_P, axes in self.joints:
             A = _attach(links[joint.parent], R_P @ axes, t_P)
             if joint.kind == "fixed":
@@ -161,10 +169,14 @@ class Tree:
             B = Frame(A.x + A.E @ t, A.E @ R, zero, len(G))
             links[joint.child] = B._replace(E=B.E @ axes.T)
             loop = Loop(A, B, joint_rows(A, B, joint) + coordinate_rows(A, B, joint.kind))
-            rates = self.arithmetic.array(np.zeros((6, self.nv)))
             freedoms = at_v.stop - at_v.start
-            rates[6 - freedoms :, at_v] = self.arithmetic.array(np.eye(freedoms))
-            G.append(self.arithmetic.solve(loop.at_b, rates - loop.at_a @ G[A.body]))
+            columns = [*moved_by[A.body], *range(at_v.start, at_v.stop)]
+            rates = -loop.at_a @ G[A.body][:, columns]
+            for i in range(1, freedoms + 1):
+                rates[-i, -i] += 1
+            G.append(self.arithmetic.array(np.zeros((6, self.nv))))
+            G[-1][:, columns] = self.arithmetic.solve(loop.at_b, rates)
+            moved_by.append(columns)
             joints.append(loop)
         closures = [
             self._closure(c, ends, links)
