@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import mpmath
 import numpy as np
+import pinocchio as pin
 
 import hybridyn
 from hybridyn.description.records import Closure, Description, Joint, Link
@@ -29,6 +30,8 @@ PLATFORM = np.array([
 ])  # fmt: skip
 LENGTHS = np.array([1, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071])
 REAL = 40
+#: One of the forty postures to two digits: the platform's position and quaternion (x, y, z, w).
+POSE = np.array([0.9, -0.42, 0.1, -0.13, 0.53, 0.75, 0.38])
 
 
 def at(point: np.ndarray) -> np.ndarray:
@@ -38,13 +41,24 @@ def at(point: np.ndarray) -> np.ndarray:
     return out
 
 
-@lru_cache(maxsize=2)
-def robot(foot: str = "S") -> hybridyn.HybridRobot:
+def home_at_pose() -> dict[str, tuple[float, ...]]:
+    """Return the positions of the joints at `POSE`, the legs on balls."""
+    turn = pin.Quaternion(POSE[3:]).normalized()
+    home = {"carrier": (*POSE[:3], *turn.coeffs())}
+    for i, leg in enumerate(PLATFORM @ turn.matrix().T + POSE[:3] - BASE):
+        home[f"foot{i}"] = tuple(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), leg).coeffs())
+        home[f"slide{i}"] = (float(np.linalg.norm(leg)),)
+    return home
+
+
+@lru_cache(maxsize=3)
+def robot(foot: str = "S", at_pose: bool = False) -> hybridyn.HybridRobot:
     """Build the platform as a robot, its home far from every posture sought.
 
     Args:
         foot: "S" for legs on balls (6-SPS as published; the rods spin idly), "U" for legs on universal
             joints, where each leg reaches a point in two ways.
+        at_pose: Whether its home is near one of them instead, from which it is found at once.
     """
     rod = np.diag([0.01, 0.01, 0.0]) if foot == "S" else np.diag([0.01, 0.01, 0.002])
     links = [Link("base", 0.0, np.zeros(3), np.zeros((3, 3))), Link("platform", 4.0, np.zeros(3), np.eye(3))]
@@ -65,8 +79,8 @@ def robot(foot: str = "S") -> hybridyn.HybridRobot:
         closures.append(
             Closure(f"ball{i}", "spherical", upper, np.eye(4), "platform", at(a), (0, 1, 2), "free")
         )
-    home = {f"slide{i}": (float(length),) for i, length in enumerate(LENGTHS)}
-    motors = tuple(home)
+    lengths = {f"slide{i}": (float(length),) for i, length in enumerate(LENGTHS)}
+    motors, home = tuple(lengths), home_at_pose() if at_pose else lengths
     description = Description(
         f"dietmaier_{foot}", tuple(links), tuple(joints), tuple(closures), (), motors, "published", home
     )
