@@ -203,8 +203,19 @@ def test_a_lone_angle_near_that_of_the_guess_moves_little(tmp_path: Path, name: 
         close_to(hybridyn.assemble(robot, motors=held, platforms=goal, guess=start)[0], wanted, ROUNDING)
 
 
-@pytest.mark.parametrize("yaw", [slow(0.3), 1.57, slow(2.0), slow(-2.8)])
-@pytest.mark.parametrize("name", [slow("yaw"), slow("pitch"), "roll"])
+def test_a_lone_roll_moves_little_in_c(tmp_path: Path) -> None:
+    """Of one joint about the tool's axis, which points down: the plainer triple is the other one."""
+    robot, start = arm(tmp_path, "x", 1.57), np.array([3.1])
+    in_c = Assembler(robot)
+    for wanted in (3.1, 3.2, 2.9):
+        requests = gather_requests(robot, {}, {"l0": ({"roll": wanted},)})
+        close_to(in_c.assemble(requests, start)[0][0], np.array([wanted]), ROUNDING)
+    assert in_c.recomputed == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("yaw", [0.3, 1.57, 2.0, -2.8])
+@pytest.mark.parametrize("name", ["yaw", "pitch", "roll"])
 def test_a_lone_angle_moves_little_in_c(tmp_path: Path, name: str, yaw: float) -> None:
     robot, start, held, goals = lone(tmp_path, name, yaw)
     in_c = Assembler(robot)

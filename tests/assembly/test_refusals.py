@@ -13,6 +13,7 @@ from hybridyn import AssemblyError
 from tests.assembly.test_angles import arm
 from tests.robots.as_written import Sheet, point
 from tests.support.comparing import close_to, refused
+from tests.support.samples import slow
 
 #: Relative, of what is told: the angle that is left is the first term of a series, and the next one is
 #: smaller by a third of the angle's square. The angle is up to half a radian.
@@ -70,7 +71,7 @@ def test_a_wrist_passes_its_pole_in_some_rows(tmp_path: Path) -> None:
     close_to(q[-1], guess * [-1.0, 1.0, -1.0], REACHED)
 
 
-@pytest.mark.parametrize("tilt", [1e-2, 1e-3])
+@pytest.mark.parametrize("tilt", [slow(1e-2), 1e-3])
 def test_a_wrist_that_passes_its_pole_in_one_row_tells_how_far_it_is(tmp_path: Path, tilt: float) -> None:
     """The second of three joints is the angle from the pole, where the first and the last have one axis."""
     robot, (pose, guess, ends) = arm(tmp_path, "zyz"), past_the_pole(tilt, 2)

@@ -78,7 +78,7 @@ def test_simulated_energy_changes_by_what_motors_give_and_losses_take() -> None:
         GearEfficiency(dict.fromkeys(robot.motors, 0.8), width=0.2),
     ]  # fmt: skip
     q, v, _ = hybridyn.assemble(robot, motors=dict.fromkeys(robot.motors, (0.0, 1.0, 0.0)))
-    times, tau = np.linspace(0, 0.01, 11), np.array([0.3, -0.1])
+    times, tau = np.linspace(0, 0.004, 5), np.array([0.3, -0.1])
     run = hybridyn.simulate(robot, q, v, times, effort=tau, effects=effects)
     every = np.tile(tau, (len(times), 1))
     balance = hybridyn.power(robot, run.q, run.v, every, effects=effects)

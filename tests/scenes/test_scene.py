@@ -275,11 +275,11 @@ at = {x}
 singularity = "closures"
 at = 1e-6
 """
-    text = HEAD.replace("0.2", "0.06") + text
+    text = HEAD.replace("0.2", "0.04") + text
     ready = stage(save(tmp_path, text.replace("{x}", "9.0"), "scene.toml"))
     result = play(ready)
     assert (result.status, [event.name for event in result.events]) == ("finished", ["m1_left_drive at 0.25"])
-    place = hybridyn.kinematics(ready.robot, result.q[5], result.v[5], result.a[5])["m1_tool"].pose[0]
+    place = hybridyn.kinematics(ready.robot, result.q[3], result.v[3], result.a[3])["m1_tool"].pose[0]
     ended = play(stage(save(tmp_path, text.replace("{x}", repr(float(place))), "scene.toml")))
     assert (ended.status, ended.events[-1].name) == ("event", "low")
 

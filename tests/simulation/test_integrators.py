@@ -50,7 +50,7 @@ def apart(system: System, x: State, y: State) -> float:
 def reference(request: pytest.FixtureRequest) -> tuple[System, State, float, State]:
     system, state = begin(swing(request.param))
     span = SPANS[request.param]
-    return system, state, span, steps(system, state, DOPRI5, span, 32)
+    return system, state, span, steps(system, state, DOPRI5, span, 16)
 
 
 @pytest.mark.parametrize(("name", "order", "counts"), [
