@@ -223,7 +223,7 @@ def test_a_table_of_the_teeth_is_a_table_of_the_rods(
 def test_poses_may_be_mixed_with_motors_and_platforms_between(tmp_path: Path) -> None:
     """The second platform of an lx4 stays level; its first module is held by motors."""
     robot = build_robot(shipped("lx4"))
-    states = states_near_home(robot.description, "fixed", 3, 2)
+    states = states_near_home(robot.description, "fixed", 3, 1)
     root, links = robot.description.root, [m.outputs[0] for m in robot.modules]
     motors = of_joints(robot, *states, robot.modules[0].motors)
     tool = of_link(robot, *states, links[3], root)

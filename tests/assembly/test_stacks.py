@@ -114,7 +114,7 @@ def _caught(task: ChainTask, *_: object, **__: object) -> None:
     raise _CaughtError(task)
 
 
-@pytest.mark.parametrize("seeds", [(3, 5), slow(range(50)), slow(range(50, 100))])
+@pytest.mark.parametrize("seeds", [(3,), slow(range(50)), slow(range(50, 100))])
 def test_no_length_is_lacking_to_what_is_reached(seeds: range, monkeypatch: pytest.MonkeyPatch) -> None:
     """From any posture, be it closed or not."""
     monkeypatch.setattr(solve, "follow", _caught)

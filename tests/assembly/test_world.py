@@ -182,6 +182,7 @@ def test_a_base_whose_pose_is_not_given_rests_at_the_guess(tmp_path: Path) -> No
 
 def test_a_table_may_say_what_stays_in_the_world(tmp_path: Path) -> None:
     """Against the same motion by its motors."""
+    (tmp_path / "arm.model.toml").write_text("[home]\nj0 = -0.5\nj1 = 1.2\nj2 = -0.4\n")
     robot = leg(tmp_path, "moving")
     q = hybridyn.assemble(
         robot,
