@@ -27,7 +27,6 @@ from hybridyn.spatial import Array
 from hybridyn.studies.workspace.workspace import workspace
 from tests.oracle import Base
 from tests.support.comparing import close_to, refused
-from tests.support.samples import slow
 
 ROUNDING = 1e-9  # relative, through the conditioning of these arms
 STEP = 1e-4  # of time in central differences [s]

@@ -38,10 +38,11 @@ def sought(robot: hybridyn.HybridRobot, starts: int, seed: int) -> Assemblies:
     [("S", 2, 300), slow("S", 0, 1000), slow("S", 1, 1000), slow("U", 0, 3000), slow("S", 11, 50_000)],
 )
 def test_dietmaier_all_forty(claim: Claim, foot: str, seed: int, starts: int) -> None:
-    """From 1,000 starts: all 40 postures of the published platform (Dietmaier 1998), closed to rounding.
+    """All 40 postures of the published platform (Dietmaier 1998), closed to rounding: from 1,000 starts.
 
-    300 starts of a chosen seed do, too; with home near a posture, the way there is short. A 6-SPS leaves six spins open, a 6-UPS has 64 variants of every posture: neither counts as more. From
-    50,000 starts: 40 still, every one found often.
+    300 of a chosen seed reach them, too; the way from a home near a posture is short. A 6-SPS leaves six
+    spins open, a 6-UPS has 64 variants of every posture: neither counts as more. From 50,000 starts: 40
+    still, every one found often.
     """
     robot = dietmaier.robot(foot, at_pose=starts == 300)
     first = (foot, seed, starts) == ("S", 0, 1000)

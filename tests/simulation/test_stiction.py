@@ -64,8 +64,8 @@ def test_a_block_on_an_incline_sticks_and_starts_as_statics_say(tmp_path: Path, 
     assert not still.v.any()
     assert not still.a.any()
     start = static * WEIGHT - 2 * G * np.sin(0.3)
-    run = simulate(robot, [0.7], [0.0], (0.9 * start, 1.2 * start), effort=ramp(1.0), effects=["default", law],
-                   stiction=True)  # fmt: skip
+    run = simulate(robot, [0.7], [0.0], (0.9 * start, 1.2 * start), effort=ramp(1.0),
+                   effects=["default", law], stiction=True)  # fmt: skip
     assert abs(run.t[run.v[:, 0] == 0].max() - start) < EXACT * start
     after = 0.2 * start  # 2 v' = t - start + (static - kinetic) weight
     gained = (after**2 / 2 + (static - kinetic) * WEIGHT * after) / 2
@@ -139,7 +139,9 @@ def test_a_four_bar_is_released_by_the_power_that_its_joints_hold_together(sign:
     rates = {name: abs(v[robot.v_slices[robot.joint_index[name]]][0]) for name in levels}
     start = sum(levels[name] * rates[name] for name in levels)
     law = ["default", CoulombFriction(levels)]
-    run = simulate(robot, q, 0 * v, (0.9 * start, 1.05 * start), effort=ramp(sign), effects=law, stiction=True)
+    run = simulate(
+        robot, q, 0 * v, (0.9 * start, 1.05 * start), effort=ramp(sign), effects=law, stiction=True
+    )
     assert abs(released(run) - start) < EXACT * start
     assert run.v[-1] @ v * sign > 0
     assert np.array_equal(run.q[run.t <= start], np.tile(q, (int((run.t <= start).sum()), 1)))
