@@ -5,10 +5,10 @@ import json
 import os
 import pickle
 import re
-import subprocess
+import resource
 import sys
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,14 +37,19 @@ from tests.support.comparing import refused
 from tests.support.extras import needs
 from tests.support.files import save
 
-NO_ROOM = """
-import resource, sys
-import hybridyn
-from hybridyn.cli import main
-hybridyn.load("five_bar")
-resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
-sys.exit(main(sys.argv[1:]))
-"""
+
+@pytest.fixture
+def no_room(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Let files have 200 bytes at most, which stands for a full disk.
+
+    The robot is known before, and no bytecode is written: what is cut short would stay so for later tests.
+    """
+    hybridyn.load("five_bar")
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.mark.parametrize(
@@ -55,21 +60,19 @@ sys.exit(main(sys.argv[1:]))
         pytest.param("cost", "points.csv", marks=pytest.mark.slow),
     ],
 )  # fmt: skip
-def test_a_disk_without_room_names_the_file(command: str, file: str, tmp_path: Path) -> None:
-    """Files of 2,000 bytes at most stand for a full disk.
-
-    -B and the load before the limit: truncated bytecode of the package would break later imports.
-    """
+@pytest.mark.usefixtures("no_room")
+def test_a_disk_without_room_names_the_file(
+    command: str, file: str, run: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     if file.endswith("parquet"):
         needs("io")
     option = "--plot" if file.endswith("svg") else "-o"
     target = "." if command == "convert" else file
     own = {"convert": ["--c"], "--plot": ["--by-effect"]}
     own_words = own.get(command, own.get(option, []))
-    words = [sys.executable, "-B", "-c", NO_ROOM, command, "five_bar", *own_words, option, target]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 1
-    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    monkeypatch.chdir(tmp_path)
+    said = run(command, "five_bar", *own_words, option, target, status=1)
+    (line,) = [line for line in said.err.splitlines() if line.startswith("error: ")]
     assert file in line
     assert "File too large" in line
     assert "bug" not in line
