@@ -4,15 +4,15 @@ import os
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests import ROOT
-from tests.cli.test_cli import arm, motion
+from tests.cli.test_cli import ARM, HEADER, ROWS, TIME
 from tests.quantities.ankle import JOINTS, MOTORS, ankle_text
+from tests.support.command_line import table_text
 from tests.support.extras import needs
 from tests.support.files import save
-
-__all__ = ["arm", "motion"]
 
 ANKLE = f"workspace ankle.urdf --motors {','.join(MOTORS)} --map {','.join(JOINTS)}"
 ENDLESS = ANKLE.replace("ankle", "endless")
@@ -123,22 +123,30 @@ ASKED = [
 ]
 
 
-@pytest.fixture
-def folder(arm: str, motion: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of an arm, its motion and other files, in which the test stands."""
-    monkeypatch.chdir(tmp_path)
-    save(tmp_path, '<robot name="mine"><link name="a"/></robot>', "mine.urdf")
-    save(tmp_path, ankle_text(), "ankle.urdf")
-    save(
-        tmp_path, ankle_text().replace('"pitch" type="revolute"', '"pitch" type="continuous"'), "endless.urdf"
-    )
-    save(tmp_path, "time lift/position\n0 1\n", "spaces.csv")
-    save(tmp_path, "0 1\n1 2\n", "bare.txt")
-    save(tmp_path, "time,m1_platform/pose/x\n" + "".join(f"{i},0\n" for i in range(9)), "part.csv")
-    os.symlink("nowhere", "link")
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of an arm, its motion and other files, which no command changes."""
+    made = tmp_path_factory.mktemp("words")
+    save(made, ARM, "arm.urdf")
+    save(made, table_text(["time", *HEADER], np.column_stack([TIME, ROWS])), "traj.csv")
+    save(made, '<robot name="mine"><link name="a"/></robot>', "mine.urdf")
+    ankle = ankle_text()
+    save(made, ankle, "ankle.urdf")
+    save(made, ankle.replace('"pitch" type="revolute"', '"pitch" type="continuous"'), "endless.urdf")
+    save(made, "time lift/position\n0 1\n", "spaces.csv")
+    save(made, "0 1\n1 2\n", "bare.txt")
+    save(made, "time,m1_platform/pose/x\n" + "".join(f"{i},0\n" for i in range(9)), "part.csv")
+    (made / "link").symlink_to("nowhere")
     for ending in ("urdf", "csv", "toml"):
-        os.mkfifo(f"x.{ending}")
-    return tmp_path
+        os.mkfifo(made / f"x.{ending}")
+    return made
+
+
+@pytest.fixture
+def folder(made: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The same folder, in which the test stands."""
+    monkeypatch.chdir(made)
+    return made
 
 
 @pytest.mark.parametrize(

@@ -46,10 +46,10 @@ NUMBERS = np.array([0.2525, 0.204, 1.03])
 def study(folder: Path, measures: str, text: str = STUDY, pushed: tuple[str, ...] = ()) -> StudyGradients:
     """Write a study whose tool goes round an ellipse, where wrenches push some links, and read it."""
     t = np.linspace(0.0, 1.0, 6)
-    x = -0.1 * np.cos(2 * np.pi * t) + 0.03 * np.sin(4 * np.pi * t)
+    x = -0.04 * np.cos(2 * np.pi * t) + 0.01 * np.sin(4 * np.pi * t)
     wrenches = [f"{link}/wrench/{x}" for link in pushed for x in ("fx", "fy", "fz", "mx", "my", "mz")]
     W = np.sin(np.arange(len(wrenches)) + t[:, None])
-    rows = np.column_stack([t, x, -0.5 + 0.04 * np.sin(2 * np.pi * t), W])
+    rows = np.column_stack([t, x, -0.5 + 0.02 * np.sin(2 * np.pi * t), W])
     header = ",".join(["time,m1_tool/pose/x,m1_tool/pose/z", *wrenches])
     np.savetxt(folder / "loop.csv", rows, delimiter=",", header=header, comments="")
     (folder / "study.toml").write_text(text + measures)

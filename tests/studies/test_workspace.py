@@ -239,7 +239,7 @@ def test_a_figure_marks_what_ends_the_workspace() -> None:
     """Marks lie between a pose that is reached and one that is not."""
     from hybridyn.figures.workspace import figure_of_workspace
 
-    found = workspace(hybridyn.load("five_bar"), steps={"x": 0.1, "z": 0.1})
+    found = workspace(hybridyn.load("five_bar"), steps={"x": 0.15, "z": 0.15})
 
     def named(coordinates: Array) -> dict[str, Array]:
         return dict(zip(found.sweep.names, coordinates.T, strict=True))

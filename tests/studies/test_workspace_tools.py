@@ -257,11 +257,11 @@ def test_a_link_that_one_of_two_motors_moves_leaves_the_other_to_the_rule() -> N
 def test_the_command_says_what_moves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine(tmp_path, STROKE / 10)
     path = tmp_path / "excavator.urdf"
-    said = call(capsys, "workspace", path, "--link", "teeth", "--step", "x=1.2,z=1.2,pitch=1.6")
+    said = call(capsys, "workspace", path, "--link", "teeth", "--step", "x=0.05,z=0.05,pitch=0.1")
     assert said.out.splitlines()[1 if said.out.startswith("#") else 0].startswith("teeth@cab/pose/x,")
     assert "modules 1, 2, 3: " in said.err
     assert "boom_rod (" in said.err
     assert re.search(r"  coordinate +from +ended by +to +ended by +step +unit\n  x  ", said.err)
-    words = ["--link", "m1_left_upper", "--sweep", "pitch", "--step", "pitch=2"]
+    words = ["--link", "m1_left_upper", "--sweep", "pitch", "--step", "pitch=1.3"]
     said = call(capsys, "workspace", "five_bar", *words)
     assert "1 further freedom of the motors: the motors move least from " in said.err

@@ -18,6 +18,7 @@ from hybridyn.tables.trajectory import TableMotion, read_motions
 from hybridyn.tables.tree_coordinates import full_state
 from tests.support.comparing import ROUNDING, refused
 from tests.support.files import save
+from tests.support.samples import slow
 from tests.support.waiting import outcome
 from tests.tables.arm import ARM, BALL
 
@@ -271,7 +272,6 @@ def test_six_rows_are_enough_for_a_fit(tmp_path: Path) -> None:
     assert len(motions(tmp_path, of_joints(TIME[:6]))) == 1
 
 
-ROUNDS = 2_000
 NASTY = [
     b"nan", b"inf", b"-inf", b"1e400", b"1e308", b"-1e-400", b"", b" ", b"\x00", b"\xff\xfe", b"\xef\xbb\xbf",
     b'"', b'""', b"'", b"#", b";", b"\t", b"\r", b"\r\n", b"\n\n", b",", b",,", b"1_0", b"0x1", b"1,5",
@@ -328,16 +328,16 @@ def use(path: Path) -> None:
                 assert all(np.isfinite(numbers).all() for numbers in full_state(motion, ARM.joints))
 
 
-@pytest.mark.parametrize("with_pose", [False, True])
-def test_a_mutated_table_is_read_or_refused(tmp_path: Path, with_pose: bool) -> None:
+@pytest.mark.parametrize(("with_pose", "rounds"), [slow(False, 500), slow(True, 500), (True, 150)])
+def test_a_mutated_table_is_read_or_refused(tmp_path: Path, with_pose: bool, rounds: int) -> None:
     content = valid_table(with_pose)
     path = save(tmp_path, content, "t.csv")
     use(path)
     draw = random.Random(20_10)
     read = 0
-    for _ in range(ROUNDS // 4):
+    for _ in range(rounds):
         path.write_bytes(mutated(content, draw))
         _, message = outcome(str(path), lambda: use(path))
         read += not message
         assert not message or (str(path) in message and message.isprintable()), message
-    assert 0.01 * ROUNDS < read < 0.2 * ROUNDS  # most are refused, harmless ones are not
+    assert 0.04 * rounds < read < 0.8 * rounds  # most are refused, harmless ones are not
