@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..description.added_formats import format_of
-from ..description.side_cars.model_toml import find_model_file, find_side_car
+from ..description.side_cars.beside import find_model_file, find_side_car
 from ..description.writing import write_text
 from ..errors import ModelError
 from .request import Written

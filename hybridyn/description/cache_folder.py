@@ -130,7 +130,8 @@ def keep(name: str, entry: Any, at: str = TEXTS) -> None:
         with appearing(place / name) as draft:
             draft.touch(0o600)
             draft.write_bytes(content)
-        entries = sorted(place.iterdir(), key=lambda path: -path.lstat().st_mtime)
+        if len(entries := [*place.iterdir()]) > MOST_ENTRIES:
+            entries.sort(key=lambda path: -path.lstat().st_mtime)
         for path in entries[MOST_ENTRIES:]:
             path.unlink(missing_ok=True)
 

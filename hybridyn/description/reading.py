@@ -21,7 +21,7 @@ from .motors import choose_motors
 from .names import counted, listed
 from .notes import placed
 from .records import Description, ReadFrom, RobotFile
-from .side_cars.model_toml import find_loop_closures, find_model_file, find_side_car
+from .side_cars.beside import files_like, find_loop_closures, find_model_file, find_side_car
 from .urdf.xacro import expand
 from .urdf.xml_node import XmlNode, parse
 from .validate import validate
@@ -165,17 +165,17 @@ def complete(
 
 def _read_side_cars(robot: RobotFile, file: str) -> None:
     """Add the closures and motors of a side-car, and those that frame names state."""
-    folder = Path(file).parent
-    side_car, mechanisms = find_side_car(file), max(folder.glob("submechanisms.y*ml"), default=None)
+    side_car, mechanisms = find_side_car(file), files_like(Path(file).parent, "submechanisms.y*ml")
     if side_car is not None:
         from .side_cars.gepetto import read_side_car  # imports pydantic and yaml: 0.1 s
 
         read_side_car(robot, read_bytes(str(side_car)), str(side_car))
-    elif mechanisms is not None:
+    elif mechanisms:
         from .side_cars.hyrodyn import apply_submechanisms
         from .side_cars.yaml_file import read_yaml
 
-        apply_submechanisms(robot, read_yaml(read_bytes(str(mechanisms)), str(mechanisms)))
+        last = str(mechanisms[-1])
+        apply_submechanisms(robot, read_yaml(read_bytes(last), last))
     else:
         apply_welded_frames(robot)
     apply_closing_frames(robot)
@@ -236,9 +236,11 @@ def open_robot(
             file=file,
         )
     root = None if file.endswith(".xacro") else parse(USD if ending else text, file)
-    if root is None or any(node.tag.startswith("xacro:") for node in root.descendants()):
+    if root is None or root.xml.xpath("boolean(.//*[starts-with(name(), 'xacro:')])"):
         expanded, notes = expand(file, xacro_args or {}, package_dirs)
-        return parse(expanded, file, placed=True)._replace(notes=tuple(notes))
+        root = parse(expanded, file, placed=True)
+        root.notes = tuple(notes)
+        return root
     if xacro_args:
         raise ModelError(f"is not a xacro file, so it takes no arguments ({listed(xacro_args)})", file=file)
     return root

@@ -1,7 +1,6 @@
-"""Find the files beside a robot's file; read and write `model.toml`, with what URDF cannot state.
+"""Read and write `model.toml`, with what URDF cannot state.
 
-For `X.urdf`, `X.urdf.xacro` or `X.xml`, the file is `X.model.toml` beside it, else `../models/X/model.toml`
-(`../../models/group/X/model.toml` for `urdf/group/X.urdf`).
+A robot's file has at most one (`beside`). It may state all of this:
 
     motors = ["slide1", "slide2"]
     [home]
@@ -41,6 +40,7 @@ from ..records import (
     RobotFile,
 )
 from ..writing import write_text
+from .beside import find_model_file, own_model_file
 from .toml_file import line_of, parse_toml
 
 #: Largest deviation of a stated unit vector from length one that counts as rounding; beyond, it is an error.
@@ -323,43 +323,3 @@ def _value(value: Any) -> str:
     if isinstance(value, int):
         return str(value)
     return repr(float(value))
-
-
-def find_side_car(file: str) -> Path | None:
-    """Return the side-car of a robot file: `X.yaml` beside `X.urdf`, else `robot.yaml` in the same folder."""
-    path = Path(file)
-    name = re.sub(r"(\.urdf)?(\.xacro)?$", "", path.name)
-    places = (path.with_name(stem + ending) for stem in (name, "robot") for ending in (".yaml", ".yml"))
-    return next(filter(Path.is_file, places), None)
-
-
-def find_loop_closures(file: str) -> Path | None:
-    """Return the file that belongs to a robot: beside it, or where packages with a folder `urdf` have it."""
-    folder = Path(file).absolute().parent
-    above = (folder.parent, folder.parent / "config") if folder.name == "urdf" else ()
-    found = (path for place in (folder, *above) for path in sorted(place.glob("loop_closures.y*ml")))
-    return next(found, None)
-
-
-def find_model_file(file: str) -> Path | None:
-    """Return the path of the model file that belongs to a robot file, or None.
-
-    It is `X.urdf.model.toml` beside `X.urdf`, as `hybridyn convert` writes it, or `X.model.toml`; else
-    `models/X/model.toml` for `urdf/X.urdf`, and `models/group/X/model.toml` for `urdf/group/X.urdf`.
-    """
-    path, beside = Path(file), own_model_file(file)
-    name, models = beside.name.removesuffix(".model.toml"), path.parent / ".." / "models"
-    places = (
-        path.with_name(f"{path.name}.model.toml"),
-        beside,
-        models / name / "model.toml",
-        path.parent / ".." / ".." / "models" / path.absolute().parent.name / name / "model.toml",
-    )
-    return next(filter(Path.is_file, places), None)
-
-
-def own_model_file(file: str) -> Path:
-    """Return the path of the model file beside a robot file, whether or not it exists."""
-    path = Path(file)
-    name = re.sub(r"(\.urdf|\.xml|\.sdf|\.usd[acz]?)?(\.xacro)?$", "", path.name)
-    return path.with_name(f"{name}.model.toml")

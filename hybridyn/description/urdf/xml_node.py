@@ -12,7 +12,7 @@ import math
 import re
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
-from functools import cache, partial
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -89,8 +89,9 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> XmlNode:
         file = Expanded(file)
         file.places = {}
         for xml in root.iter("*"):
-            where, _, line = str(xml.attrib.pop(PLACE, "")).rpartition(":")
+            where, _, line = str(xml.get(PLACE, "")).rpartition(":")
             file.places[cast("int", xml.sourceline)] = where, int(line or 0)
+        etree.strip_attributes(root, PLACE)
     return XmlNode(root, file, tuple(notes))
 
 
@@ -146,36 +147,21 @@ def _written(xml: etree._Element) -> str:
     return f"{xml.prefix}:{name}" if xml.prefix else name
 
 
-def _is_one_of(xml: etree._Element, tags: tuple[str, ...]) -> bool:
-    """Return whether an element has one of these names, as written or without its namespace's prefix."""
-    tag = str(xml.tag)
-    return tag in tags or (tag[0] in "{:" and _written(xml) in tags)
-
-
-@cache
-def _patterns(tags: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what matches elements with one of these names, in any namespace; every element for no name."""
-    bare = {tag: tag.rpartition(":")[2] for tag in tags}
-    return tuple(f"{{*}}{name}" for tag in tags for name in {tag, bare[tag], f":{bare[tag]}"}) or ("*",)
-
-
-class XmlNode(NamedTuple):
+class XmlNode:
     """An element of an XML file, with strict readers of attributes; every error names file and line.
 
     Attributes:
-        xml: The lxml element.
+        xml: The lxml element; its children are looked at once, so they must not change afterwards.
         file: Path of the file, for messages.
         notes: Of a root element: what is not well-formed in the file.
+        tag: Name of the element as the author wrote it, prefix included.
     """
 
-    xml: etree._Element
-    file: str
-    notes: tuple[str, ...] = ()
+    __slots__ = ("_inner", "file", "notes", "tag", "xml")
 
-    @property
-    def tag(self) -> str:
-        """Name of the element as the author wrote it, prefix included."""
-        return _written(self.xml)
+    def __init__(self, xml: etree._Element, file: str, notes: tuple[str, ...] = ()) -> None:
+        self.xml, self.file, self.notes, self.tag = xml, file, notes, _written(xml)
+        self._inner: list[XmlNode] | None = None if len(xml) else []
 
     @property
     def place(self) -> tuple[str, int | None]:
@@ -219,15 +205,19 @@ class XmlNode(NamedTuple):
 
     def children(self, *tags: str) -> list[XmlNode]:
         """Return the child elements in file order: all of them, or those with one of the tags."""
-        if not tags:
-            return [XmlNode(xml, self.file) for xml in self.xml]
-        found = self.xml.iterchildren(*_patterns(tags)) if len(self.xml) else ()
-        return [XmlNode(xml, self.file) for xml in found if _is_one_of(xml, tags)]
+        if self._inner is None:
+            self._inner = [XmlNode(xml, self.file) for xml in self.xml]
+        return [node for node in self._inner if node.tag in tags] if tags else self._inner.copy()
 
     def descendants(self, *tags: str) -> Iterator[XmlNode]:
-        """Return the elements below this one in file order: all of them, or those with one of the tags."""
-        found = self.xml.iterdescendants(*_patterns(tags))
-        return (XmlNode(xml, self.file) for xml in found if not tags or _is_one_of(xml, tags))
+        """Yield the elements below this one in file order: all of them, or those with one of the tags."""
+        waiting = [*reversed(self.children())]
+        while waiting:
+            node = waiting.pop()
+            if not tags or node.tag in tags:
+                yield node
+            if node._inner != []:
+                waiting += reversed(node.children())
 
     def child(self, *tags: str) -> XmlNode | None:
         """Return the only child with one of these tags, or None; raise ModelError if there are two."""
@@ -313,10 +303,10 @@ class XmlNode(NamedTuple):
                     best := closest(name, [x for x in attributes if x not in written])
                 ):
                     raise self.error(f"unknown attribute '{name}'; did you mean '{best}'?")
-        nodes = {_written(xml): xml for xml in self.xml}
-        for tag, xml in nodes.items():
+        nodes = {node.tag: node for node in self.children()}
+        for tag, node in nodes.items():
             if tag not in children and (best := closest(tag, [x for x in children if x not in nodes])):
-                raise XmlNode(xml, self.file).error(f"unknown in {self.label}; did you mean <{best}>?")
+                raise node.error(f"unknown in {self.label}; did you mean <{best}>?")
 
     def _number(self, word: str, what: str, infinite: bool) -> float:
         if infinite and _INFINITE.fullmatch(word):
