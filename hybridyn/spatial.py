@@ -87,9 +87,10 @@ def samples_inside(shape: tuple[int, ...], dtype: DTypeLike = float) -> Array:
 
 def run(numbers: Index) -> Index | slice:
     """Return numbers from zero on as a slice if they are equally spaced: NumPy reads it without a copy."""
-    steps = set(np.diff(numbers).tolist()) or {1}
+    every = numbers.tolist()
+    steps = {after - before for before, after in pairwise(every)} or {1}
     step = steps.pop()
-    return slice(numbers[0], numbers[-1] + 1, step) if not steps and step > 0 and len(numbers) else numbers
+    return slice(every[0], every[-1] + 1, step) if not steps and step > 0 and every else numbers
 
 
 def select(x: Array, numbers: Index | slice) -> Array:

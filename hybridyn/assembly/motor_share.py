@@ -35,7 +35,7 @@ def architecturally_singular(module: Module) -> str:
     m = module.mechanism
     if not m.closures.rows or len(module.motors) != m.mobility:
         return ""
-    share = motor_share(module, m.basis(m.generic_K).Psi)
+    share = motor_share(module, m.generic_Psi)
     if share is None or not len(share) or share.max() >= SINGULAR_POSTURE:
         return ""
     return (

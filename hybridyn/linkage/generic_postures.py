@@ -219,12 +219,12 @@ class _Search:
         Args:
             centres: The postures, shape (centres, nq).
             scatter: Steps away from them, shape (starts, nv), scaled.
-            count: Number of postures wanted; starts run in batches of twice as many.
+            count: Number of postures wanted. As many starts run first, which mostly suffice, then batches of
+                twice as many.
         """
         q = centres[np.arange(len(scatter)) % len(centres)]
         starts = self._problem.tree.integrate(q, scatter * self._problem.col_scale)
-        for first in range(0, len(starts), 2 * count):
-            some = starts[first : first + 2 * count]
+        for some in np.split(starts, range(count, len(starts), 2 * count)):
             closed = self._keep(close(self._problem, some, least=True, enough=STALLED))
             self._left += zip(closed.residual.tolist(), closed.q, strict=True)
             self._left = sorted(self._left, key=lambda pair: pair[0])[:count]

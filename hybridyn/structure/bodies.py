@@ -60,9 +60,11 @@ class Body:
         if (mass := float(link.mass)) > self.heaviest:
             self.name, self.heaviest = link.name, mass
         com, inertia = p + R @ link.com, R @ link.inertia @ R.T
-        total = self.mass + link.mass
+        total, first = self.mass + link.mass, self.massless
         self.inertia = self.inertia + inertia
-        if total > 0:
+        if first and total > 0:
+            self.com = self.com + com
+        elif total > 0:
             d = com - self.com
             # Parallel axis theorem about the common centre, in the form without cancellation.
             moved = self.mass * link.mass / total * (d @ d * np.eye(3) - np.outer(d, d))

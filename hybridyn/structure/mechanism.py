@@ -174,18 +174,21 @@ class Mechanism:
             open_by: Largest residual at home, relative to the length.
         """
         self.rank_tolerance, self.rank_decision = tolerance or RANK_TOLERANCE, ""
-        self.rounding, self.generic_K = 0.0, self.closures.matrix(self.tree.sweep(self.postures))
+        motion = self.tree.sweep(self.postures)
+        self.rounding, self.generic_K = 0.0, self.closures.matrix(motion)
         if not len(self.postures):
             return
         self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
-        if tolerance is None:
-            self._decide_by_home(open_by)
-        residual = self.closures.residual(self.postures, self.tree.sweep(self.postures))
+        if tolerance is None and self._decide_by_home(open_by):
+            motion = self.tree.sweep(self.postures)
+        residual = self.closures.residual(self.postures, motion)
         worst = float(np.abs(residual * self.reduction.row_scale).max(initial=0.0))
         self.rounding = 4.0 * max(worst, self.reduction.report.dropped)
 
-    def _decide_by_home(self, open_by: float) -> None:
+    def _decide_by_home(self, open_by: float) -> bool:
         """Count doubtful rows as independent if home closes too well for these rows to be rounding.
+
+        Then the postures are others. Return whether they are.
 
         Args:
             open_by: Largest residual at home, relative to the length.
@@ -199,6 +202,7 @@ class Mechanism:
         said = [evidence.words if evidence else dropped_rows(self.reduction.report, open_by)]
         said.append(singular_home(self.closures, self.reduction, self.home, open_by))
         self.rank_decision = "; ".join(filter(None, said))
+        return evidence is not None
 
     @property
     def mobility(self) -> int:
@@ -236,6 +240,11 @@ class Mechanism:
         return np.where(self.tree.S_angular.any(axis=1), traces, 0.0)
 
     @cached_property
+    def generic_Psi(self) -> Array:
+        """All motions at the generic postures, shape (samples, n, N)."""
+        return self.basis(self.generic_K).Psi
+
+    @cached_property
     def locked(self) -> Mask:
         """Freedoms of `tree` that the closures hold still at every generic posture, shape (nv,).
 
@@ -244,7 +253,7 @@ class Mechanism:
         """
         if not len(self.postures):
             return np.zeros(self.tree.nv, dtype=bool)
-        Psi = self.basis(self.generic_K).Psi / self.reduction.col_scale[:, None]
+        Psi = self.generic_Psi / self.reduction.col_scale[:, None]
         out: Mask = np.abs(Psi).max(axis=(0, 2), initial=0.0) <= STILL + self.rounding
         return out
 

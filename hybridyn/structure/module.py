@@ -69,7 +69,7 @@ class Module:
         m, moving = self.mechanism, self.motor_columns[self.moving_motors]
         if not len(moving) or not len(m.postures):
             return 0
-        Psi = np.linalg.qr(m.basis(m.generic_K).Psi / m.reduction.col_scale[:, None])[0]
+        Psi = np.linalg.qr(m.generic_Psi / m.reduction.col_scale[:, None])[0]
         return int(np.linalg.matrix_rank(Psi[:, moving], tol=INDEPENDENT_MOTORS).max())
 
     @property

@@ -37,9 +37,13 @@ class WristRows:
         """
         self._cut, self._specs, self._unit = cut, cut.wrists, unit
         self._scale = np.array([1.0 / length] * 3 + [1.0] * 3)
-        self._welds = [Closures(cut.whole, [weld], []) for weld in cut.welds]
         ends = np.cumsum([len(cut.tree.joints), *(len(wrist.joints) for wrist in cut.wrists)])
         self._own = [indices(cut.whole.v_slices[first:last]) for first, last in pairwise(ends)]
+
+    @cached_property
+    def _welds(self) -> list[Closures]:
+        """The weld of each wrist."""
+        return [Closures(self._cut.whole, [weld], []) for weld in self._cut.welds]
 
     @cached_property
     def chains(self) -> list[Tree]:

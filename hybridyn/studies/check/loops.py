@@ -226,7 +226,7 @@ class _ModuleCheck:
             )
             return
         share = motor_share(module, basis.Psi)
-        usual = motor_share(module, m.basis(m.generic_K).Psi)
+        usual = motor_share(module, m.generic_Psi)
         if share is not None and usual is not None and share[0] < SINGULAR_POSTURE <= np.median(usual):
             yield self._about(
                 "singular-parallel",
@@ -240,12 +240,12 @@ class _ModuleCheck:
 def without_mass(module: Module) -> bool:
     """Return whether no motion of a module moves a mass of its own."""
     m = module.mechanism
-    return bool(m.mobility and own_inertia(m, m.basis(m.generic_K[:1]).Psi[0]).max() <= 0.0)
+    return bool(m.mobility and own_inertia(m, m.generic_Psi[0]).max() <= 0.0)
 
 
 def held_motors(module: Module) -> list[str]:
     """Return the motors of a module that its closures hold still at every posture."""
     m = module.mechanism
-    Psi = np.abs(m.basis(m.generic_K[:1]).Psi[0] / m.reduction.col_scale[:, None]).max(axis=1, initial=0.0)
+    Psi = np.abs(m.generic_Psi[0] / m.reduction.col_scale[:, None]).max(axis=1, initial=0.0)
     moving = zip(module.motors, Psi[module.motor_columns], strict=True)
     return [name for name, most in moving if not m.mobility or most < SINGULAR_POSTURE * Psi.max()]
