@@ -83,8 +83,8 @@ def refuse_unread_loops(root: XmlNode, notes: list[str]) -> None:
             _refuse_if_suspicious(node)
             unknown.setdefault(node.tag, node)
     for node in root.descendants(*LOOP_TAGS, *MIMIC_TAGS, "link", "joint"):
-        above = [XmlNode(xml, root.file) for xml in node.xml.iterancestors()]
-        if len(above) > 1:
+        if node.xml.getparent() is not root.xml:
+            above = [XmlNode(xml, root.file) for xml in node.xml.iterancestors()]
             _refuse_inside(node, above[0], above[-2])
     if unknown:
         where = listed(f"<{tag}> ({node.where})" for tag, node in unknown.items())
@@ -124,7 +124,7 @@ def _refuse_if_suspicious(node: XmlNode) -> None:
     loop = re.search(_LOOP_WORDS, node.tag) or _END_WORDS & words or {"parent", "child"} <= words
     if node.tag in outside or loop:
         raise _refusal(node, "an unknown form, or a part in the wrong place")
-    if {"link", "joint"} & {inner.tag for inner in inside if inner.xml.get("name")}:
+    if {"link", "joint"} & {inner.tag for inner in inside if inner.attrib.get("name")}:
         raise node.error(
             "unknown element that holds links or joints; they would be lost. Move them below <robot>"
         )

@@ -13,7 +13,8 @@ from .records import Array, Description, Joint
 
 def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     """Compute Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3), from URDF's fixed-axis angles [rad]."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    angles = np.array([roll, pitch, yaw])
+    (cr, cp, cy), (sr, sp, sy) = np.cos(angles).tolist(), np.sin(angles).tolist()
     return np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

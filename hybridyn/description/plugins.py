@@ -72,7 +72,7 @@ class Follower(NamedTuple):
 
 def name_of(plugin: XmlNode) -> str:
     """Return the file of a plugin, else its name."""
-    return str(plugin.xml.get("filename") or plugin.xml.get("name") or "")[:80]
+    return str(plugin.attrib.get("filename") or plugin.attrib.get("name") or "")[:80]
 
 
 def is_harmless(plugin: XmlNode) -> bool:
@@ -103,7 +103,7 @@ def weld_of(plugin: XmlNode, model: str) -> tuple[XmlNode, XmlNode] | None:
 
 def _is_weld(plugin: XmlNode) -> bool:
     """Return whether a plugin is Gazebo's DetachableJoint."""
-    return "detachable" in _words(f"{name_of(plugin)} {plugin.xml.get('name', '')}")
+    return "detachable" in _words(f"{name_of(plugin)} {plugin.attrib.get('name', '')}")
 
 
 def followers(plugin: XmlNode) -> Iterator[Follower]:
@@ -127,9 +127,9 @@ def refuse_holding(plugin: XmlNode, links: Collection[str], mend: str) -> None:
     """
     inside = [*plugin.descendants()]
     words = {name for node in (plugin, *inside) for name in node.attributes()} | {node.tag for node in inside}
-    texts = [text for node in inside for text in (node.content(), *map(str, node.xml.attrib.values()))]
+    texts = [text for node in inside for text in (node.content(), *map(str, node.attrib.values()))]
     named = dict.fromkeys(text for text in texts if text.rpartition("::")[2] in links)
-    both = f"{name_of(plugin)} {plugin.xml.get('name', '')}"
+    both = f"{name_of(plugin)} {plugin.attrib.get('name', '')}"
     if len(named) > 1 and (_words(both) & HOLDING or len(words & ENDS) > 1):
         raise plugin.error(
             f"the plugin '{name_of(plugin)}' of Gazebo joins the links {listed(named)}, in a form that is "

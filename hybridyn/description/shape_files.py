@@ -63,9 +63,9 @@ def shapes_of(root: XmlNode, *roles: str) -> Iterator[Shape]:
         root: Root element of a URDF.
         roles: "visual", "collision".
     """
-    colours = {node.xml.get("name", ""): _stated(node) for node in root.children("material")}
+    colours = {node.attrib.get("name", ""): _stated(node) for node in root.children("material")}
     for link in root.children("link"):
-        name = str(link.xml.get("name", "")).strip()
+        name = link.attrib.get("name", "").strip()
         for node in link.children(*roles):
             try:
                 yield _shape(name, node, colours)
@@ -76,7 +76,7 @@ def shapes_of(root: XmlNode, *roles: str) -> Iterator[Shape]:
 def _shape(link: str, shape: XmlNode, colours: Mapping[str, Colour | None]) -> Shape:
     placement, colour = origin_of(shape.child("origin")), None
     for material in shape.children("material")[:1]:  # a second one makes no other shape
-        colour = _stated(material) or colours.get(material.xml.get("name", ""))
+        colour = _stated(material) or colours.get(material.attrib.get("name", ""))
     geometry = shape.required_child("geometry").children()
     for node in geometry:
         if node.tag == "mesh":

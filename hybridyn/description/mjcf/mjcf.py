@@ -225,7 +225,7 @@ def read_mjcf(root: XmlNode, package_dirs: Sequence[str | os.PathLike[str]] = ()
     for one in document.every():
         screen(one, meshes)
     compiled = compile_text(document, meshes)
-    robot = RobotFile(str(root.xml.get("model", "")).strip() or "robot", root.file, format="MJCF")
+    robot = RobotFile(root.attrib.get("model", "").strip() or "robot", root.file, format="MJCF")
     start = find_root(robot, compiled)
     add_bodies(robot, compiled, start, _home(robot, compiled, places))
     add_equalities(robot, compiled)

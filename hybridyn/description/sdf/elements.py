@@ -156,10 +156,14 @@ def check(root: XmlNode, notes: Notes) -> None:
         read, left_out = READ[kind], LEFT_OUT.get(kind, ())
         for child in node.children():
             if child.tag in NOTED:
-                name = child.xml.get("name") or child.xml.get("filename") or around(child).xml.get("name")
+                name = (
+                    child.attrib.get("name")
+                    or child.attrib.get("filename")
+                    or around(child).attrib.get("name")
+                )
                 harmless = child.tag != "plugin" or is_harmless(child)
                 told = NOTED[child.tag] if harmless else f"{DROPS} the plugins {{}}; {NOTHING}, as in Drake"
-                if child.tag != "plugin" or weld_of(child, str(node.xml.get("name", ""))) is None:
+                if child.tag != "plugin" or weld_of(child, node.attrib.get("name", "")) is None:
                     _note(child, told, str(name), notes)
             _note_forces(child, kind, notes)
             if child.tag in left_out:
@@ -177,7 +181,7 @@ def _note_forces(child: XmlNode, kind: str, notes: Notes) -> None:
     unread = [one for one in inner if one.tag not in SOLVER and (len(one.xml) or one.content().strip("0."))]
     for node in (*([child] if on else ()), *unread):
         text = f"{DROPS} <{node.tag}> of {{}}; {NOTHING}, as in Drake"
-        _note(node, text, str(around(node).xml.get("name")), notes)
+        _note(node, text, str(around(node).attrib.get("name")), notes)
 
 
 def _note(node: XmlNode, text: str, name: str, notes: Notes) -> None:
@@ -191,7 +195,7 @@ def _check_attributes(node: XmlNode, known: tuple[str, ...]) -> None:
     for name in node.attributes():
         if name == OLD_FRAME and node.tag == "pose":
             root = node.xml.getroottree().getroot()
-            if node.xml.get(name, "").strip() and str(root.get("version")).strip() not in (
+            if node.attrib.get(name, "").strip() and str(root.get("version")).strip() not in (
                 "1.3",
                 "1.4",
                 "1.5",
@@ -292,7 +296,7 @@ def pose(node: XmlNode | None) -> Array:
     """
     if node is None or not node.content():
         return np.eye(4)
-    form = str(node.xml.get("rotation_format", "")).strip() or "euler_rpy"
+    form = node.attrib.get("rotation_format", "").strip() or "euler_rpy"
     if form == "euler_rpy":
         numbers = node.numbers("", 6)
         angles = np.radians(numbers[3:]) if node.flag("degrees", False) else numbers[3:]
@@ -310,7 +314,7 @@ def relative_to(node: XmlNode | None) -> str:
     """Return the name of the frame in which a `<pose>` is expressed, "" for the default."""
     if node is None:
         return ""
-    return str(node.xml.get("relative_to", "")).strip() or str(node.xml.get(OLD_FRAME, "")).strip()
+    return node.attrib.get("relative_to", "").strip() or node.attrib.get(OLD_FRAME, "").strip()
 
 
 def screw_pitch(node: XmlNode) -> float:

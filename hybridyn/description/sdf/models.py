@@ -177,7 +177,7 @@ class SdfFiles:
         if os.path.isfile(config):
             root, _ = self._includes.opened(uri, config, [config])
             for node in root.children("sdf"):
-                match = _VERSION.fullmatch(str(node.xml.get("version", "1.4")).strip())
+                match = _VERSION.fullmatch(node.attrib.get("version", "1.4").strip())
                 if match and VERSIONS[0] <= int(match[1]) <= VERSIONS[1]:
                     stated[int(match[1])] = node.content()
         return stated[max(stated)]
@@ -260,7 +260,7 @@ class Item:
     def placement_frame(self) -> str:
         """Name of the frame in a model that stands at the model's pose, "" for the model's own."""
         stated = word(self.node, "placement_frame") if self.node.tag == "include" else ""
-        return stated or str(self.model.xml.get("placement_frame", "")).strip()
+        return stated or self.model.attrib.get("placement_frame", "").strip()
 
 
 def inside(scope: Item | None) -> str:
@@ -475,7 +475,7 @@ class SdfModels:
     def _holder(self, item: Item) -> Item | None:
         """Return what holds the frame of a joint (its child) or of a `<frame>`; None for the world."""
         if item.kind == "frame":
-            name = str(item.node.xml.get("attached_to", "")).strip()
+            name = item.node.attrib.get("attached_to", "").strip()
             return self.resolve(item.scope, name, item.node) if name else item.scope
         child = item.node.required_child("child")
         if self._is_world(item.scope, child.content()):
@@ -488,7 +488,7 @@ class SdfModels:
             return None
         if item.kind != "model":
             return self._holder(item)
-        if stated := str(item.model.xml.get("canonical_link", "")).strip():
+        if stated := item.model.attrib.get("canonical_link", "").strip():
             return self.resolve(item, stated, item.model)
         first = next((one for one in self._all("link") if item in one.scopes), None)
         if first is None:

@@ -243,7 +243,7 @@ class _SdfBuilder:
 
     def _coupling(self, follower: str, mimic: XmlNode, leader: Item, line: int | None) -> Coupling:
         """Return the coupling: position = multiplier (position of the leader - reference) + offset."""
-        which = str(mimic.xml.get("axis", "")).strip() or "axis"
+        which = mimic.attrib.get("axis", "").strip() or "axis"
         if which not in ("axis", "axis2"):
             raise mimic.error(f"axis '{which}' instead of 'axis' or 'axis2'")
         number = ("axis", "axis2").index(which)

@@ -315,7 +315,7 @@ ROTOR = ("drake:rotor_inertia", "drake:gear_ratio")
 def _read_axis(node: XmlNode, item: Item, models: SdfModels) -> Axis:
     xyz, local, frame = node.child("xyz"), np.array([0.0, 0.0, 1.0]), ""  # SDFormat's default
     if xyz is not None:
-        local, frame = direction(xyz), str(xyz.xml.get("expressed_in", "")).strip()
+        local, frame = direction(xyz), xyz.attrib.get("expressed_in", "").strip()
     if item.minor >= 7 and node.child("use_parent_model_frame") is not None:
         raise node.error(
             'use_parent_model_frame ended with SDFormat 1.6; write <xyz expressed_in="__model__">'

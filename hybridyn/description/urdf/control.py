@@ -19,7 +19,7 @@ TAG = "ros2_control"
 def followers_of_control(root: XmlNode) -> Iterator[Follower]:
     """Yield the joints that ros2_control moves with others by `<param name="mimic">`."""
     for joint in _joints(root):
-        stated = {str(param.xml.get("name")): param for param in joint.children("param")}
+        stated = {str(param.attrib.get("name")): param for param in joint.children("param")}
         if "mimic" in stated:
             numbers = (
                 stated[word].number() if word in stated else default
@@ -37,7 +37,7 @@ def state_interfaces(root: XmlNode, robot: RobotFile) -> None:
     freedoms = {joint.name: joint.kind.nv for joint in robot.joints}
     driven: dict[str, XmlNode] = {}
     for node in _joints(root):
-        name, mimic = node.text("name"), str(node.xml.get("mimic", "")).strip().lower()
+        name, mimic = node.text("name"), node.attrib.get("mimic", "").strip().lower()
         if mimic == "false" and name in followers:
             _note(robot, node, f"joint '{name}' says mimic=\"false\"; it follows by its <mimic> here")
         if mimic == "true" and name in freedoms and name not in followers:

@@ -106,13 +106,13 @@ def sides_of(
 def constraint_name(node: XmlNode) -> str:
     """Return the name of a constraint: stated, or its word with its number among those of the file."""
     number = 1 + sum(1 for _ in node.xml.itersiblings(node.xml.tag, preceding=True))
-    return node.xml.get("name", "").strip() or f"{node.tag.rpartition(':')[2]}{number}"
+    return node.attrib.get("name", "").strip() or f"{node.tag.rpartition(':')[2]}{number}"
 
 
 def point(node: XmlNode) -> Array:
     """Return the placement of a point, shape (4, 4): three numbers in an attribute or as text."""
     node.only(["value"], [])
-    return placement_from(np.eye(3), node.numbers("value" if "value" in node.xml.attrib else "", 3))
+    return placement_from(np.eye(3), node.numbers("value" if "value" in node.attrib else "", 3))
 
 
 def _frame(node: XmlNode) -> Array:
@@ -147,8 +147,8 @@ def read_tendon(node: XmlNode) -> Coupling:
 def is_drakes(node: XmlNode) -> bool:
     """Return whether a joint is one of Drake: by its tag, or planar with a damping for each freedom."""
     dynamics = node.child("dynamics")
-    three = dynamics is not None and len(dynamics.xml.get("damping", "").split()) == 3
-    return node.tag == "drake:joint" or (three and node.xml.get("type") == WORDS[JointKind.PLANAR].drake)
+    three = dynamics is not None and len(dynamics.attrib.get("damping", "").split()) == 3
+    return node.tag == "drake:joint" or (three and node.attrib.get("type") == WORDS[JointKind.PLANAR].drake)
 
 
 def read_drake_joint(node: XmlNode, robot: RobotFile, numbers: Numbers) -> None:
@@ -199,7 +199,7 @@ def _joint_names(node: XmlNode, robot: RobotFile, *endings: str) -> list[str]:
     """Return names of joints that no joint of the file has: that of the joint with each ending."""
     above = node.xml.getparent()
     found = XmlNode(above, node.file).children("joint", "drake:joint") if above is not None else []
-    taken = {str(one.xml.get("name", "")) for one in found} | {joint.name for joint in robot.joints}
+    taken = {one.attrib.get("name", "") for one in found} | {joint.name for joint in robot.joints}
     return [unique(f"{node.text('name')}{ending}", taken) for ending in endings]
 
 
@@ -233,7 +233,7 @@ def _planar(node: XmlNode, axis: Array, robot: RobotFile, numbers: Numbers) -> l
     name, dynamics = node.text("name"), node.child("dynamics")
     x = (
         dynamics.numbers("damping", 3)
-        if dynamics is not None and "damping" in dynamics.xml.attrib
+        if dynamics is not None and "damping" in dynamics.attrib
         else np.zeros(3)
     )
     if (x < 0).any():

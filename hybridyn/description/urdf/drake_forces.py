@@ -46,7 +46,7 @@ def spring_effects(nodes: list[XmlNode], named: Named = as_stated) -> tuple[tupl
 
 def _positive(node: XmlNode, word: str) -> float:
     child = node.required_child(f"{node.tag}_{word}")
-    number = child.number("value" if "value" in child.xml.attrib else "")
+    number = child.number("value" if "value" in child.attrib else "")
     if number < 0:
         raise child.error(f"{number:g} is negative")
     return number
@@ -83,7 +83,7 @@ def read_bushings(nodes: Sequence[XmlNode], framed: Framed, robot: RobotFile) ->
 
 def _three(node: XmlNode) -> list[float]:
     node.only(["value"], [])
-    numbers = node.numbers("value" if "value" in node.xml.attrib else "", 3)
+    numbers = node.numbers("value" if "value" in node.attrib else "", 3)
     if (numbers < 0).any():
         raise node.error(f"{numbers.min():g} is negative")
     return [float(x) for x in numbers]

@@ -142,11 +142,11 @@ def _look(node: XmlNode, place: str, found: Dropped) -> None:
 def _attributes(node: XmlNode, place: str, found: Dropped) -> None:
     """Add the attributes of an element that are dropped."""
     known = _WORDS[place]
-    for name in node.xml.attrib:
+    for name in node.attrib:
         word = str(name).rpartition("}")[2]
         if f"@{word}" in known or word.startswith(("xmlns", "xml:")):
             continue
-        if not _is_zero(str(node.xml.get(name))):
+        if not _is_zero(str(node.attrib.get(name))):
             _add(f"{word}= in <{node.tag}>", node, found)
 
 
@@ -176,7 +176,7 @@ def _is_neutral(node: XmlNode) -> bool:
     text = node.content().lower()
     if node.tag in NEUTRAL:
         return text in NEUTRAL[node.tag]
-    return bool(text) and not len(node.xml) and not node.xml.attrib and _is_zero(text)
+    return bool(text) and not len(node.xml) and not node.attrib and _is_zero(text)
 
 
 def _is_zero(text: str) -> bool:

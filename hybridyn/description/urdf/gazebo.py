@@ -87,4 +87,4 @@ def _read_springs(blocks: list[XmlNode], robot: RobotFile) -> None:
 
 
 def _reference(block: XmlNode) -> str:
-    return str(block.xml.get("reference", ""))
+    return block.attrib.get("reference", "")

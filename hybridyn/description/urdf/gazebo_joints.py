@@ -59,7 +59,7 @@ def read_gazebo_joints(
     if held:
         carrier = _add_world(held, robot, poses)
         nodes = [node for node in nodes if node is not carrier]
-    for node in sorted(nodes, key=lambda node: node.xml.get("type") == "gearbox"):
+    for node in sorted(nodes, key=lambda node: node.attrib.get("type") == "gearbox"):
         _read_joint(node, poses, robot)
     for plugin, ends in welds:
         _weld(plugin, ends, poses, robot)
@@ -159,7 +159,7 @@ def _place(node: XmlNode, child: str, poses: Mapping[str, Array]) -> Array:
     if stated is None:
         return poses[child]
     stated.only(["relative_to", "frame"], [])
-    frame = stated.xml.get("relative_to") or stated.xml.get("frame") or child
+    frame = stated.attrib.get("relative_to") or stated.attrib.get("frame") or child
     place = stated.numbers("", 6) if stated.content() else np.zeros(6)
     return _frame(stated, frame, poses) @ placement_from(rotation_from_rpy(*place[3:]), place[:3])
 
@@ -177,7 +177,7 @@ def _direction(node: XmlNode, at: Array, poses: Mapping[str, Array]) -> Array:
     """Return the unit axis in the joint's frame, shape (3,)."""
     xyz, value, frame = node.child("xyz"), np.array([0.0, 0.0, 1.0]), ""
     if xyz is not None:
-        value, frame = unit(xyz, xyz.numbers("", 3), "<xyz>0 0 1</xyz>"), xyz.xml.get("expressed_in", "")
+        value, frame = unit(xyz, xyz.numbers("", 3), "<xyz>0 0 1</xyz>"), xyz.attrib.get("expressed_in", "")
     if flag(node, "use_parent_model_frame"):
         frame = MODEL
     return at[:3, :3].T @ _frame(node, frame, poses)[:3, :3] @ value if frame else value

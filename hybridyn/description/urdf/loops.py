@@ -153,7 +153,7 @@ def _of_fusion(node: XmlNode, kind: str, poses: Mapping[str, Array]) -> Closure:
         links.append(link.text("link"))
         origins.append(pose_of(node.required_child(f"{side}_origin")))
     axis, child = node.child("axis"), node.required_child("child_origin")
-    stated = "parent" if axis is None else axis.xml.get("frame", "parent")
+    stated = "parent" if axis is None else axis.attrib.get("frame", "parent")
     if stated not in ("parent", "child"):
         raise node.error(f"the axis is in the frame '{stated}'; known: 'parent', 'child'")
     between = np.eye(4)
@@ -191,7 +191,7 @@ def read_coupling(node: XmlNode, parents: Mapping[str, Joint | None]) -> Couplin
     Source: URDF+; the sign is that of its reference reader in the GRBDA library.
     """
     node.only(["name", "type"], ["predecessor", "successor", "ratio"])
-    if (kind := node.xml.get("type", "rolling")) != "rolling":
+    if (kind := node.attrib.get("type", "rolling")) != "rolling":
         raise node.error(f"unknown type '{kind}'; known: 'rolling'")
     ratio_node = node.required_child("ratio")
     ratio_node.only(["value"], [])

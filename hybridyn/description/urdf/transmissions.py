@@ -116,13 +116,13 @@ def _share_rotors(node: XmlNode, joints: list[XmlNode], rotors: dict[str, Rotor]
     if not stated:
         return
     kind = node.child("type")
-    words = f"{node.xml.get('type', '')} {kind.content() if kind else ''}"
+    words = f"{node.attrib.get('type', '')} {kind.content() if kind else ''}"
     names = [joint.text("name") for joint in _by_role(joints)]
     ratios = [rotors[name].get("gear_ratio", 1.0) for name in names]
     maps = {word: of(*ratios) for word, of in ROTOR_MAPS.items() if word in words and len(joints) == 2}
     own = any(rotors[name].get("rotor_inertia") for name in names)
     if own or not maps or len(owners) != 3 or stated[-1][0] is node:
-        told = listed(owner.xml.get("name", owner.tag) for owner, _ in stated)
+        told = listed(owner.attrib.get("name", owner.tag) for owner, _ in stated)
         robot.notes.append(
             f"{node.at}: {DROPS} the rotors of {told}: "
             "they couple joints; state their inertia in the <joint>s of the <transmission>, or in model.toml"
@@ -185,7 +185,7 @@ def _number(child: XmlNode, notes: list[str]) -> float | None:
         ModelError: The text is no number, and the file states inertia of rotors.
     """
     try:
-        return child.number("value") if "value" in child.xml.attrib else child.number()
+        return child.number("value") if "value" in child.attrib else child.number()
     except ModelError:
         root = XmlNode(child.xml.getroottree().getroot(), child.file)
         inertias = [tag for tag, word in ROTOR_TAGS.items() if word == "rotor_inertia"]

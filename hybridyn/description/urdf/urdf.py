@@ -62,7 +62,7 @@ def read_urdf(root: XmlNode, _: object = None) -> RobotFile:
     Raises:
         ModelError: An element is invalid, or states a loop in a form that is not read.
     """
-    name = root.xml.get("name", "").strip()
+    name = root.attrib.get("name", "").strip()
     robot = RobotFile(name or "robot", root.file)
     refuse_unread_loops(root, robot.notes)
     robot.links += [_read_link(node, robot.notes) for node in root.children("link")]

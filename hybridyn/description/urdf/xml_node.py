@@ -12,7 +12,7 @@ import math
 import re
 from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -54,11 +54,11 @@ class Expanded(str):
     """The path of a xacro file, with the file and line where the elements of its expansion were written.
 
     Attributes:
-        places: File ("" for the file itself) and line by line of the expansion; each element has its own.
+        places: `FILE:LINE` (":LINE" in the file itself) by line of the expansion; each element has its own.
     """
 
     __slots__ = ("places",)
-    places: dict[int, tuple[str, int]]
+    places: dict[Any, Any]
 
 
 def parse(text: bytes, file: str, *, placed: bool = False) -> XmlNode:
@@ -87,10 +87,7 @@ def parse(text: bytes, file: str, *, placed: bool = False) -> XmlNode:
     refuse_above("elements", cast("float", root.xpath("count(//*)")), in_file)
     if placed:
         file = Expanded(file)
-        file.places = {}
-        for xml in root.iter("*"):
-            where, _, line = str(xml.get(PLACE, "")).rpartition(":")
-            file.places[cast("int", xml.sourceline)] = where, int(line or 0)
+        file.places = {xml.sourceline: xml.get(PLACE, "") for xml in root.iter("*")}
         etree.strip_attributes(root, PLACE)
     return XmlNode(root, file, tuple(notes))
 
@@ -147,20 +144,29 @@ def _written(xml: etree._Element) -> str:
     return f"{xml.prefix}:{name}" if xml.prefix else name
 
 
+@cache
+def _patterns(tags: tuple[str, ...]) -> tuple[str, ...]:
+    """Return what matches elements with one of these names, in any namespace; every element for no name."""
+    bare = {tag: tag.rpartition(":")[2] for tag in tags}
+    return tuple(f"{{*}}{name}" for tag in tags for name in {tag, bare[tag], f":{bare[tag]}"}) or ("*",)
+
+
 class XmlNode:
     """An element of an XML file, with strict readers of attributes; every error names file and line.
 
     Attributes:
-        xml: The lxml element; its children are looked at once, so they must not change afterwards.
+        xml: The lxml element. Attributes and children are looked at once: they must not change afterwards.
         file: Path of the file, for messages.
         notes: Of a root element: what is not well-formed in the file.
         tag: Name of the element as the author wrote it, prefix included.
+        attrib: Its attributes.
     """
 
-    __slots__ = ("_inner", "file", "notes", "tag", "xml")
+    __slots__ = ("_inner", "attrib", "file", "notes", "tag", "xml")
 
     def __init__(self, xml: etree._Element, file: str, notes: tuple[str, ...] = ()) -> None:
         self.xml, self.file, self.notes, self.tag = xml, file, notes, _written(xml)
+        self.attrib = cast("dict[str, str]", dict(xml.items()))
         self._inner: list[XmlNode] | None = None if len(xml) else []
 
     @property
@@ -169,8 +175,8 @@ class XmlNode:
         line = cast("int | None", self.xml.sourceline)
         if not isinstance(self.file, Expanded):
             return self.file, line
-        file, line = self.file.places.get(line or 0, ("", 0))
-        return file or str(self.file), line or None
+        file, _, number = str(self.file.places.get(line, "")).rpartition(":")
+        return file or str(self.file), int(number or 0) or None
 
     @property
     def line(self) -> int | None:
@@ -193,14 +199,14 @@ class XmlNode:
     @property
     def label(self) -> str:
         """The element as it is named in messages: `<joint name="elbow">`."""
-        name = str(self.xml.get("name", ""))[:100]
+        name = self.attrib.get("name", "")[:100]
         return f'<{self.tag} name="{name}">' if name else f"<{self.tag}>"
 
     def error(self, message: str) -> ModelError:
         """Return (do not raise) an error with this element's file, line and name."""
         file, line = self.place
         return ModelError(
-            f"{self.label}: {message}", file=file, line=line, element=self.xml.get("name") or self.tag
+            f"{self.label}: {message}", file=file, line=line, element=self.attrib.get("name") or self.tag
         )
 
     def children(self, *tags: str) -> list[XmlNode]:
@@ -211,13 +217,9 @@ class XmlNode:
 
     def descendants(self, *tags: str) -> Iterator[XmlNode]:
         """Yield the elements below this one in file order: all of them, or those with one of the tags."""
-        waiting = [*reversed(self.children())]
-        while waiting:
-            node = waiting.pop()
-            if not tags or node.tag in tags:
-                yield node
-            if node._inner != []:
-                waiting += reversed(node.children())
+        for xml in self.xml.iterdescendants(*_patterns(tags)):
+            if not tags or _written(xml) in tags:
+                yield XmlNode(xml, self.file)
 
     def child(self, *tags: str) -> XmlNode | None:
         """Return the only child with one of these tags, or None; raise ModelError if there are two."""
@@ -236,15 +238,15 @@ class XmlNode:
 
     def text(self, attribute: str) -> str:
         """Return an attribute without surrounding blanks; raise ModelError if it is missing or empty."""
-        value = str(self.xml.get(attribute, "")).strip()
+        value = self.attrib.get(attribute, "").strip()
         if not value:
-            wrong = "is empty" if attribute in self.xml.attrib else "is missing"
+            wrong = "is empty" if attribute in self.attrib else "is missing"
             raise self.error(f"attribute '{attribute}' {wrong}{did_you_mean(attribute, self.attributes())}")
         return value
 
     def attributes(self) -> list[str]:
         """Return the names of the attributes, except those with a namespace or a prefix."""
-        return [name for name in map(str, self.xml.attrib) if not name.startswith("{") and ":" not in name]
+        return [name for name in self.attrib if not name.startswith("{") and ":" not in name]
 
     def number(self, attribute: str = "", default: float | None = None, *, infinite: bool = False) -> float:
         """Return an attribute, or the element's text, as a number.
@@ -254,14 +256,14 @@ class XmlNode:
             default: The number where the attribute is absent.
             infinite: Whether `inf` and `-inf` are numbers (of limits only).
         """
-        if default is not None and attribute not in self.xml.attrib:
+        if default is not None and attribute not in self.attrib:
             return default
         stated = self.text(attribute) if attribute else self.content()
         return self._number(stated, attribute or "text", infinite)
 
     def numbers(self, attribute: str, count: int, default: Iterable[float] | None = None) -> Array:
         """Return an attribute, or the text for "", as `count` numbers separated by blanks, shape (count,)."""
-        if default is not None and attribute not in self.xml.attrib:
+        if default is not None and attribute not in self.attrib:
             return np.array(list(default), dtype=float)
         words = (self.text(attribute) if attribute else self.content()).split()
         if len(words) != count:
@@ -275,7 +277,7 @@ class XmlNode:
 
     def flag(self, attribute: str, default: bool) -> bool:
         """Return an attribute as true or false."""
-        word = str(self.xml.get(attribute, str(default))).strip().lower()
+        word = self.attrib.get(attribute, str(default)).strip().lower()
         if word not in ("true", "false", "1", "0"):
             raise self.error(f"attribute '{attribute}' is '{word}' instead of true or false")
         return word in ("true", "1")
@@ -283,7 +285,7 @@ class XmlNode:
     def only(self, attributes: Iterable[str], children: Iterable[str]) -> None:
         """Raise for every attribute and child that is not among the given names, so that none is ignored."""
         known_attributes, known_children = list(attributes), list(children)
-        for name in map(str, self.xml.attrib):
+        for name in self.attrib:
             if name not in known_attributes:
                 hint = did_you_mean(name, known_attributes)
                 raise self.error(f"unknown attribute '{name}'{hint}; known: {listed(known_attributes)}")
@@ -296,27 +298,26 @@ class XmlNode:
 
     def refuse_misspelt(self, attributes: Sequence[str], children: Sequence[str]) -> None:
         """Raise for attributes and children that resemble an absent one of the given names; ignore others."""
-        if any(name not in attributes for name in self.xml.attrib):
+        if [name for name in self.attrib if name not in attributes]:
             written = dict.fromkeys(self.attributes())
             for name in written:
                 if name not in attributes and (
                     best := closest(name, [x for x in attributes if x not in written])
                 ):
                     raise self.error(f"unknown attribute '{name}'; did you mean '{best}'?")
-        nodes = {node.tag: node for node in self.children()}
-        for tag, node in nodes.items():
-            if tag not in children and (best := closest(tag, [x for x in children if x not in nodes])):
+        strange = {node.tag: node for node in self.children() if node.tag not in children}
+        for tag, node in strange.items():
+            if best := closest(tag, [x for x in children if not self.children(x)]):
                 raise node.error(f"unknown in {self.label}; did you mean <{best}>?")
 
     def _number(self, word: str, what: str, infinite: bool) -> float:
+        if _NUMBER.fullmatch(word):
+            if abs(value := float(word)) <= LARGEST_NUMBER:
+                return value
+            raise self.error(f"{what} '{word[:40]}' is too large (limit {LARGEST_NUMBER:g})")
         if infinite and _INFINITE.fullmatch(word):
             return -math.inf if word.startswith("-") else math.inf
-        if not _NUMBER.fullmatch(word):
-            raise self.error(f"{what} '{word[:40]}' is not a finite number")
-        value = float(word)
-        if abs(value) > LARGEST_NUMBER:
-            raise self.error(f"{what} '{word[:40]}' is too large (limit {LARGEST_NUMBER:g})")
-        return value
+        raise self.error(f"{what} '{word[:40]}' is not a finite number")
 
 
 class OfAttributes(NamedTuple):
@@ -326,7 +327,7 @@ class OfAttributes(NamedTuple):
 
     def stated(self, name: str, infinite: bool) -> float | None:
         """Return the number of an attribute, None if it is absent."""
-        return self.node.number(name, infinite=infinite) if name in self.node.xml.attrib else None
+        return self.node.number(name, infinite=infinite) if name in self.node.attrib else None
 
     def error(self, message: str) -> ModelError:
         """Return (not raise) an error that names the element."""
@@ -363,10 +364,10 @@ def origin_of(node: XmlNode | None) -> Array:
     if node is None:
         return np.eye(4)
     position = node.numbers("xyz", 3, (0, 0, 0))
-    if "quat_xyzw" not in node.xml.attrib:
-        turn = rotation_from_rpy(*node.numbers("rpy", 3)) if "rpy" in node.xml.attrib else UNTURNED
+    if "quat_xyzw" not in node.attrib:
+        turn = rotation_from_rpy(*node.numbers("rpy", 3)) if "rpy" in node.attrib else UNTURNED
         return placement_from(turn, position)
-    if "rpy" in node.xml.attrib:
+    if "rpy" in node.attrib:
         raise node.error("states both 'rpy' and 'quat_xyzw'; keep one")
     quaternion = node.numbers("quat_xyzw", 4)
     norm = float(np.linalg.norm(quaternion))

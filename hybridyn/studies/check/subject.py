@@ -52,7 +52,7 @@ class Subject:
     @cached_property
     def _written(self) -> dict[tuple[str, str], tuple[str, int | None]]:
         """Places of all named elements, the first of each name."""
-        named = [(node.tag, str(node.xml.get("name")), node) for node in self.root.descendants()]
+        named = [(node.tag, str(node.attrib.get("name")), node) for node in self.root.descendants()]
         return {(tag, name): node.place for tag, name, node in reversed(named)}
 
     @cached_property
