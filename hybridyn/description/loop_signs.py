@@ -177,9 +177,9 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
     bodies = WeldedBodies(description)
     exempt = {bodies.of[link.name] for link in description.links if link.mass or link.inertia.any()}
     exempt |= {link.name for link in description.links if link.between_joints}
-    meeting = MEETING * max((float(np.abs(point).max()) for _, point in bodies.carried()), default=0.0)
-    farthest: dict[str, float] = {}
-    for body, point in bodies.carried():
+    carried, farthest = bodies.carried(), dict[str, float]()
+    meeting = MEETING * max((float(np.abs(point).max()) for _, point in carried), default=0.0)
+    for body, point in carried:
         farthest[body] = max(farthest.get(body, 0.0), float(np.linalg.norm(point)))
     return [
         joint

@@ -20,6 +20,7 @@ from ..logs import warn
 from ..spatial import Array
 from .closures import Closures
 from .loop_problem import LoopProblem
+from .motion import Motion
 from .newton import STALLED, Closed, close
 from .reduction import RANK_TOLERANCE, report_on
 from .walking import CLOSED, Level, ranks, relative_values, walk, widest
@@ -88,7 +89,7 @@ def _away_from_singular(
         count: Number of postures wanted.
     """
     _, level, at_home = _closed(problem, home, tolerance)
-    values = relative_values(problem, scattered)
+    values = relative_values(problem, problem.tree.sweep(scattered))
     seen, report = ranks(values, RANK_TOLERANCE), report_on(values, problem.closures.rows, RANK_TOLERANCE)
     clear = report.clear and report.doubted is None and report.dropped <= level.rounding
     if clear and len(scattered) == count and seen.min() == seen.max() >= at_home:
@@ -124,18 +125,20 @@ def _walked(problem: LoopProblem, start: Array, tolerance: float, count: int) ->
 
 def _closed(problem: LoopProblem, q: Array, tolerance: float) -> tuple[Array, Level, int]:
     """Return the nearest closed posture, how precisely it is closed, and its rank: zero if it is open."""
-    residual = _residuals(problem, q[None])[0]
+    motion = problem.tree.sweep(q[None])
+    residual = _residuals(problem, q[None], motion)[0]
     if residual > CLOSED:
         closed = close(problem, q[None], least=True)
         q, residual = closed.q[0], closed.residual[0]
+        motion = problem.tree.sweep(closed.q)
     level = Level.of(float(residual), tolerance)
-    values = relative_values(problem, q[None])
+    values = relative_values(problem, motion)
     return q, level, int(ranks(values, level.rounding)[0]) if residual <= tolerance else 0
 
 
-def _residuals(problem: LoopProblem, q: Array) -> Array:
-    """Compute the largest scaled residual of each posture, shape (T,)."""
-    out: Array = np.abs(problem.residual(q, np.zeros(len(q), dtype=int))).max(axis=1)
+def _residuals(problem: LoopProblem, q: Array, motion: Motion | None = None) -> Array:
+    """Compute the largest scaled residual of each posture, shape (T,), whose motion may be known."""
+    out: Array = np.abs(problem.residual(q, np.zeros(len(q), dtype=int), motion)).max(axis=1)
     return out
 
 

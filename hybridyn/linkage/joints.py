@@ -5,7 +5,7 @@ Arrays have the samples first: positions (T, nq), twists (T, nv) of this joint a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,6 +38,10 @@ class TreeJoint:
     p: Array = field(default_factory=lambda: np.zeros(3))
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     pitch: float = 0.0
+
+    def on(self, parent: int) -> TreeJoint:
+        """Return the joint on a body of this number."""
+        return self if parent == self.parent else replace(self, parent=parent)
 
     @property
     def slope(self) -> float:

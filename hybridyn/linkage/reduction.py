@@ -85,11 +85,16 @@ class RankReport(NamedTuple):
 
 def decide_rank(K: Array, tolerance: float) -> RankReport:
     """Determine the generic rank of scaled rows, shape (samples, rows, columns), from singular values."""
-    rows = K.shape[1]
+    return decide_ranks(K[:, None], tolerance)[0]
+
+
+def decide_ranks(K: Array, tolerance: float) -> list[RankReport]:
+    """Determine the generic ranks of blocks of scaled rows, shape (samples, blocks, rows, columns)."""
+    _, blocks, rows, _ = K.shape
     if 0 in K.shape:
-        return RankReport(0, rows, 1.0, 0.0)
-    s = np.linalg.svd(K, compute_uv=False).astype(float)
-    return report_on(s / size_of_rows(s, tolerance), rows, tolerance)
+        return [RankReport(0, rows, 1.0, 0.0)] * blocks
+    s = np.linalg.svd(K, compute_uv=False).astype(float).swapaxes(0, 1)
+    return [report_on(own / size_of_rows(own, tolerance), rows, tolerance) for own in s]
 
 
 def report_on(values: Array, rows: int, tolerance: float) -> RankReport:
@@ -109,6 +114,14 @@ def _medians(x: Array) -> Array:
     x, middle = np.sort(x, axis=0), len(x) // 2
     out: Array = x[middle] if len(x) % 2 else (x[middle - 1] + x[middle]) / 2
     return out
+
+
+def _alike(blocks: list[LegBlock]) -> list[list[LegBlock]]:
+    """Return groups of blocks that have as many rows, columns and pivots."""
+    groups: dict[tuple[int, int, int], list[LegBlock]] = {}
+    for block in blocks:
+        groups.setdefault((len(block.rows), len(block.cols), block.rank), []).append(block)
+    return list(groups.values())
 
 
 class Reduction:
@@ -158,16 +171,15 @@ class Reduction:
         if alone or self.rounded:
             # One dense elimination: equivalent for a single leg, and it includes all rows of a rounded file.
             self._blocks = []
-        for block in self._blocks:
-            report = decide_rank(K[:, block.rows[:, None], block.cols], tolerance)
-            block.rank = report.rank
-            if not report.clear:
+        for group in _alike(self._blocks):
+            rows, cols = np.array([b.rows for b in group]), np.array([b.cols for b in group])
+            reports = decide_ranks(K[:, rows[:, :, None], cols[:, None, :]], tolerance)
+            for block, report in zip(group, reports, strict=True):
+                block.rank = report.rank
+            if not all(report.clear for report in reports):
                 self._blocks = []
                 break
-        shapes: dict[tuple[int, int, int], list[LegBlock]] = {}
-        for block in self._blocks:
-            shapes.setdefault((len(block.rows), len(block.cols), block.rank), []).append(block)
-        self._groups = list(shapes.values())
+        self._groups = _alike(self._blocks)
 
     def basis(self, K: Array, gamma: Array) -> Basis:
         """Compute all motions with K x_dot = 0 and K x_ddot + gamma = 0.

@@ -14,6 +14,7 @@ import numpy as np
 from ..spatial import Array, Index
 from .elimination import size_of_rows
 from .loop_problem import LoopProblem
+from .motion import Motion
 from .newton import close
 from .reduction import RANK_GAP, RANK_TOLERANCE, ROUNDED_ROWS
 
@@ -66,9 +67,9 @@ class Level(NamedTuple):
         )
 
 
-def relative_values(problem: LoopProblem, q: Array) -> Array:
-    """Compute the relative singular values of the rows, shape (T, values)."""
-    s = np.linalg.svd(problem.matrix(problem.tree.sweep(q)), compute_uv=False).astype(float)
+def relative_values(problem: LoopProblem, motion: Motion) -> Array:
+    """Compute the relative singular values of the rows in a motion of the tree, shape (T, values)."""
+    s = np.linalg.svd(problem.matrix(motion), compute_uv=False).astype(float)
     return s / size_of_rows(s, RANK_TOLERANCE)
 
 

@@ -55,6 +55,10 @@ class Body:
         """Whether the body has neither mass nor inertia."""
         return self.mass == 0.0 and not self.inertia.any()
 
+    def nameless(self) -> "Body":
+        """Return the body without what tells it from that of an equal module."""
+        return Body("", 0, 0.0, self.mass, self.com, self.inertia)
+
     def add(self, link: Link, R: Array, p: Array) -> None:
         """Add a link whose frame has the placement (R, p) in the body frame."""
         if (mass := float(link.mass)) > self.heaviest:

@@ -116,7 +116,9 @@ class Mechanism:
         self.spanning, self.tree = self.cut.spanning, self.cut.tree
         self.spanning_closures = Closures(self.spanning, list(spec.closures), list(spec.couplings))
         self.closures = Closures(self.tree, list(spec.cut_closures), list(spec.cut_couplings))
-        self.length = module_length(spec, self.spanning, robot_size)
+        at_home = self.spanning.sweep(spec.home[None])
+        self.length = module_length(spec, at_home, robot_size)
+        self.home = self.cut.coordinates(spec.home[None], None, None, at_home)[0][0, : self.tree.nq]
         self.length_of_wrench = np.array([self.length] * 3 + [1.0] * 3)
         inertias = [spatial_inertia(b.mass, b.com, b.inertia) for b in spec.outputs_inertia]
         self.inertias = np.array(inertias).reshape(-1, 6, 6)
@@ -149,11 +151,10 @@ class Mechanism:
             near: Postures near which they are looked for, shape (samples, nq), or None.
         """
         self.reduction = leg_by_leg(self.spec, self.tree, self.closures, self.length)
-        home = self.cut.positions(self.spec.home[None])
-        row_scale, col_scale = self.reduction.row_scale, self.reduction.col_scale
+        home, row_scale, col_scale = self.home[None], self.reduction.row_scale, self.reduction.col_scale
         residual = self.closures.residual(home, self.tree.sweep(home)) * row_scale
         open_by = float(np.abs(residual).max(initial=0.0))
-        self.home, self.home_closes = home[0], open_by <= tolerance
+        self.home_closes = open_by <= tolerance
         self.postures, self.best_residual = home, 0.0
         if self.closures.rows and near is not None:
             every = np.ones(self.tree.nv, dtype=bool)

@@ -16,6 +16,7 @@ from ..joints.kinds import JointKind
 from ..linkage.closures import Closures, TreeClosure
 from ..linkage.couplings import TreeCoupling
 from ..linkage.joints import TreeJoint
+from ..linkage.motion import Motion
 from ..linkage.reduction import LegBlock, Reduction
 from ..linkage.tree import Tree
 from ..spatial import Array, indices
@@ -88,7 +89,7 @@ class ModuleSpec:
     def spanning(self) -> tuple[TreeJoint, ...]:
         """Joints of the spanning tree: those of `whole` without platforms, which wrists carry."""
         joints = (self.whole[i] for i in self.in_whole)
-        return tuple(replace(joint, parent=self.bodies[joint.parent]) for joint in joints)
+        return tuple(joint.on(self.bodies[joint.parent]) for joint in joints)
 
     @cached_property
     def cut_couplings(self) -> tuple[TreeCoupling, ...]:
@@ -163,8 +164,8 @@ def _uncut(bodies: Bodies, graph: ModuleGraph) -> Cutting:
     return Cutting(
         joints=tuple(j.in_tree("", number[j.parent]) for j in joints),
         records=[j.joint for j in joints],
-        bodies=[replace(bodies.bodies[b], name="", joint=0, heaviest=0.0) for b in number],
-        closures=[_renumbered(replace(c, name="", kind=""), number) for c in graph.closures],
+        bodies=[bodies.bodies[b].nameless() for b in number],
+        closures=[_renumbered(c, number) for c in graph.closures],
         couplings=couplings,
         carried=[number[b] for b in graph.carried],
         held=held | {i for c in couplings for i, _ in c.terms},
@@ -173,8 +174,8 @@ def _uncut(bodies: Bodies, graph: ModuleGraph) -> Cutting:
 
 
 def _renumbered(closure: TreeClosure, number: Mapping[int, int]) -> TreeClosure:
-    """Return a closure between bodies of other numbers."""
-    return replace(closure, body_a=number[closure.body_a], body_b=number[closure.body_b])
+    """Return a closure between bodies of other numbers, without names."""
+    return replace(closure, name="", kind="", body_a=number[closure.body_a], body_b=number[closure.body_b])
 
 
 def _whole_tree(parts: Cutting) -> tuple[list[TreeJoint], list[int | None], list[int]]:
@@ -195,31 +196,30 @@ def _whole_tree(parts: Cutting) -> tuple[list[TreeJoint], list[int | None], list
         elif i in gone:
             continue
         else:
-            whole.append(replace(joint, parent=number[joint.parent]))
+            whole.append(joint.on(number[joint.parent]))
             source.append(i)
         number[i + 1] = len(whole)
         bodies.append(i + 1)
     for wrist in parts.wrists:
         parent = number[parts.joints[wrist.joints[0]].parent]
         for i in wrist.joints:
-            whole.append(replace(parts.joints[i], parent=parent))
+            whole.append(parts.joints[i].on(parent))
             source.append(i)
             bodies.append(i + 1)
             parent = len(whole)
     return whole, source, bodies
 
 
-def module_length(spec: ModuleSpec, spanning: Tree, robot_size: float) -> float:
+def module_length(spec: ModuleSpec, motion: Motion, robot_size: float) -> float:
     """Compute the extent of a module at home [m], rounded to a power of two so that scaling is exact.
 
     Args:
         spec: Numbers of the module.
-        spanning: Spanning tree of the module.
+        motion: Motion of its spanning tree at home.
         robot_size: Characteristic length of the robot [m], for modules that have no extent themselves: one
             joint, or joints that meet in a point.
     """
-    motion = spanning.sweep(spec.home[None])
-    points = [motion.p[0, b] for b in range(len(spanning.joints) + 1)]
+    points = [*motion.p[0]]
     points = points[1:] or points
     for c in spec.closures:
         points.append(motion.p[0, c.body_a] + motion.R[0, c.body_a] @ c.p_a)
