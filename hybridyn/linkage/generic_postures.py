@@ -185,15 +185,16 @@ def kept_generic_postures(
     closures: Closures, home: Array, row_scale: Array, col_scale: Array, tolerance: float
 ) -> tuple[Array, float]:
     """Return `generic_postures`, from the cache folder if they are there."""
-    given = (closures, home, row_scale, col_scale, tolerance)
+    given = (home, row_scale, col_scale, tolerance)
     if closures.tree.nv < WORTH_KEEPING:
-        return generic_postures(*given)
+        return generic_postures(closures, *given)
     about = hashed(np.__version__, *map(state_of, ("hybridyn", "hybridyn.linkage")))
-    name = hashed(about, pickle.dumps(given).hex())
+    parts = closures.tree.joints, closures.closures, closures.couplings  # the rest follows from them
+    name = hashed(about, pickle.dumps((parts, given)).hex())
     found = kept(name, FOLDER)
     if found is not None:
         return _postures(found["postures"], closures.tree.nq), found["best"]
-    postures, best = generic_postures(*given)
+    postures, best = generic_postures(closures, *given)
     keep(name, {"postures": postures.tolist(), "best": best}, FOLDER)
     return postures, best
 

@@ -100,6 +100,8 @@ def same(a: Any, b: Any, tolerance: float) -> bool:
     if isinstance(a, str) or isinstance(b, str):
         return type(a) is type(b) and bool(a == b)
     x, y = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    if np.array_equal(x, y):  # most are, which is told in a tenth of the time
+        return True
     return x.shape == y.shape and np.allclose(x, y, rtol=tolerance, atol=tolerance)
 
 

@@ -55,8 +55,10 @@ class RobotFolders:
         self.package_dirs = [os.path.abspath(folder) for folder in package_dirs]
         self.share_dirs = list(share_dirs)
         self._real = os.path.realpath(file)
-        own = [_own_folder(spelling) for spelling in {file, self._real}]
-        self._granted = [os.path.realpath(folder) for folder in (*own, *self.package_dirs, *granted)]
+        own = [_own_folder(self._real)]
+        if file != self._real:
+            own.append(os.path.realpath(_own_folder(file)))
+        self._granted = [*own, *map(os.path.realpath, (*self.package_dirs, *granted))]
 
     def ask(self, what: str, of: str) -> Any:
         """Read a file, find a package, or the files of a pattern ("read", "find", "match").
@@ -196,12 +198,10 @@ def _own_folder(file: str) -> str:
 
     A folder is a package if it contains package.xml, or if the file is in one of its folders of robot files.
     """
-    place = Path(file).parent
-    home = Path(os.path.expanduser("~"))
-    for folder in (place, *place.parents):
-        if folder == folder.parent or home.is_relative_to(folder):
-            break
-        below = place.relative_to(folder).parts
-        if (folder / STATEMENT).is_file() or (below and below[0] in MARKS):
-            return str(folder)
-    return str(place)
+    place, home = os.path.dirname(file), os.path.expanduser("~")
+    folder, inner = place, ""
+    while folder != os.path.dirname(folder) and not f"{home}{os.sep}".startswith(f"{folder}{os.sep}"):
+        if inner in MARKS or os.path.isfile(os.path.join(folder, STATEMENT)):
+            return folder
+        folder, inner = os.path.split(folder)
+    return place
