@@ -12,7 +12,7 @@ import sys
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial, wraps
+from functools import cached_property, partial, wraps
 from pathlib import Path
 from typing import Any
 
@@ -175,11 +175,18 @@ def build_once() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def write_once() -> None:
-    """Write each model of a robot once a worker: many tests ask for the same, and programs never change."""
-    from hybridyn.compiled.programs import robot_programs, sources, whole_robot
+    """Write each model of a robot, and each derivative, once a worker: programs never change."""
+    from hybridyn.compiled.programs import built_beside, robot_programs, sources, whole_robot
 
     write = whole_robot.programs_of
     made: dict[object, Any] = {}
+
+    def known(key: object, make: Callable[[], Any]) -> Any:
+        if key not in made:
+            if len(made) == WRITTEN:
+                made.clear()
+            made[key] = make()
+        return made[key]
 
     @wraps(write)
     def written(asked: Any, models: tuple[str, ...]) -> Any:
@@ -189,14 +196,26 @@ def write_once() -> None:
         facts = sources.robot_key(asked.robot, asked.on), slots, asked.dtype, asked.compared, asked.links
         out: dict[str, Any] = {}
         for model in models:
-            if (model, facts) not in made:
-                if len(made) == WRITTEN:
-                    made.clear()
-                made[model, facts] = write(asked, (model,))
-            out |= made[model, facts]
+            out |= known((model, facts), partial(write, asked, (model,)))
         return out
 
     whole_robot.programs_of = robot_programs.programs_of = written
+
+    @wraps(built_beside.BuiltBeside.program.func)
+    def program(self: Any) -> Any:
+        slots = self._parameters.slots if hasattr(self, "_parameters") else ()
+        return known((self._name, sources.robot_key(self.robot, self._effects), slots), self._write)
+
+    write_by(program)
+
+
+def write_by(program: Callable[[Any], Any], patch: Callable[..., None] = setattr) -> None:
+    """Let derivatives get their program from a function."""
+    from hybridyn.compiled.programs.built_beside import BuiltBeside
+
+    of = cached_property(program)
+    of.__set_name__(BuiltBeside, "program")
+    patch(BuiltBeside, "program", of)
 
 
 @pytest.fixture
@@ -210,8 +229,9 @@ def built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def written_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a test change how models are written: none that was written before is taken, or kept."""
-    from hybridyn.compiled.programs import robot_programs, whole_robot
+    from hybridyn.compiled.programs import built_beside, robot_programs, whole_robot
 
+    write_by(inspect.unwrap(built_beside.BuiltBeside.program.func), monkeypatch.setattr)
     for file in (robot_programs, whole_robot):
         monkeypatch.setattr(file, "programs_of", inspect.unwrap(file.programs_of))
 

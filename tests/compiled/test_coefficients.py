@@ -181,7 +181,7 @@ def test_every_number_of_an_effect_is_a_parameter(law: str) -> None:
     agree(hybridyn.load("five_bar"), LAWS[law])
 
 
-@pytest.mark.parametrize("name", ["ball_gough", *map(slow, ("gough_stewart", "lx4"))])
+@pytest.mark.parametrize("name", ["rps3", *map(slow, ("ball_gough", "gough_stewart", "lx4"))])
 def test_numbers_of_joints_in_legs_and_in_several_modules_are_parameters(name: str) -> None:
     """Slides of equal legs, each with its own numbers, balls, and modules that feel each other."""
     robot = build_robot(rods.ball_gough(2)) if name == "ball_gough" else hybridyn.load(name)
@@ -195,13 +195,12 @@ def test_numbers_of_joints_in_legs_and_in_several_modules_are_parameters(name: s
     agree(robot, *laws)
 
 
-def test_numbers_of_load_friction_in_a_ball_are_parameters() -> None:
+def test_numbers_of_laws_in_a_ball_are_parameters() -> None:
     """Its spin is not driven: few accelerations are possible, and only the direct model is asked."""
     robot = build_robot(random_mechanism(0, kind="rssr"))
     (ball,) = (n for n, k in zip(robot.joints, robot.kinds, strict=True) if k is JointKind.SPHERICAL)
-    agree(
-        robot, LoadFriction({ball: 2e-3}, static={ball: 1.3}, speed={ball: 0.4}, width=0.3), models=("ddm",)
-    )
+    rubs = LoadFriction({ball: 2e-3}, static={ball: 1.3}, speed={ball: 0.4}, width=0.3)
+    agree(robot, rubs, BallSpring({ball: 3.0}), models=("ddm",))
 
 
 def test_wrong_numbers_are_named_with_their_design() -> None:

@@ -14,11 +14,14 @@ from hybridyn.compiled.code.scalars import Scalar
 from hybridyn.compiled.comparing import SAMPLES, compare_at_states
 from hybridyn.compiled.equations.states import any_accelerations, moving_states
 from hybridyn.compiled.library.building import best_lanes
+from hybridyn.compiled.library.cache import Built
 from hybridyn.compiled.library.calls import Calls, Library
+from hybridyn.compiled.programs.derivatives import evaluation
 from hybridyn.compiled.programs.derivatives.evaluation import Derivatives
 from hybridyn.compiled.programs.quantities import following
 from hybridyn.compiled.programs.sources import library_of
 from hybridyn.compiled.programs.whole_robot import Interpreted, programs
+from hybridyn.compiled.second import prepared
 from hybridyn.compiled.verifying import movable_states, verify
 from hybridyn.dynamics.quantities.independent import independent_coordinates
 from hybridyn.effects.choice import choose
@@ -94,23 +97,26 @@ def test_new_code_that_differs_is_refused(
 
 
 def test_derivatives_that_cancel_are_compared_up_to_their_rounding(
-    tmp_path: Path, empty_cache: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, interpreted: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A parallelogram has the same inertia everywhere: rates change no effort, except for rounding."""
-    robot, right, wrong = hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR)), Calls.batch, [1e-12]
+    made, wrong = products(hybridyn.load(save(tmp_path, CLOSED_FOUR_BAR))), [1e-12]
 
-    def bent(self: Calls, *given: Any) -> Any:
-        found, guard = right(self, *given)
-        slopes = found[[name for name, _ in self.outputs].index("v_slope")]
-        assert np.abs(slopes).max() < 1e-14  # [N m s/rad], of efforts around 1 N m
-        slopes[:] += wrong[0]
-        return found, guard
+    class Bent:
+        """A library with other slopes."""
 
-    monkeypatch.setattr(Calls, "batch", bent)
-    build = partial(products, robot)
-    refused(build, hybridyn.CompileError, "the compiled 'idm_product' .* differs from the general path by")
-    wrong[0] = 0.0
-    assert build().library
+        def batch(self, name: str, *given: Array) -> Any:
+            found, guard = made._interpreted.batch(name, *given)
+            slopes = found[[name for name, _ in made.program.outputs].index("v_slope")]
+            assert np.abs(slopes).max() < 1e-14  # [N m s/rad], of efforts around 1 N m
+            slopes[:] += wrong[0]
+            return found, guard
+
+    monkeypatch.setattr(prepared, "Library", lambda built: Bent())
+    check = partial(made._check, Built(tmp_path, {}))
+    refused(check, hybridyn.CompileError, "the compiled 'idm_product' .* differs from the general path by")
+    wrong[0] = 1e-16
+    check()
 
 
 def test_states_that_the_general_path_refuses_are_not_computed() -> None:
@@ -138,9 +144,12 @@ def test_a_robot_in_which_nothing_moves_is_verified() -> None:
     verify(Interpreted([*programs(robot, None).values()]), robot, choose(robot, None))
 
 
-def test_derivatives_of_a_robot_without_motors_are_compared(tmp_path: Path, empty_cache: Path) -> None:
-    robot = build_robot(replace(read_text(tmp_path, door(2)), motors=()))
-    assert Derivatives(robot, "ddm").library
+def test_derivatives_of_a_robot_without_motors_are_compared(
+    tmp_path: Path, interpreted: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    derive = Derivatives(build_robot(replace(read_text(tmp_path, door(2)), motors=())), "ddm")
+    monkeypatch.setattr(evaluation, "Library", lambda built: derive._interpreted)
+    derive._check(Built(tmp_path, {}))
 
 
 def test_drawn_accelerations_follow_the_states_smoothly() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -35,12 +36,18 @@ DRIFT = 1e-6  # of the solver, by its rtol of 1e-8
 BALANCE = 1e-9  # of the largest power: rounding of a difference over 1e-3 s
 
 
-def five_bar() -> tuple[hybridyn.HybridRobot, tuple[np.ndarray, ...]]:
-    """Return a robot, and five states of it."""
+@cache
+def states() -> tuple[np.ndarray, ...]:
+    """Return five states of the robot."""
     robot, rng = hybridyn.load("five_bar"), np.random.default_rng(0)
-    return robot, hybridyn.assemble(
+    return hybridyn.assemble(
         robot, motors={motor: tuple(rng.uniform(-0.3, 0.3, (3, 5))) for motor in robot.motors}
     )
+
+
+def five_bar() -> tuple[hybridyn.HybridRobot, tuple[np.ndarray, ...]]:
+    """Return a robot, and five states of it."""
+    return hybridyn.load("five_bar"), states()
 
 
 def both(robot: hybridyn.HybridRobot) -> tuple[Any, Any]:
