@@ -22,6 +22,8 @@ otherwise, lengths are relative to a module's length and angles are in radians. 
 """
 #: What counts as a tolerance: a constant written as a power of ten, or by type of number.
 SMALL = re.compile(r"\d(\.\d+)?e-\d+")
+#: A line that may state one: other files are not parsed.
+CONSTANT = re.compile(r"^\(?[A-Z][^=\n]*=.*\de-\d", re.MULTILINE)
 
 
 class Tolerance(NamedTuple):
@@ -44,7 +46,7 @@ def tolerances() -> Iterator[Tolerance]:
     """Yield every tolerance, by file and line."""
     for path in sorted(PACKAGE.rglob("*.py")):
         text = path.read_text()
-        if not SMALL.search(text):
+        if not CONSTANT.search(text):
             continue
         lines = text.split("\n")
         for node in ast.parse(text).body:

@@ -123,8 +123,8 @@ def test_light_legs_cost_no_digits(ratio: float, base: Base) -> None:
         description = replace(
             description, links=tuple(heavy if x.name == heavy.name else x for x in description.links)
         )
-    q, v, _ = states_near_home(description, base, 6, 2)
-    tau = efforts(description, 2)
+    q, v, _ = states_near_home(description, base, 6, 1)
+    tau = efforts(description, 1)
     close_to(
         ddm(build_robot(description, base=base), q, v, tau), judged(description, base, q, v, tau), ORACLE
     )

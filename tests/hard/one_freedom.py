@@ -33,7 +33,8 @@ def turned(axis: Array, angle: complex) -> Array:
 
 def crossed(a: Array, b: Array) -> Array:
     """Return the vector product of two vectors; numpy's own is slow."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 class OneFreedom:
@@ -75,26 +76,21 @@ class OneFreedom:
             out[joint.child] = R, p, w, v
         return out
 
-    def inertia(self, s: complex) -> complex:
-        """Return A(s)."""
-        total: complex = 0.0
-        for name, (R, _, w, v) in self.links(s).items():
+    def energies(self, s: complex) -> tuple[complex, complex]:
+        """Return A(s), and V(s) of gravity."""
+        A: complex = 0.0
+        V: complex = 0.0
+        for name, (R, p, w, v) in self.links(s).items():
             link = self._links[name]
-            centre = v + crossed(w, R @ link.com)
-            body = R.T @ w
-            total += link.mass * (centre @ centre) + body @ link.inertia @ body
-        return total
-
-    def potential(self, s: complex) -> complex:
-        """Return V(s) of gravity."""
-        return -sum(
-            self._links[name].mass * (self.gravity @ (p + R @ self._links[name].com))
-            for name, (R, p, _, _) in self.links(s).items()
-        )
+            arm, body = R @ link.com, R.T @ w
+            centre = v + crossed(w, arm)
+            A += link.mass * (centre @ centre) + body @ link.inertia @ body
+            V -= link.mass * (self.gravity @ (p + arm))
+        return A, V
 
     def terms(self, s: float) -> tuple[float, float, float]:
         """Return A, A' and V' at s."""
-        A, V = self.inertia(s + 1j * COMPLEX_STEP), self.potential(s + 1j * COMPLEX_STEP)
+        A, V = self.energies(s + 1j * COMPLEX_STEP)
         return A.real, A.imag / COMPLEX_STEP, V.imag / COMPLEX_STEP
 
     def effort(self, s: float, s_dot: float, s_ddot: float, motor: str) -> float:

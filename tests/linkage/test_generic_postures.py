@@ -111,7 +111,7 @@ def test_equal_modules_are_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(
         mechanism, "kept_generic_postures", lambda *a, **k: calls.append(1) or search(*a, **k)
     )
-    robot = hybridyn.load("snake")
+    robot = hybridyn.load("lx4")
     assert len(calls) == len({id(m.mechanism) for m in robot.modules})
 
 

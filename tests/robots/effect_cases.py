@@ -136,10 +136,9 @@ def rate_of(
     a: np.ndarray, step: float = 2e-4,
 ) -> np.ndarray:  # fmt: skip
     """Return the time derivative of value(q, v) along motions by central differences, shape (T,)."""
-
-    def at(h: float) -> np.ndarray:
-        moved = [pin.integrate(robot.model, x, h * x_dot) for x, x_dot in zip(q, v, strict=True)]
-        return value(np.array(moved), v + h * a)
-
-    weights = {1: 45.0, 2: -9.0, 3: 1.0}
-    return sum(w * (at(n * step) - at(-n * step)) for n, w in weights.items()) / (60 * step)
+    steps, weights = step * np.array([1, 2, 3, -1, -2, -3]), np.array([45.0, -9.0, 1.0])
+    moved = [pin.integrate(robot.model, x, h * x_dot) for h in steps for x, x_dot in zip(q, v, strict=True)]
+    rates = np.concatenate([v + h * a for h in steps])
+    ahead, back = value(np.array(moved), rates).reshape(2, len(weights), len(q))
+    slope: np.ndarray = weights @ (ahead - back) / (60 * step)
+    return slope
