@@ -15,7 +15,7 @@ from ..structure.robot import HybridRobot
 from ..threads import one_thread
 from .base_parameters import base_parameters
 from .estimators import Fit, estimate
-from .logs import read_log
+from .logs import Log, read_log
 from .loss_fit import LossFit, LossyRows, fit_losses
 from .losses import SoughtLosses, sought_losses
 from .possible import DEFINITE, Possible, consistent, exists
@@ -96,14 +96,15 @@ def identify(
     check_robot(robot)
     linear, losses = sought_losses(robot, effects)
     _check_losses(losses, method)
+    log = read_log(robot, table)
     base = base_parameters(robot, effects=linear, symmetric=symmetric)
     sought = linear_model(base, known, only)
     source, model = LogSource(robot, sought, compiled, band, period, every), sought.model
-    data = _rows(source, table)
+    data = _rows(source, log)
     check_scales(source, data)
     command = None if reference is None else read_log(robot, reference, efforts=False)
     instruments = None if command is None else source.instruments(command, data)
-    second = None if validate is None else _rows(source, validate)
+    second = None if validate is None else _rows(source, read_log(robot, validate))
     lost: LossFit | None = None
     if losses is None:
         fit, constants = _estimated(robot, sought, data, method, instruments)
@@ -136,9 +137,8 @@ def identify(
     )
 
 
-def _rows(source: LogSource, table: Any) -> LogRows:
+def _rows(source: LogSource, log: Log) -> LogRows:
     """Return the rows of a log, in the units that it says it has."""
-    log = read_log(source.robot, table)
     check_log(source, log)
     return source.rows(log)
 

@@ -63,11 +63,11 @@ def test_joints_of_an_unknown_robot_share_no_axis() -> None:
 def test_the_command_keeps_newtons_and_newton_metres_apart(
     words: list[str], labels: set[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    table, target = tmp_path / "efforts.csv", tmp_path / "efforts.svg"
+    table, target = tmp_path / "efforts.csv", tmp_path / "efforts.html"
     motors = read(ROOT / "urdf/scara_delta.urdf.xacro").motors
     table.write_text("\n".join([",".join(f"{m}/effort" for m in motors), ",".join("1" * len(motors))]) + "\n")
     call(capsys, "plot", table, "-o", target, *words)
-    drawn = re.findall(r">(effort \[.*?\])<", target.read_text())
+    drawn = re.findall(r'"text":"(effort \[.*?\])"', target.read_text())
     assert {*drawn} == labels
     assert (len(drawn) == len(motors)) == ("scara_delta" not in words)
 

@@ -59,7 +59,7 @@ def test_one_number_is_as_far_from_the_least_as_from_the_largest() -> None:
 
 def test_the_few_numbers_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """And motors within their limits hold an effort alone."""
-    found = written(tmp_path, "--grid=2")
+    found = written(tmp_path, "--grid=-0.1:0.1:2,-0.1:0.1:2")
     assert (found["pitch/alone"] <= found["pitch/most"] * (1 + 1e-12)).all()
     said = capsys.readouterr().out.splitlines()
     assert said[0].split() == ["joint", "number", "constant", "unit", "error"]
