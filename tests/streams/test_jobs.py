@@ -16,7 +16,7 @@ import pytest
 
 import hybridyn
 from hybridyn.cli.common.table_pass import LONG_FOR_COMPILED, _processes
-from hybridyn.errors import AssemblyError, TrajectoryError
+from hybridyn.errors import AssemblyError, HybridynError, TrajectoryError
 from hybridyn.streams import one_pass
 from hybridyn.streams.one_pass import rows_at_once
 from hybridyn.streams.workers import Workers
@@ -181,8 +181,9 @@ def offspring(parent: int) -> list[int]:
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
-def test_a_process_that_dies_is_an_error(tmp_path: Path) -> None:
+def test_a_process_that_dies_ends_the_command_and_the_others(tmp_path: Path) -> None:
     with under_way(tmp_path) as (process, workers):
         os.kill(workers[0], signal.SIGKILL)
         assert "a worker process ended without a result; if memory ran out" in end(process)
@@ -225,6 +226,14 @@ def test_results_come_in_order_and_so_do_errors(count: int) -> None:
         refused(partial(next, found), TrajectoryError, "the table", row=9)
         with pytest.raises(ZeroDivisionError):  # of the first task, whatever comes later
             list(workers.over(divmod, rows(9)))
+
+
+def test_a_process_that_dies_is_an_error() -> None:
+    with Workers(1) as workers:
+        (number,) = workers.over(os.getpid, [()])
+        os.kill(number, signal.SIGKILL)
+        said = "a worker process ended without a result; if memory ran out"
+        refused(lambda: list(workers.over(os.getpid, [()])), HybridynError, said)
 
 
 def test_only_some_tasks_are_held_at_once(one_process) -> None:

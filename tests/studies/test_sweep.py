@@ -660,7 +660,7 @@ def test_figures_of_a_sweep_are_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
     counts = {mark.name: len(mark.y) for mark in panel.marks}
     low = int((x[1:] @ [3, 1] <= 2).sum())
     assert counts == {"does not meet the condition": low, "designs": 63 - low, "not evaluated": 1}
-    call(capsys, "plot", tmp_path, "-o", tmp_path / "sweep.svg")
+    call(capsys, "plot", tmp_path, "-o", tmp_path / "sweep.html")
 
 
 @pytest.mark.parametrize("parameters", [1, 24, 30])
