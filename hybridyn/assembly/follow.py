@@ -119,9 +119,12 @@ def _on_branch_of(task: AnyTask, guess: Array, result: Closed, starts: Index, st
         if strict:
             raise unreachable(task, result, 0)
         return found
+    closed, problem = task.closed(result), task.problem
+    moved = problem.tree.difference(start.q, found) / problem.col_scale
+    if closed.all() and np.abs(moved).max(initial=0.0) <= SMALL_STEP:
+        return found
     way = task.from_here(start.q, starts)
     steady = steps_as_predicted(way, in_turn(start.q, found), 2 * np.arange(len(guess)))
-    closed = task.closed(result)
     for k in np.flatnonzero(~(steady & closed)):
         if closed[k] and joined(way, start.q[k], found[k], 2 * int(k)):
             continue
