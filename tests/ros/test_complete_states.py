@@ -20,19 +20,26 @@ CLOSED = 1e-12
 LEFT, RIGHT = "m1_left_drive", "m1_right_drive"
 
 
+def without(*_: object, **__: object) -> None:
+    """Have no compiler."""
+    raise CompileError("no compiler")
+
+
 @pytest.fixture
 def slowly(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have no compiler."""
-
-    def without(*_: object, **__: object) -> None:
-        raise CompileError("no compiler")
-
     monkeypatch.setattr(ros_model, "compile", without)
 
 
+@pytest.fixture(scope="module")
+def model() -> RosModel:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ros_model, "compile", without)
+        return RosModel(hybridyn.load("five_bar"))
+
+
 @pytest.fixture
-def states(slowly: None) -> CompleteStates:
-    return CompleteStates(RosModel(hybridyn.load("five_bar")))
+def states(slowly: None, model: RosModel) -> CompleteStates:
+    return CompleteStates(model)
 
 
 def of(found: JointNumbers, name: str, what: str = "position") -> float:
@@ -71,19 +78,18 @@ def test_other_joints_determine_the_posture_too(states: CompleteStates, measured
     np.testing.assert_allclose(found.velocity, whole.velocity, rtol=0, atol=1e-11)
 
 
-def test_models_of_few_sets_of_joints_are_kept(
-    states: CompleteStates, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_models_of_few_sets_of_joints_are_kept(slowly: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = RosModel(hybridyn.load("five_bar"))
     monkeypatch.setattr(ros_model, "SETS", 1)
     sets = [(LEFT, "m1_left_elbow"), (RIGHT, "m1_right_elbow"), (LEFT, "m1_left_elbow")]
-    made = [states.model.closing(one) for one in sets]
+    made = [model.closing(one) for one in sets]
     assert made[0] is not made[2]
-    assert set(states.model._closings) == {states.model.robot.motors, sets[2]}
-    assert states.model.closing(sets[2]) is made[2]
+    assert set(model._closings) == {model.robot.motors, sets[2]}
+    assert model.closing(sets[2]) is made[2]
 
 
-def test_a_driver_may_call_joints_otherwise(slowly: None) -> None:
-    states = CompleteStates(RosModel(hybridyn.load("five_bar")), {"axis_1": LEFT, "axis_2": RIGHT})
+def test_a_driver_may_call_joints_otherwise(slowly: None, model: RosModel) -> None:
+    states = CompleteStates(model, {"axis_1": LEFT, "axis_2": RIGHT})
     found = states.complete(JointNumbers(["axis_2", "axis_1"], [0.2, 0.1]), 1)
     assert (of(found, LEFT), of(found, RIGHT), found.velocity, found.effort) == (0.1, 0.2, None, None)
 

@@ -14,14 +14,21 @@ from hybridyn.structure.bodies import Payload
 from tests.quantities.ankle import JOINTS, MOTORS, ankle, closed_form, leg
 
 
+def without(*_: object, **__: object) -> None:
+    """Have no compiler."""
+    raise CompileError("no compiler")
+
+
 @pytest.fixture
 def slowly(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have no compiler."""
-
-    def without(*_: object, **__: object) -> None:
-        raise CompileError("no compiler")
-
     monkeypatch.setattr(ros_model, "compile", without)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> RosModel:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ros_model, "compile", without)
+        return RosModel(ankle(tmp_path_factory.mktemp("ankle")), JOINTS)
 
 
 def swing(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -34,8 +41,7 @@ def points(*times: float, levels: int = 3) -> list[JointPoint]:
     return [JointPoint(round(t * 1e9), *(list(x) for x in swing(t)[:levels])) for t in times]
 
 
-def test_the_motors_follow_pitch_and_roll(tmp_path: Path, slowly: None) -> None:
-    model = RosModel(ankle(tmp_path), JOINTS)
+def test_the_motors_follow_pitch_and_roll(model: RosModel, slowly: None) -> None:
     h = 1e-4  # accelerations are quotients of rates: wrong by h^2 w^3, 3e-7
     times = [0.1, 0.1 + h, 0.1 + 2 * h, 0.3]
     names, found = turned(model, JOINTS, points(*times), model.robot.home)
@@ -61,8 +67,8 @@ def test_efforts_are_those_of_the_inverse_model(tmp_path: Path, slowly: None) ->
     np.testing.assert_allclose([p.effort for p in found], tau, rtol=1e-9)
 
 
-def test_there_and_back_is_the_same(tmp_path: Path, slowly: None) -> None:
-    model, wanted = RosModel(ankle(tmp_path), JOINTS), points(0.1, 0.2, 0.4)
+def test_there_and_back_is_the_same(model: RosModel, slowly: None) -> None:
+    wanted = points(0.1, 0.2, 0.4)
     motors, there = turned(model, JOINTS, wanted, model.robot.home)
     assert not there[0].effort
     joints, back = turned(model, motors, there, model.robot.home)
@@ -74,18 +80,17 @@ def test_there_and_back_is_the_same(tmp_path: Path, slowly: None) -> None:
 
 
 @pytest.mark.parametrize("levels", [1, 2])
-def test_what_is_not_given_is_not_turned(tmp_path: Path, slowly: None, levels: int) -> None:
-    model = RosModel(ankle(tmp_path), JOINTS)
+def test_what_is_not_given_is_not_turned(model: RosModel, slowly: None, levels: int) -> None:
     _, (point,) = turned(model, JOINTS, points(0.1, levels=levels), model.robot.home)
     lengths = [len(x) for x in (point.positions, point.velocities, point.accelerations, point.effort)]
     assert lengths == [2, 2 * (levels > 1), 0, 0]
 
 
-def test_modules_that_are_not_named_stay(tmp_path: Path, slowly: None) -> None:
-    model = RosModel(leg(tmp_path), JOINTS)
-    names, found = turned(model, JOINTS, points(0.1), model.robot.home)
+def test_modules_that_are_not_named_stay(tmp_path: Path, model: RosModel, slowly: None) -> None:
+    whole = RosModel(leg(tmp_path), JOINTS)
+    names, found = turned(whole, JOINTS, points(0.1), whole.robot.home)
     assert names == MOTORS
-    _, same = turned(RosModel(ankle(tmp_path), JOINTS), JOINTS, points(0.1), ankle(tmp_path).home)
+    _, same = turned(model, JOINTS, points(0.1), model.robot.home)
     np.testing.assert_allclose(found[0].positions, same[0].positions, rtol=0, atol=1e-12)
 
 
@@ -105,9 +110,8 @@ WRONG: dict[str, tuple[tuple[str, ...], list[JointPoint], str]] = {
 
 @pytest.mark.parametrize(("names", "given", "said"), WRONG.values(), ids=WRONG)
 def test_a_wrong_trajectory_is_refused(
-    tmp_path: Path, slowly: None, names: tuple[str, ...], given: list[JointPoint], said: str
+    model: RosModel, slowly: None, names: tuple[str, ...], given: list[JointPoint], said: str
 ) -> None:
-    model = RosModel(ankle(tmp_path), JOINTS)
     with pytest.raises(TrajectoryError) as error:
         turned(model, names, given, model.robot.home)
     assert said in str(error.value)
