@@ -41,7 +41,7 @@ OPERATIONS = (
     lambda a, b, c: ca.fabs(a) * 0.25,
     lambda a, b, c: ca.sin(2 * a) - ca.cos(2 * a),
 )
-KERNEL_SIZE = 40  # operations of a random kernel
+KERNEL_SIZE = 20  # operations of a random kernel
 
 
 def random_function(
