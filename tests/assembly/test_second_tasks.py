@@ -266,7 +266,7 @@ def test_held_joints_stay_where_the_guess_has_them(tmp_path: Path) -> None:
 def test_tables_follow_the_rule(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Rates in the table are those of the poses, so that the efforts are those of `idm`."""
     robot, t = limited(tmp_path), np.linspace(0.0, 0.1, 2)
-    x, z = waves(1.1, 0.05, 1.0)(t), waves(0.2, 0.05, 2.0)(t)
+    x, z = waves(1.0, 0.05, 1.0)(t), waves(-0.6, 0.05, 2.0)(t)
     names = [f"l3/{level}/{axis}" for axis in "xz" for level in ("pose", "velocity", "acceleration")]
     rows, (table, out) = np.column_stack([t, *x, *z]), (tmp_path / "t.csv", tmp_path / "tau.csv")
     np.savetxt(table, rows, "%.17g", ",", header=",".join(["time", *names]), comments="")
@@ -304,7 +304,7 @@ def test_motors_without_a_range_have_no_middle(tmp_path: Path) -> None:
     endless = re.sub('"revolute"(>.{,150})lower="-2.4" upper="2.0" ', r'"continuous"\1', path.read_text())
     path.write_text(endless)
     robot = hybridyn.load(path)
-    given = partial(hybridyn.assemble, robot, platforms={"l3": ({"x": 1.0, "z": 0.2},)}, redundancy=MIDDLE)
+    given = partial(hybridyn.assemble, robot, platforms={"l3": ({"x": 1.0, "z": -0.6},)}, redundancy=MIDDLE)
     refused(given, AssemblyError, "motors without a range: 'j1'; give them limits in the file, or hold them")
     assert len(given(hold=["j1"])) == 3
 

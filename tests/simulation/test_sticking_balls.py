@@ -51,7 +51,7 @@ def test_a_rod_on_a_cup_holds_up_to_the_angle_at_which_its_moment_is_the_level(f
     robot = rods(float(np.arcsin(factor * RUB / (LENGTH / 2))), "spherical")
     end = 1e6 if factor < 1 else 1e-3
     run = simulate(robot, robot.home, np.zeros(3), (0, end), effects=["default", LoadFriction({"cup0": RUB})],
-                   stiction=True)  # fmt: skip
+                   stiction=True, method="rk4", step=end)  # fmt: skip
     assert np.array_equal(run.q[-1], robot.home) == (factor < 1)
     assert run.v[-1].any() == (factor > 1)
     assert factor < 1 or run.v[-1] @ AXIS < -0.999 * np.linalg.norm(run.v[-1])  # it falls across the axis
@@ -214,7 +214,8 @@ def test_friction_about_the_axes_of_a_ball_holds_each_by_itself() -> None:
     moment = 2.0 * G * LENGTH / 2 * np.sin(0.2)
     for part, moves in ((0.81, [False] * 3), (0.79, [False, True, False])):
         law = CoulombFriction({"cup0": part * moment})
-        run = simulate(robot, robot.home, np.zeros(3), (0, 1e-3), effects=["default", law], stiction=True)
+        run = simulate(robot, robot.home, np.zeros(3), (0, 1e-3), effects=["default", law], stiction=True,
+                       method="rk4", step=1e-3)  # fmt: skip
         assert (run.v[-1] != 0).tolist() == moves
     both, start = ["default", law, LoadFriction({"cup0": RUB})], (robot.home, np.zeros(3), (0, 1.0))
     refused(lambda: simulate(robot, *start, effects=both, stiction=True), ModelError,

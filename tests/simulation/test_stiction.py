@@ -59,13 +59,13 @@ FAR = 1e-4  # friction near rest lasts until the speed has passed 1e-9 m/s: that
 def test_a_block_on_an_incline_sticks_and_starts_as_statics_say(tmp_path: Path, name: str) -> None:
     robot = block(tmp_path, 0.3)
     law, static, kinetic = LAWS[name]
-    still = simulate(robot, [0.7], [0.0], (0.0, 1e6), effects=["default", law], stiction=True)
+    options = {"effects": ["default", law], "stiction": True}
+    still = simulate(robot, [0.7], [0.0], (0.0, 1e6), method="rk4", step=1e6, **options)
     assert (still.q == 0.7).all()
     assert not still.v.any()
     assert not still.a.any()
     start = static * WEIGHT - 2 * G * np.sin(0.3)
-    run = simulate(robot, [0.7], [0.0], (0.9 * start, 1.2 * start), effort=ramp(1.0),
-                   effects=["default", law], stiction=True)  # fmt: skip
+    run = simulate(robot, [0.7], [0.0], (0.9 * start, 1.2 * start), effort=ramp(1.0), **options)
     assert abs(run.t[run.v[:, 0] == 0].max() - start) < EXACT * start
     after = 0.2 * start  # 2 v' = t - start + (static - kinetic) weight
     gained = (after**2 / 2 + (static - kinetic) * WEIGHT * after) / 2
@@ -139,9 +139,8 @@ def test_a_four_bar_is_released_by_the_power_that_its_joints_hold_together(sign:
     rates = {name: abs(v[robot.v_slices[robot.joint_index[name]]][0]) for name in levels}
     start = sum(levels[name] * rates[name] for name in levels)
     law = ["default", CoulombFriction(levels)]
-    run = simulate(
-        robot, q, 0 * v, (0.9 * start, 1.05 * start), effort=ramp(sign), effects=law, stiction=True
-    )
+    run = simulate(robot, q, 0 * v, (0.9 * start, 1.05 * start), effort=ramp(sign), effects=law,
+                   stiction=True, method="rk4", step=0.15 * start)  # fmt: skip
     assert abs(released(run) - start) < EXACT * start
     assert run.v[-1] @ v * sign > 0
     assert np.array_equal(run.q[run.t <= start], np.tile(q, (int((run.t <= start).sum()), 1)))
@@ -157,8 +156,9 @@ def test_a_four_bar_in_plain_bearings_starts_where_the_inverse_model_drives_it(s
     needed = hybridyn.idm(robot, q, v, 0 * a, wrenches=load, effects=["default", drive])[0]
     middle = hybridyn.idm(robot, q, 0 * v, 0 * a, wrenches=load)[0]
     run = simulate(
-        robot, q, 0 * v, (0.98, 1.01), wrenches=load, effects=["default", LoadFriction(radial=radii)],
-        stiction=True, effort=lambda t, q, v: np.array([middle + t * (needed - middle)]),
+        robot, q, 0 * v, (0.995, 1.005), wrenches=load, effects=["default", LoadFriction(radial=radii)],
+        stiction=True, method="rk4", step=0.01,
+        effort=lambda t, q, v: np.array([middle + t * (needed - middle)]),
     )  # fmt: skip
     assert abs(released(run) - 1.0) < 1e-9  # the rates of 1e-9 rad/s, and rounding over the margin
     assert run.v[-1] @ v > 0
