@@ -178,9 +178,10 @@ def weightless(description: Description, shaped: Container[str] = ()) -> list[Jo
     exempt = {bodies.of[link.name] for link in description.links if link.mass or link.inertia.any()}
     exempt |= {link.name for link in description.links if link.between_joints}
     carried, farthest = bodies.carried(), dict[str, float]()
-    meeting = MEETING * max((float(np.abs(point).max()) for _, point in carried), default=0.0)
-    for body, point in carried:
-        farthest[body] = max(farthest.get(body, 0.0), float(np.linalg.norm(point)))
+    points = np.array([point for _, point in carried]).reshape(-1, 3)
+    meeting = MEETING * float(np.abs(points).max(initial=0.0))
+    for (body, _), far in zip(carried, np.linalg.norm(points, axis=1).tolist(), strict=True):
+        farthest[body] = max(farthest.get(body, 0.0), far)
     return [
         joint
         for joint in description.joints

@@ -5,10 +5,13 @@ the tree after the cuts, whose joints come first in it, and in the spanning tree
 In the whole tree, `floating` joints connect the platforms to the base.
 """
 
+import copyreg
+import io
 import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -113,7 +116,16 @@ class ModuleSpec:
     @cached_property  # pickled once: a mechanism may later cache values in the spec's joints
     def key(self) -> bytes:
         """Pickled content, equal for equal modules."""
-        return pickle.dumps([getattr(self, field.name) for field in fields(self)])
+        content = io.BytesIO()
+        pickler = pickle.Pickler(content)
+        pickler.dispatch_table = {**copyreg.dispatch_table, np.ndarray: _as_bytes}
+        pickler.dump([getattr(self, field.name) for field in fields(self)])
+        return content.getvalue()
+
+
+def _as_bytes(x: Array) -> Any:
+    """Return how an array is pickled to be compared: the same numbers have the same place, and so shape."""
+    return x.__reduce__() if x.dtype.hasobject else (bytes, (x.tobytes(),))
 
 
 def module_spec(bodies: Bodies, graph: ModuleGraph, home: Array, *, cut: bool = True) -> ModuleSpec:
