@@ -116,9 +116,10 @@ class Mechanism:
         self.spanning, self.tree = self.cut.spanning, self.cut.tree
         self.spanning_closures = Closures(self.spanning, list(spec.closures), list(spec.couplings))
         self.closures = Closures(self.tree, list(spec.cut_closures), list(spec.cut_couplings))
-        at_home = self.spanning.sweep(spec.home[None])
-        self.length = module_length(spec, at_home, robot_size)
-        self.home = self.cut.coordinates(spec.home[None], None, None, at_home)[0][0, : self.tree.nq]
+        spanning = self.spanning.sweep(spec.home[None])
+        self.length = module_length(spec, spanning, robot_size)
+        self.home = self.cut.coordinates(spec.home[None], None, None, spanning)[0][0, : self.tree.nq]
+        at_home = self.tree.sweep(self.home[None]) if spec.wrists else spanning
         self.length_of_wrench = np.array([self.length] * 3 + [1.0] * 3)
         inertias = [spatial_inertia(b.mass, b.com, b.inertia) for b in spec.outputs_inertia]
         self.inertias = np.array(inertias).reshape(-1, 6, 6)
@@ -128,31 +129,32 @@ class Mechanism:
         self.spanning_col_scale = self.unit[self.cut.v_of]
         self.spanning_row_scale = row_factors(self.spanning, self.spanning_closures, self.length)
         self.wrists = WristRows(self.cut, self.length, self.unit)
-        if like is None or not self._follows(like, tolerances):
-            self._fix_ranks(tolerances.rank, self._find_postures(tolerances.closure))
+        if like is None or not self._follows(like, tolerances, at_home):
+            self._fix_ranks(tolerances.rank, self._find_postures(tolerances.closure, at_home), at_home)
 
-    def _follows(self, like: Mechanism, tolerances: Tolerances) -> bool:
+    def _follows(self, like: Mechanism, tolerances: Tolerances, at_home: Motion) -> bool:
         """Close the loops near the postures of another mechanism; return whether the ranks are the same."""
         if like.rank_decision or not like.reduction.report.clear or not len(like.postures):
             return False
         near = like.postures[:CHECKED]
-        open_by = self._find_postures(tolerances.closure, near)
+        open_by = self._find_postures(tolerances.closure, at_home, near)
         if len(self.postures) < len(near) * LEAST_FOLLOW:
             return False
-        self._fix_ranks(like.rank_tolerance, open_by)
+        self._fix_ranks(like.rank_tolerance, open_by, at_home)
         report = self.reduction.report
         return report.clear and report.doubted is None and report.rank == like.reduction.rank
 
-    def _find_postures(self, tolerance: float, near: Array | None = None) -> float:
+    def _find_postures(self, tolerance: float, at_home: Motion, near: Array | None = None) -> float:
         """Find generic postures that close the loops, and return the largest residual at home.
 
         Args:
             tolerance: Largest residual of a closed posture, relative to the length.
+            at_home: Motion of `tree` at home.
             near: Postures near which they are looked for, shape (samples, nq), or None.
         """
         self.reduction = leg_by_leg(self.spec, self.tree, self.closures, self.length)
         home, row_scale, col_scale = self.home[None], self.reduction.row_scale, self.reduction.col_scale
-        residual = self.closures.residual(home, self.tree.sweep(home)) * row_scale
+        residual = self.closures.residual(home, at_home) * row_scale
         open_by = float(np.abs(residual).max(initial=0.0))
         self.home_closes = open_by <= tolerance
         self.postures, self.best_residual = home, 0.0
@@ -167,32 +169,34 @@ class Mechanism:
             )
         return open_by
 
-    def _fix_ranks(self, tolerance: float | None, open_by: float) -> None:
+    def _fix_ranks(self, tolerance: float | None, open_by: float, at_home: Motion) -> None:
         """Decide the ranks of the closures at the generic postures.
 
         Args:
             tolerance: Relative singular value below which rows count as dependent, or None to determine it.
             open_by: Largest residual at home, relative to the length.
+            at_home: Motion of `tree` at home, the only posture where there are no closures.
         """
         self.rank_tolerance, self.rank_decision = tolerance or RANK_TOLERANCE, ""
-        motion = self.tree.sweep(self.postures)
+        motion = self.tree.sweep(self.postures) if self.closures.rows else at_home
         self.rounding, self.generic_K = 0.0, self.closures.matrix(motion)
         if not len(self.postures):
             return
         self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
-        if tolerance is None and self._decide_by_home(open_by):
+        if tolerance is None and self._decide_by_home(open_by, at_home):
             motion = self.tree.sweep(self.postures)
         residual = self.closures.residual(self.postures, motion)
         worst = float(np.abs(residual * self.reduction.row_scale).max(initial=0.0))
         self.rounding = 4.0 * max(worst, self.reduction.report.dropped)
 
-    def _decide_by_home(self, open_by: float) -> bool:
+    def _decide_by_home(self, open_by: float, at_home: Motion) -> bool:
         """Count doubtful rows as independent if home closes too well for these rows to be rounding.
 
         Then the postures are others. Return whether they are.
 
         Args:
             open_by: Largest residual at home, relative to the length.
+            at_home: Motion of `tree` at home.
         """
         evidence = rank_by_home(self.closures, self.reduction, self.home, open_by)
         if evidence:
@@ -201,7 +205,7 @@ class Mechanism:
             self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
             self.reduction.report = self.reduction.report._replace(doubted=None)
         said = [evidence.words if evidence else dropped_rows(self.reduction.report, open_by)]
-        said.append(singular_home(self.closures, self.reduction, self.home, open_by))
+        said.append(singular_home(self.closures, self.reduction, at_home, open_by))
         self.rank_decision = "; ".join(filter(None, said))
         return evidence is not None
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..linkage.closures import Closures
 from ..linkage.generic_postures import scattered_postures
+from ..linkage.motion import Motion
 from ..linkage.reduction import ROUNDED_ROWS, RankReport, Reduction, decide_rank
 from ..linkage.walking import CLOSED, EVIDENT
 from ..spatial import Array
@@ -91,18 +92,18 @@ def dropped_rows(report: RankReport, open_by: float) -> str:
     )
 
 
-def singular_home(closures: Closures, reduction: Reduction, home: Array, open_by: float) -> str:
+def singular_home(closures: Closures, reduction: Reduction, at_home: Motion, open_by: float) -> str:
     """Say that the closures lose rank at home; "" if they do not, or if home is too open to tell.
 
     Args:
         closures: The module's closures.
         reduction: Their scales and their rank at generic postures.
-        home: Home posture, shape (nq,).
+        at_home: Motion of their tree at the home posture.
         open_by: Closure residual there, relative to the module's length.
     """
     if open_by > CLOSED or not reduction.rank:
         return ""
-    K = reduction.scaled(closures.matrix(closures.tree.sweep(home[None])))
+    K = reduction.scaled(closures.matrix(at_home))
     rank = int((np.linalg.svd(K[0], compute_uv=False) > ROUNDED_ROWS).sum())
     if rank >= reduction.rank:
         return ""
