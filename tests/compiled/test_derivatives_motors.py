@@ -210,6 +210,17 @@ def thick(description: Description) -> Description:
     return replace(description, links=tuple(links))
 
 
+class Alike(np.random.Generator):
+    """Draws one number for all samples."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__(np.random.PCG64(seed))
+
+    def normal(self, *, size: int) -> np.ndarray:  # type: ignore[override]
+        """Draw a number, shape (size,)."""
+        return np.full(size, super().normal())
+
+
 @pytest.mark.parametrize(
     ("description", "size"),
     [
@@ -229,35 +240,34 @@ def test_columns_of_spinning_rods_against_differences(
     robot = build_robot(description)
     n, m = len(robot.motors), rods.swings(robot, 3, size)
     start = np.array([[x[1] for x in m[name]] for name in robot.motors]).T.ravel()
-    guess, tau = robot.home, np.zeros((1, n))
+    guess, tau = robot.home, np.zeros(n)
 
-    def state(x: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Compute a state in which the rods spin at motions of the motors."""
-        motors = {name: tuple(x[i::n][:, None]) for i, name in enumerate(robot.motors)}
+    def states(x: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Compute states in which the rods spin at motions of the motors, shape (T, 3 n)."""
+        motors = {name: tuple(x[:, i::n].T) for i, name in enumerate(robot.motors)}
         q, v, a = hybridyn.assemble(robot, motors=motors, guess=guess)
-        rods.spin(robot, q, v, None, np.random.default_rng(7))
-        free = hybridyn.ddm(robot, q, v, tau)
+        rods.spin(robot, q, v, None, Alike(7))
+        free = hybridyn.ddm(robot, q, v, np.tile(tau, (len(x), 1)))
         moved = {
             name: (*motors[name][:2], free[:, at]) for name, at in zip(motors, robot.motor_v, strict=True)
         }
         a += free - hybridyn.assemble(robot, motors=moved, guess=guess)[2]
-        rods.spin(robot, q, v, a, np.random.default_rng(8))
-        return q[0], v[0], a[0]
+        rods.spin(robot, q, v, a, Alike(8))
+        return q, v, a
 
-    guess, v, a = state(start)
-    tau = hybridyn.idm(robot, guess, v, a)[None]
+    guess, v, a = (x[0] for x in states(start[None]))
+    tau = hybridyn.idm(robot, guess, v, a)
     held = idm_jacobian(robot, guess, v, a, coordinates="motors")
-    free = ddm_jacobian(robot, guess, v, tau[0], coordinates="motors")
+    free = ddm_jacobian(robot, guess, v, tau, coordinates="motors")
 
     def results(x: np.ndarray) -> np.ndarray:
-        """Compute efforts, and the motors' accelerations that `tau` causes."""
-        q, v, a = state(x)
-        return np.concatenate(
-            [hybridyn.idm(robot, q, v, a), hybridyn.ddm(robot, q, v, tau[0])[robot.motor_v]]
-        )
+        """Compute efforts, and the motors' accelerations that `tau` causes, shape (T, 2 n)."""
+        q, v, a = states(x)
+        caused = hybridyn.ddm(robot, q, v, np.tile(tau, (len(x), 1)))
+        return np.concatenate([hybridyn.idm(robot, q, v, a), caused[:, robot.motor_v]], axis=1)
 
     for j in range(3 * n) if n < 6 else (1, 8, 15):
-        f = [results(start + k * STEP * np.eye(3 * n)[j]) for k in (-2, -1, 1, 2)]
+        f = results(start + STEP * np.array([-2, -1, 1, 2])[:, None] * np.eye(3 * n)[j])
         change, x, k = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * STEP), "qva"[j // n], j % n
         for J, found in ((held, change[:n]), (free, change[n:])) if x != "a" else ((held, change[:n]),):
             assert np.abs(J[x][:, k] - found).max() <= DIFFERENCES * np.abs(J[x]).max()

@@ -5,6 +5,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -54,7 +55,13 @@ def install_workshop(folder: Path) -> None:
 
 
 def use(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let Python find the packages of a folder, and hybridyn look for them anew."""
+    """Let Python find the packages of a folder, and hybridyn look for them anew, there alone."""
+
+    def entry_points(**asked: str) -> metadata.EntryPoints:
+        found = metadata.distributions(path=[str(folder)])
+        return metadata.EntryPoints(point for one in found for point in one.entry_points).select(**asked)
+
+    monkeypatch.setattr(metadata, "entry_points", entry_points)
     monkeypatch.syspath_prepend(folder)
     forget()
     for name in [name for name in sys.modules if re.match(r"(workshop|odd\w*)(\.|$)", name)]:

@@ -80,7 +80,7 @@ def test_compiled_models_take_the_parameter(workshop: Path, interpreted: None) -
 
 def test_a_scene_has_the_controller(workshop: Path, tmp_path: Path) -> None:
     """The energy that the springs hold and the robot's stays."""
-    short = files()["centring.toml"].text.replace("duration = 0.5", "duration = 0.1")
+    short = files()["centring.toml"].text.replace("duration = 0.5", "duration = 0.05")
     ready = stage(read_scene(save(tmp_path, short, "scene.toml")))
     run = play(ready)
     whole = hybridyn.energy(ready.robot, run.q, run.v).total
