@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from .signals import Signal
 
 
-@dataclass(frozen=True, eq=False)
-class Layout:
+class Layout(NamedTuple):
     """The meaning of a table's columns.
 
     Attributes:
@@ -23,11 +22,11 @@ class Layout:
 
     file: str | None
     time: int | None
-    joints: dict[str, Signal] = field(default_factory=dict)
-    poses: dict[str, Signal] = field(default_factory=dict)
-    wrenches: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    efforts: dict[str, int] = field(default_factory=dict)
-    full_state: bool = False
+    joints: dict[str, Signal]
+    poses: dict[str, Signal]
+    wrenches: dict[str, tuple[int, ...]]
+    efforts: dict[str, int]
+    full_state: bool
 
     @property
     def signals(self) -> tuple[Signal, ...]:

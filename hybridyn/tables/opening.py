@@ -16,7 +16,6 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,8 +50,7 @@ class Block(NamedTuple):
     values: Array
 
 
-@dataclass
-class Table:
+class Table(NamedTuple):
     """An open table.
 
     Attributes:

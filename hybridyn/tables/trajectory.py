@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,8 +28,7 @@ Parts = Array | dict[str, Array]
 Fits = dict[Signal, tuple[Array, Array]]
 
 
-@dataclass(frozen=True, eq=False)
-class TableMotion:
+class TableMotion(NamedTuple):
     """The motion in some consecutive rows of a table.
 
     Attributes:
@@ -46,10 +44,10 @@ class TableMotion:
     first_row: int
     size: int
     time: Array | None
-    joints: dict[str, Triple] = field(default_factory=dict)
-    platforms: dict[str, tuple[Parts, Parts, Parts]] = field(default_factory=dict)
-    wrenches: dict[str, Array] = field(default_factory=dict)
-    efforts: dict[str, Array] = field(default_factory=dict)
+    joints: dict[str, Triple]
+    platforms: dict[str, tuple[Parts, Parts, Parts]]
+    wrenches: dict[str, Array]
+    efforts: dict[str, Array]
 
     def part(self, start: int, stop: int) -> TableMotion:
         """Return a copy of the rows from `start` to before `stop`, counted from 0.

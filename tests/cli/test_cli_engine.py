@@ -281,7 +281,7 @@ def test_motor_sizing_too(run: Run, table: Path) -> None:
 
 def test_tables_that_are_assembled_are_worth_it_sooner() -> None:
     robot = hybridyn.load("five_bar")
-    states, poses = (Layout(None, 0, full_state=full) for full in (True, False))
+    states, poses = (Layout(None, 0, {}, {}, {}, {}, full) for full in (True, False))
     assert engine.worth_of(poses, robot) < engine.worth_of(states, robot) == engine.WORTH
 
 

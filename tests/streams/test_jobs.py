@@ -259,7 +259,7 @@ def test_how_many_processes_and_rows(tmp_path: Path) -> None:
         assert _processes(None, table, False) == 0
         assert _processes(1, table, False) == 0
         assert _processes(3, table, True) == 3
-        table.rows = 1_000_000
+        table = table._replace(rows=1_000_000)
         assert _processes(None, table, False) in (0, len(os.sched_getaffinity(0)))
-        table.rows = LONG_FOR_COMPILED // len(table.columns)
+        table = table._replace(rows=LONG_FOR_COMPILED // len(table.columns))
         assert _processes(None, table, True) == 0

@@ -27,7 +27,7 @@ _TOKEN = (
 )
 
 #: The head of a table or of a table in an array, or the key of an assignment.
-_KEY = re.compile(rf"\s*(\[?\[?)\s*({_PART}(?:\s*\.\s*{_PART})*)\s*(?:\]\]?\s*(?:#|$)|=)")
+_KEY = rf"\s*(\[?\[?)\s*({_PART}(?:\s*\.\s*{_PART})*)\s*(?:\]\]?\s*(?:#|$)|=)"
 
 
 def parse_toml(data: bytes, file: str) -> tuple[str, dict[str, Any]]:
@@ -68,7 +68,7 @@ def line_of(text: str, keys: Keys) -> int | None:
     counts: dict[Keys, int] = {}
     best: tuple[int, int | None] = (0, None)
     for number, line in enumerate(text.splitlines(), start=1):
-        if not (found := _KEY.match(line)):
+        if not (found := re.match(_KEY, line)):
             continue
         defined = _dotted(found[2], counts) if found[1] else (*table, *_dotted(found[2], {}))
         if found[1] == "[[":

@@ -81,7 +81,9 @@ class Player:
     ) -> dict[str, float]:
         own = {name: _of_run(result, word) for name, word in self.wanted.items()}
         left = {name: word for name, word in self.wanted.items() if own[name] is None}
-        block = TreeSamples(TableMotion(1, len(result.t), result.t), result.q, result.v, result.a)
+        block = TreeSamples(
+            TableMotion(1, len(result.t), result.t, {}, {}, {}, {}), result.q, result.v, result.a
+        )
         values = measured(robot, left, [(block, result.tau)], functions) | {
             name: value for name, value in own.items() if value is not None
         }
