@@ -119,7 +119,7 @@ class Carried:
 
 
 class Frames:
-    """Frames of a chain at postures, in the base of the chain; those of its parts' bases are computed once.
+    """Frames of a chain at postures, in the base of the chain; each is computed once.
 
     Attributes:
         bases: Motion of the base of each part.
@@ -135,12 +135,19 @@ class Frames:
             moving: Whether rates and accelerations count; without them, all frames are at rest.
         """
         self._parts, self._samples, self._moving = motion.parts, samples, moving
+        self._known: dict[CarriedFrame, Motion] = {}
         self.bases: list[Motion] = []
         for base in carried.bases:
             self.bases.append(self.of(base))
 
     def of(self, place: CarriedFrame) -> Motion:
         """Return the motion of a frame."""
+        if place not in self._known:
+            self._known[place] = self._found(place)
+        return self._known[place]
+
+    def _found(self, place: CarriedFrame) -> Motion:
+        """Compute the motion of a frame."""
         inner = place.inner
         inner = (
             inner.take(self._samples)
@@ -157,11 +164,13 @@ class Frames:
         one, base = self.of(link), self.of(other)
         if self._moving:
             seen = one.seen_from(base)
-        else:
-            back = np.swapaxes(base.R, 1, 2)
-            seen = _at_rest(np.matmul(back, one.R), rotate(back, one.p - base.p))
-        rest = Motion.at_rest(len(seen.p))
-        return Motion(*(np.stack([x, y], axis=1) for x, y in zip(rest.arrays, seen.arrays, strict=True)))
+            rest = Motion.at_rest(len(seen.p))
+            return Motion(*(np.stack([x, y], axis=1) for x, y in zip(rest.arrays, seen.arrays, strict=True)))
+        back = np.swapaxes(base.R, 1, 2)
+        R, p = np.empty((len(back), 2, 3, 3)), np.zeros((len(back), 2, 3))
+        R[:, 0], R[:, 1] = np.eye(3), np.matmul(back, one.R)
+        p[:, 1] = rotate(back, one.p - base.p)
+        return _at_rest(R, p)
 
     def _then(self, outer: Motion, inner: Motion) -> Motion:
         """Return the motion of a frame in another one."""
@@ -171,6 +180,6 @@ class Frames:
 
 
 def _at_rest(R: Array, p: Array) -> Motion:
-    """Return frames at rest at placements, shapes (T, 3, 3) and (T, 3)."""
-    zero = np.zeros_like(p)
+    """Return frames at rest at placements, shapes (T, ..., 3, 3) and (T, ..., 3)."""
+    zero = np.zeros(p.shape)
     return Motion(R, p, zero, zero, zero, zero)

@@ -69,6 +69,10 @@ class ChainRows(NamedTuple):
     own: tuple[Array, ...]
     targets: tuple[Array, ...]
 
+    def take(self, samples: slice) -> ChainRows:
+        """Return the rows at some of the postures."""
+        return ChainRows(*(tuple(x[samples] for x in rows) for rows in self))
+
 
 class Split(NamedTuple):
     """Scaled rows, with what each part's own rows leave free.
@@ -239,9 +243,9 @@ class ChainProblem:
 
         It is the largest of parts and targets.
         """
-        before, after = (
-            self.matrix(self.tree.sweep(q[samples + i]), samples + i, every=False) for i in (0, 1)
-        )
+        both, n = np.concatenate([samples, samples + 1]), len(samples)
+        rows = self.matrix(self.tree.sweep(q[both]), both, every=False)
+        before, after = rows.take(slice(n)), rows.take(slice(n, None))
         own = [
             part.change(x, y)
             for part, x, y in zip(self.parts, before.own, after.own, strict=True)
