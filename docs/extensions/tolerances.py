@@ -22,8 +22,8 @@ otherwise, lengths are relative to a module's length and angles are in radians. 
 """
 #: What counts as a tolerance: a constant written as a power of ten, or by type of number.
 SMALL = re.compile(r"\d(\.\d+)?e-\d+")
-#: A line that may state one: other files are not parsed.
-CONSTANT = re.compile(r"^\(?[A-Z][^=\n]*=.*\de-\d", re.MULTILINE)
+#: A line that may state one: others are not parsed.
+CONSTANT = re.compile(r"\(?[A-Z][^=]*=.*\de-\d")
 
 
 class Tolerance(NamedTuple):
@@ -46,22 +46,25 @@ def tolerances() -> Iterator[Tolerance]:
     """Yield every tolerance, by file and line."""
     for path in sorted(PACKAGE.rglob("*.py")):
         text = path.read_text()
-        if not CONSTANT.search(text):
-            continue
-        lines = text.split("\n")
-        for node in ast.parse(text).body:
-            target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
-            if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
-                continue
-            name = ast.unparse(target) if target is not None else ""
-            if not name.isupper():
-                continue
-            if node.value.lineno != node.value.end_lineno:
-                continue
-            value = lines[node.value.lineno - 1][node.value.col_offset : node.value.end_col_offset]
-            if SMALL.search(value) and len(value) < 60:
-                file = path.relative_to(PACKAGE).as_posix()
-                yield Tolerance(name.strip("()"), value.strip("()"), file, _comment(lines, node.lineno - 1))
+        lines = text.split("\n") if SMALL.search(text) else []
+        for at, line in enumerate(lines):
+            if CONSTANT.match(line) and (found := _stated(line)):
+                yield Tolerance(*found, path.relative_to(PACKAGE).as_posix(), _comment(lines, at))
+
+
+def _stated(line: str) -> tuple[str, str] | None:
+    """Return name and value of a tolerance that a line states, None if it states none."""
+    try:
+        (node,) = ast.parse(line).body
+    except SyntaxError:  # a part of a statement
+        return None
+    if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+        return None
+    target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+    name, value = ast.unparse(target), line[node.value.col_offset : node.value.end_col_offset]
+    if not name.isupper() or not SMALL.search(value) or len(value) >= 60:
+        return None
+    return name.strip("()"), value.strip("()")
 
 
 def _comment(lines: list[str], end: int) -> str:

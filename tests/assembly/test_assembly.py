@@ -131,7 +131,7 @@ def test_relative_poses_of_stacked_modules(name: str) -> None:
 
 def test_absolute_and_relative_poses_agree() -> None:
     robot = build_robot(shipped("lx4", modules="3"))
-    states = taken(robot, 2)
+    states = taken(robot, 1)
     links = [m.outputs[0] for m in robot.modules]
     root = robot.description.root
     absolute = {link: of_link(robot, *states, link, root) for link in links}

@@ -37,7 +37,7 @@ METHODS = {
     "conserving": ({"method": "conserving", "step": 0.01}, 1e-3),
     "implicit": ({"method": "implicit", "rtol": 1e-5, "atol": 1e-6}, 5e-4),
 }
-SPAN = 0.12
+SPAN = 0.08
 PROJECTED = np.finfo(float).eps / LOST_RATES**2
 SIDES = 1e-9  # two loops of a row are told apart by rounding over the distance only
 
