@@ -62,7 +62,9 @@ def robot(inertial: str, collisions: list[tuple[str, str]]) -> str:
 def test_the_inertia_of_a_shape_is_the_sum_over_its_points(shape: str, tmp_path: Path) -> None:
     inside, half = SHAPES[shape]
     steps = [size * ((np.arange(GRID) + 0.5) / GRID * 2 - 1) for size in half]
-    x, y, z = (axis[keep] for axis in np.meshgrid(*steps) for keep in [inside(*np.meshgrid(*steps))])
+    grid = np.meshgrid(*steps)
+    keep = inside(*grid)
+    x, y, z = (axis[keep] for axis in grid)
     volume = len(x) * np.prod([2 * size / GRID for size in half])
     text = robot("<density>1</density>", [("", shape)])
     (link,) = read(save(tmp_path, text, "r.sdf")).links
