@@ -24,7 +24,7 @@ from tests.support.comparing import close_to, refused
 from tests.support.samples import slow
 
 SAME = 1e-9  # of the largest entry: rounding, through the condition of loops and targets anywhere
-STEPS, MANY = 60, 10_000
+STEPS, MANY = 30, 10_000
 TOGETHER = 15  # steps from one posture of a swing on
 SMALLEST, LARGEST = -4.0, -0.3  # sizes of steps, logarithms [robot's size or rad]
 #: What the C function fills.
