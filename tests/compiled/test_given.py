@@ -3,7 +3,7 @@
 import ctypes
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -19,6 +19,7 @@ from hybridyn.spatial import Array
 from tests.assembly.test_angles import arm
 from tests.compiled.test_chains import load, some_of, swing
 from tests.compiled.test_export import STRICT, compiler, run_test
+from tests.compiled.test_pointing import named
 from tests.robots.posing import of_joints, of_link
 from tests.support.comparing import close_to, refused
 from tests.support.samples import slow
@@ -174,22 +175,60 @@ def test_many_steps_are_those_of_the_general_path(name: str, link: str, names: s
     walk(stepper(robot, tmp_path, *task.columns), task, MANY, judged=25)
 
 
-@pytest.mark.parametrize(
-    ("axes", "lone", "link"), [("zyy", [], "l2"), slow("zyyzy", ["j4/position", "l1/pose/yaw"], "l3")]
-)
-def test_the_header_lists_what_is_given_and_the_exported_test_runs(
-    axes: str, lone: list[str], link: str, tmp_path: Path
-) -> None:
-    """Where an axis points, and a distance from a point; of a longer arm a lone angle and a joint, too."""
-    robot = arm(tmp_path, axes)
+class Pointing(NamedTuple):
+    """An arm's export, and what is given: where an axis points, a distance from a point, and lone numbers."""
+
+    robot: HybridRobot
+    lone: list[str]
+    link: str
+    given: list[str]
+    folder: Path
+
+
+ZYY: tuple[str, list[str], str] = "zyy", [], "l2"
+#: Of a longer arm a lone angle and a joint, too.
+ZYYZY = "zyyzy", ["j4/position", "l1/pose/yaw"], "l3"
+
+
+@pytest.fixture(scope="module")
+def pointing(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Pointing:
+    """Export an arm, and compile its models."""
+    axes, lone, link = request.param
+    folder = tmp_path_factory.mktemp("pointing")
+    robot = arm(folder, axes)
     given = [*lone, *(f"{link}/pose/{x}" for x in ("distance", "cx", "cy", "cz", "xx", "xy", "xz"))]
-    export(robot, tmp_path / "made", name="m", given=given)
-    text = (tmp_path / "made" / "m.h").read_text()
-    places = [x.replace("/pose", "@root/pose") for x in lone]
+    export(robot, folder / "made", name="m", given=given)
+    models = folder / "made" / "m"
+    assert compiler(*STRICT, "-O0", "-fPIC", "-c", f"{models}.c", "-o", f"{models}.o") == ""
+    return Pointing(robot, lone, link, given, folder / "made")
+
+
+@pytest.mark.parametrize("pointing", [ZYY, slow(ZYYZY)], indirect=True, ids=["zyy", "zyyzy"])
+def test_the_header_lists_what_is_given_and_the_exported_test_runs(pointing: Pointing) -> None:
+    link, text = pointing.link, (pointing.folder / "m.h").read_text()
+    places = [x.replace("/pose", "@root/pose") for x in pointing.lone]
     places += [f"{link}@root/pose/{x}" for x in ("xx", "xy", "xz", "distance")]
     assert "   given\n" + "".join(f"     {i}  {x}\n" for i, x in enumerate(places)) in text
     assert text.count(f"{link}@root/velocity/cz") == 1
-    assert run_test(tmp_path / "made", "m", "-O0").count("idm_from_given") == 5
+    assert run_test(pointing.folder, "m", "-O0", models="o").count("idm_from_given") == 5
+
+
+@pytest.mark.parametrize("pointing", [ZYY], indirect=True, ids=["zyy"])
+def test_steps_follow_directions_and_points_that_move(pointing: Pointing) -> None:
+    """As the general path does, from the posture before."""
+    robot, folder = pointing.robot, pointing.folder
+    assert compiler("-shared", "-o", folder / "m.so", folder / "m.o", "-lm") == ""
+    step = Stepper(robot, ctypes.CDLL(str(folder / "m.so")).m_idm_from_given)
+    motion, states = given_motion(robot, pointing.given), swing(robot, 0.05, 8)
+    levels = named(robot, states, pointing.link, "xx distance")
+    for k in range(1, 8):
+        at = tuple({name: x[k : k + 1] for name, x in one.items()} for one in levels)
+        requests, last = gather_requests(robot, None, {pointing.link: at}), states[0][k - 1]
+        guard, found = step(last, *(x[0] for x in motion.numbers(requests)))
+        right = [x[0] for x in assemble_requests(robot, requests, last)]
+        assert guard <= 1.0
+        for x, y in zip(found, (*right, hybridyn.idm(robot, *right)), strict=True):
+            close_to(x, y, SAME)
 
 
 def test_what_is_no_number_or_open_or_of_another_length_is_refused(five_bar: Stepper) -> None:

@@ -47,7 +47,6 @@ def named(robot: HybridRobot, states: Triple, link: str, words: str) -> Triple:
 @pytest.mark.parametrize(
     ("name", "link", "words", "size"),
     [
-        ("arm yy", "l1", "distance", 0.05),  # a direction: of steps by default, in test_given.py
         slow("arm zyy", "l2", "xx distance", 0.05),
         slow("arm zyyzy", "l4", "x xx distance", 0.05),
         slow("arm zyxyzyx", "l6", "x zz distance", 0.05),
