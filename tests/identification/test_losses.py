@@ -101,7 +101,7 @@ def test_efforts_are_those_of_the_inverse_model_and_derivatives_those_of_differe
 @pytest.mark.parametrize("runs", [5, slow(40)])
 def test_claimed_deviations_are_true(runs: int) -> None:
     """Errors over their covariance are chi-square, and those of losses over their deviations, too."""
-    one, rng, sums, far = lossy("five_bar", 50.0), np.random.default_rng(3), [], []
+    one, rng, sums, far = lossy("five_bar", 25.0), np.random.default_rng(3), [], []
     count = len(one.names) - len(one.rows.rows.start)
     of_each = one.rows.data.of_each
     spread = NOISE * one.efforts.std(axis=0) * np.eye(2)
@@ -180,7 +180,7 @@ def test_the_command_identifies_what_the_robot_s_files_state_and_writes_it(
 def test_a_half_whose_friction_does_not_settle_tells_nothing_of_unseen_efforts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    one, parts = lossy("five_bar", 50.0), list[slice]()
+    one, parts = lossy("five_bar", 25.0), list[slice]()
     data, r = one.rows.data, len(one.rows.rows.start)
     plain = estimate(data.Y, data.measured - data.known, one.names[:r])
 

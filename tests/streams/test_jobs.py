@@ -54,7 +54,7 @@ def table_of(path: Path, count: int = 1000) -> np.ndarray:
 
 def test_the_same_numbers_as_one_process(run, tmp_path: Path, small_blocks) -> None:
     path = tmp_path / "traj.csv"
-    table_of(path, 300)
+    table_of(path, 150)
     found = []
     for jobs in (1, 2):
         words = ["-o", tmp_path / f"{jobs}.csv", "--reactions", tmp_path / f"{jobs}r.csv", "--jobs", jobs]
