@@ -55,14 +55,14 @@ numpy_on_symbols = partial(warnings.catch_warnings, action="ignore", category=Fu
 
 def _of_numbers_or_symbols(function: np.ufunc) -> Callable[..., Any]:
     """Return a function that takes arrays of numbers, and arrays of objects entry by entry."""
-    by_entry = np.frompyfunc(function, function.nin, 1)
 
     def apply(*x: Array) -> Any:
         """Apply the function."""
         if x[0].dtype != object:
             return function(*x)
-        with numpy_on_symbols():
-            return by_entry(*x)
+        from .symbols import by_entry
+
+        return by_entry(function.__name__, *x)
 
     return apply
 

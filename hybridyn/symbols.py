@@ -6,9 +6,6 @@ leads here where it is given such arrays.
 
 from __future__ import annotations
 
-import functools
-import operator
-from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -18,61 +15,95 @@ from numpy.typing import NDArray
 
 Expression = NDArray[Any]  # of float or casadi.SX scalars
 
+# CasADi's own operators take eight times longer than `binary`, to find out what they are given. A number
+# takes `binary` as long as its operation, and most numbers are zeros and ones, which need none.
+_binary, _MUL, _ADD, _SUB = SX.binary, ca.OP_MUL, ca.OP_ADD, ca.OP_SUB
+
+_CODES = {"cos": ca.OP_COS, "sin": ca.OP_SIN, "sqrt": ca.OP_SQRT, "arctan2": ca.OP_ATAN2}
+
 
 def is_zero(x: Any) -> bool:
     """Return whether a scalar is known to be zero."""
     return bool(x.is_zero() if isinstance(x, SX) else x == 0)
 
 
-def times(x: Any, y: Any) -> Any:
-    """Multiply two scalars or two arrays; a product is the float 0 if a factor is known to be zero."""
-    return _product(x, y) if isinstance(x, np.ndarray) else _of_two(x, y)
-
-
-def _of_two(x: Any, y: Any) -> Any:
+def _times(x: Any, y: Any) -> Any:
     """Multiply two scalars, as `times` does."""
-    return 0.0 if is_zero(x) or is_zero(y) else _times(x, y)
+    if isinstance(x, SX):
+        if isinstance(y, SX):
+            return _binary(_MUL, x, y)
+        return x if y == 1 else _binary(_MUL, x, y) if y else 0.0
+    if isinstance(y, SX):
+        return y if x == 1 else _binary(_MUL, x, y) if x else 0.0
+    return x * y if x and y else 0.0
 
 
-def _operator(of_symbols: int, of_numbers: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """Return an operator of two scalars; CasADi's own takes eight times longer, to find out what they are."""
-
-    def apply(x: Any, y: Any) -> Any:
-        """Apply the operator."""
-        symbols = isinstance(x, SX) or isinstance(y, SX)
-        return SX.binary(of_symbols, x, y) if symbols else of_numbers(x, y)
-
-    return apply
+def _plus(x: Any, y: Any) -> Any:
+    """Add two scalars, as `plus` does."""
+    if isinstance(x, SX):
+        return _binary(_ADD, x, y) if isinstance(y, SX) or y else x
+    if isinstance(y, SX):
+        return _binary(_ADD, x, y) if x else y
+    return x + y
 
 
-_times = _operator(ca.OP_MUL, operator.mul)
-_plus, _minus = _operator(ca.OP_ADD, operator.add), _operator(ca.OP_SUB, operator.sub)
+def _minus(x: Any, y: Any) -> Any:
+    """Subtract two scalars, as `minus` does."""
+    if isinstance(x, SX):
+        return _binary(_SUB, x, y) if isinstance(y, SX) or y else x
+    if isinstance(y, SX):
+        return _binary(_SUB, x, y) if x else SX.unary(ca.OP_NEG, y)
+    return x - y
+
+
+_added, _subtracted, _product = (np.frompyfunc(f, 2, 1) for f in (_plus, _minus, _times))
+
+
+def times(x: Any, y: Any) -> Any:
+    """Multiply two scalars or two arrays; a product is the float 0 if a factor is the number zero."""
+    return _product(x, y) if isinstance(x, np.ndarray) else _times(x, y)
 
 
 def plus(x: Any, y: Any) -> Any:
-    """Add two scalars or two arrays; the operator of CasADi's scalars takes eight times longer."""
+    """Add two scalars or two arrays."""
     return _added(x, y) if isinstance(x, np.ndarray) else _plus(x, y)
 
 
 def minus(x: Any, y: Any) -> Any:
-    """Subtract two scalars or two arrays, as `plus` adds them."""
+    """Subtract two scalars or two arrays."""
     return _subtracted(x, y) if isinstance(x, np.ndarray) else _minus(x, y)
 
 
-_added, _subtracted, _product = (np.frompyfunc(f, 2, 1) for f in (_plus, _minus, _of_two))
+def by_entry(name: str, *x: Expression) -> Expression:
+    """Apply a function of CasADi or NumPy, "cos" or "arctan2", to the entries of arrays."""
+    code = _CODES[name]
+
+    def function(*given: Any) -> Any:
+        """Apply it to scalars."""
+        if not any(isinstance(one, SX) for one in given):
+            return getattr(np, name)(*given)
+        return SX.unary(code, *given) if len(given) == 1 else _binary(code, *given)
+
+    applied: Expression = np.frompyfunc(function, len(x), 1)(*x)
+    return applied
 
 
 def dot(A: Expression, B: Expression) -> Expression:
     """Multiply matrices or vectors, shapes as for `A @ B`."""
-    left = A if A.ndim == 2 else A[None]
-    right = B if B.ndim == 2 else B[:, None]
-    out = np.empty((left.shape[0], right.shape[1]), dtype=object)
-    columns = [{k: y for k, y in enumerate(right[:, j]) if not is_zero(y)} for j in range(out.shape[1])]
-    for i in range(out.shape[0]):
-        row = [(k, x) for k, x in enumerate(left[i]) if not is_zero(x)]
+    left = A.tolist() if A.ndim == 2 else [A.tolist()]
+    right = B.T.tolist() if B.ndim == 2 else [B.tolist()]
+    columns = [[(isinstance(y, SX) or bool(y), y) for y in column] for column in right]
+    out = np.empty((len(left), len(right)), dtype=object)
+    for i, entries in enumerate(left):
+        row = [(k, x) for k, x in enumerate(entries) if isinstance(x, SX) or x]
         for j, column in enumerate(columns):
-            products = [_times(x, column[k]) for k, x in row if k in column]
-            out[i, j] = functools.reduce(_plus, products) if products else 0.0
+            total: Any = None
+            for k, x in row:
+                known, y = column[k]
+                if known:
+                    product = _times(x, y)
+                    total = product if total is None else _plus(total, product)
+            out[i, j] = 0.0 if total is None else total
     if A.ndim == 1:
         out = out[0]
     return out[..., 0] if B.ndim == 1 else out
@@ -93,6 +124,12 @@ def compose(A: Expression, B: Expression) -> Expression:
 def cross(a: Expression, b: Expression) -> Expression:
     """Compute a x b along the last axis, shapes (..., 3)."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape), dtype=object)
+    if out.ndim == 1:
+        (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+        out[0] = _minus(_times(y, w), _times(z, v))
+        out[1] = _minus(_times(z, u), _times(x, w))
+        out[2] = _minus(_times(x, v), _times(y, u))
+        return out
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[..., i : i + 1] = _subtracted(
             _product(a[..., j : j + 1], b[..., k : k + 1]), _product(a[..., k : k + 1], b[..., j : j + 1])

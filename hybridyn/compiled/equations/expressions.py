@@ -62,24 +62,38 @@ def symbols(name: str, n: int) -> tuple[ca.SX, Expression]:
 
 def unpack(column: ca.SX) -> Expression:
     """Return the entries of a column, shape (n,)."""
-    return filled([column[i] for i in range(column.numel())], column.numel())
+    return filled(ca.densify(column).nonzeros(), column.numel())
 
 
 def pack(*parts: Any) -> ca.SX:
-    """Concatenate expressions to one dense column."""
-    flat = [x for part in parts for x in np.asarray(part, dtype=object).ravel()]
-    return ca.densify(ca.vertcat(ca.SX(0, 1), *flat)) if flat else ca.SX(0, 1)
+    """Concatenate expressions, scalars and lists and arrays of them, to one dense column."""
+    flat = [x for part in parts for x in _entries(part)]
+    column = ca.vertcat(ca.SX(0, 1), *(x if isinstance(x, ca.SX) else ca.SX(x) for x in flat))
+    return column if column.is_dense() else ca.densify(column)
+
+
+def _entries(part: Any) -> list[Any]:
+    """Return the scalars of an array or a list of them, or of one."""
+    if isinstance(part, np.ndarray):
+        entries: list[Any] = part.ravel().tolist()
+        return entries
+    return part if isinstance(part, list) else [part]
 
 
 def sampled(M: Expression, columns: list[ca.SX], points: Iterable[Sequence[Array]]) -> Array:
     """Evaluate a matrix at points, numbers for each column of symbols, shape (points, *M.shape)."""
-    function = ca.Function("sampled", columns, [pack(M)])
-    return np.array([np.array(function(*numbers)).reshape(M.shape) for numbers in points])
+    return evaluated(ca.Function("sampled", columns, [pack(M)]), points)[0].reshape(-1, *M.shape)
+
+
+def evaluated(function: ca.Function, points: Iterable[Sequence[Array]]) -> list[Array]:
+    """Evaluate a function of columns at points, numbers for each; return outputs, shapes (points, n)."""
+    given = [np.stack(numbers, axis=1) for numbers in zip(*points, strict=True)]
+    return [found.full().T for found in function.call(given)]
 
 
 def pick(values: Expression, index: Index) -> Expression:
     """Return entries by index; index -1 gives zero (the entries of platforms are not read)."""
-    return np.array([values[i] if i >= 0 else 0.0 for i in index], dtype=object)
+    return filled([values[i] if i >= 0 else 0.0 for i in index], len(index))
 
 
 def along(n: Expression, x: Expression) -> Any:
@@ -155,11 +169,11 @@ class Folding:
 
     def array(self, copies: list[Array]) -> Expression:
         """Return an array of expressions that represents the arrays of all copies."""
-        stacked = settled(np.stack([numbers(np.asarray(copy)) for copy in copies]))
-        plain_values = [abs(x) for x in stacked.ravel() if not isinstance(x, ca.SX)]
-        size = np.max(plain_values, initial=0.0)
-        shape = stacked.shape[1:]
-        entries = [self._one(settled(stacked[(slice(None), *at)]), size) for at in np.ndindex(*shape)]
+        stacked = settled(np.stack([np.asarray(copy) for copy in copies]))
+        shape, every = stacked.shape[1:], stacked.reshape(len(copies), -1)
+        size = max((abs(x) for x in every.ravel().tolist() if not isinstance(x, ca.SX)), default=0.0)
+        alone = every.dtype != object and (np.ptp(every, axis=0) <= FOLDED_ALIKE * size).all()
+        entries = every[0].tolist() if alone else [self._one(settled(own), size) for own in every.T]
         return filled(entries, *shape)
 
     def _one(self, values: Expression, size: float) -> Any:

@@ -22,7 +22,7 @@ import numpy as np
 
 from ...spatial import Array, Mask
 from ...symbols import Expression, is_zero, minus, times
-from .expressions import zeros
+from .expressions import filled, zeros
 
 #: Least pivot relative to its usual size at which the choice of pivots is trusted. Rounding errors grow with
 #: the inverse square of this ratio (inertias are congruences): 5e-16 / ratio^2 was measured, so 1e-10 is
@@ -153,7 +153,7 @@ class Triangular:
         for i in reversed(range(n)):
             for j in range(i + 1, n):
                 take(x, i, self.upper[i, j], j)
-            x[i] = [times(self.inverses[i], y) for y in x[i]]
+            x[i] = times(self.inverses[i : i + 1], x[i])
         return x
 
     def solve_transposed(self, right: Expression) -> Expression:
@@ -162,7 +162,7 @@ class Triangular:
         for i in range(n):
             for j in range(i):
                 take(x, i, self.upper[j, i], j)
-            x[i] = [times(self.inverses[i], y) for y in x[i]]
+            x[i] = times(self.inverses[i : i + 1], x[i])
         for i in reversed(range(n)):
             for j in range(i + 1, n):
                 take(x, i, self.lower[j, i], j)
@@ -172,7 +172,7 @@ class Triangular:
 def take(x: Expression, row: int, factor: Any, other: int) -> None:
     """Subtract a multiple of another row in place."""
     if not is_zero(factor):
-        x[row] = [minus(y, times(factor, z)) for y, z in zip(x[row], x[other], strict=True)]
+        x[row] = minus(x[row], times(filled([factor], 1), x[other]))
 
 
 def solve(

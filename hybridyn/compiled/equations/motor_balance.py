@@ -15,7 +15,7 @@ from ...structure.module import Module
 from ...symbols import Expression, dot, is_zero, times
 from ..code.scalars import GUARD_LIMIT
 from .core import motions_of, write_core
-from .expressions import pack, symbols, zeros
+from .expressions import evaluated, pack, symbols, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, choose_pivots, solve
 from .legs import write_leg
 from .module_plan import ModulePlan
@@ -37,11 +37,8 @@ def motor_pivots(plan: ModulePlan, module: Module, motors: tuple[int, ...]) -> P
     if not motors:
         return Pivots((), (), ())
     motions, B, function = _motor_map(plan, motors)
-    maps = [function(x) for x in generic_positions(module)]
-    good = np.array(
-        [float(worst) <= GUARD_LIMIT for _, worst in maps]
-    )  # B is no better than what it comes from
-    samples = np.array([np.array(entries).reshape(B.shape) for entries, _ in maps])
+    entries, worst = evaluated(function, [[x] for x in generic_positions(module)])
+    good, samples = worst[:, 0] <= GUARD_LIMIT, entries.reshape(-1, *B.shape)  # B is no better than its guard
     samples = samples[good if good.any() else np.isfinite(samples).all(axis=(1, 2))]
     if len(motors) > motions:
         usual = np.median(np.abs(samples).max(axis=1), axis=0) if len(samples) else np.zeros(len(motors))
