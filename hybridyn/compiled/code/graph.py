@@ -59,13 +59,13 @@ class Graph:
 
     def node(self, name: str, *arguments: int, value: float = 0.0) -> Reference:
         """Return the reference of an operation, and add the operation if it is new."""
-        if name in SYMMETRIC:
-            arguments = tuple(sorted(arguments, key=abs))
-        node = Operation(name, arguments, value)
-        if node not in self._known:
-            self._known[node] = len(self.nodes)
+        if name in SYMMETRIC and abs(arguments[0]) > abs(arguments[1]):
+            arguments = arguments[::-1]
+        node, new = Operation(name, arguments, value), len(self.nodes)
+        known = self._known.setdefault(node, new)
+        if known == new:
             self.nodes.append(node)
-        return self._known[node] + 1
+        return known + 1
 
     def again(self, node: Operation) -> Reference:
         """Return the reference of a node of another graph, whose arguments are references here."""
@@ -108,32 +108,39 @@ class Graph:
 
     def rebuilt(self, rule: Callable[[Graph, int, Operation], Reference]) -> Graph:
         """Return the graph of what a rule adds for each node, given its index, with arguments in it."""
-        out, place = Graph(self.sizes), [0]
-
-        def moved(x: Reference) -> Reference:
-            return place[abs(x)] * (1 if x > 0 else -1)
-
+        out, place = Graph(self.sizes), [0] * (2 * len(self.nodes) + 1)  # place[-i] is that of the negative
         for i, node in enumerate(self.nodes):
-            inner = node.arguments if node.name == "input" else tuple(map(moved, node.arguments))
-            place.append(rule(out, i, node._replace(arguments=inner)))
-        out.outputs = [[out.plain(moved(x)) for x in output] for output in self.outputs]
+            place[i + 1] = new = rule(out, i, _moved(node, place))
+            place[-i - 1] = -new
+        out.outputs = [[out.plain(place[x]) for x in output] for output in self.outputs]
         return out
 
     def used(self) -> Graph:
         """Return the graph without operations that no output depends on; nothing is added to it later."""
-        needed = {x for output in self.outputs for x in output}
-        for i in range(len(self.nodes), 0, -1):
-            if i in needed and self.nodes[i - 1].name != "input":
-                needed.update(map(abs, self.nodes[i - 1].arguments))
-        place: dict[Reference, Reference] = {}
-        for k, i in enumerate(sorted(needed), 1):
-            place[i], place[-i] = k, -k
-        nodes = [self.nodes[i - 1] for i in sorted(needed)]
-        nodes = [
-            x if x.name == "input" else Operation(x.name, tuple(place[i] for i in x.arguments), x.value)
-            for x in nodes
-        ]
+        n = len(self.nodes)
+        needed, place = bytearray(n + 1), [0] * (2 * n + 1)
+        for output in self.outputs:
+            for x in output:
+                needed[x] = 1
+        for i in range(n, 0, -1):
+            if needed[i] and self.nodes[i - 1].name != "input":
+                for x in self.nodes[i - 1].arguments:
+                    needed[abs(x)] = 1
+        if sum(needed) == n:
+            return self
+        nodes: list[Operation] = []
+        for i, node in enumerate(self.nodes, 1):
+            if needed[i]:
+                nodes.append(_moved(node, place))
+                place[i], place[-i] = len(nodes), -len(nodes)
         return Graph(self.sizes, nodes, [[place[x] for x in output] for output in self.outputs])
+
+
+def _moved(node: Operation, place: list[Reference]) -> Operation:
+    """Return a node of a graph with the places of its arguments in another; place[-i] is that of -i."""
+    if node.name == "input":
+        return node
+    return Operation(node.name, tuple([place[x] for x in node.arguments]), node.value)
 
 
 def graph_of(function: ca.Function) -> Graph:
@@ -147,10 +154,12 @@ def graph_of(function: ca.Function) -> Graph:
             raise ValueError(f"{function.name()}: output {i} is sparse")
     graph = Graph([function.nnz_in(i) for i in range(function.n_in())])
     graph.outputs = [[0] * function.nnz_out(i) for i in range(function.n_out())]
-    slots: dict[int, Reference] = {}
+    name, slots = function.name(), dict[int, Reference]()
+    code_of, read_by, written_by = (
+        function.instruction_id, function.instruction_input, function.instruction_output,
+    )  # fmt: skip
     for k in range(function.n_instructions()):
-        code, out = function.instruction_id(k), function.instruction_output(k)
-        read = function.instruction_input(k)
+        code, out, read = code_of(k), written_by(k), read_by(k)
         if code == ca.OP_OUTPUT:
             graph.outputs[out[0]][out[1]] = graph.plain(slots[read[0]])
         elif code == ca.OP_INPUT:
@@ -158,8 +167,7 @@ def graph_of(function: ca.Function) -> Graph:
         elif code == ca.OP_CONST:
             slots[out[0]] = graph.constant(function.instruction_constant(k))
         else:
-            arguments = [slots[i] for i in read]
-            slots[out[0]] = _operation(graph, function.name(), code, arguments)
+            slots[out[0]] = _operation(graph, name, code, [slots[i] for i in read])
     # Entries that no instruction writes are structural zeros.
     graph.outputs = [[x or graph.constant(0.0) for x in output] for output in graph.outputs]
     return graph.used()

@@ -56,10 +56,10 @@ def _choices(graph: Graph) -> dict[int, tuple[Reference, Reference]]:
     for x in chain.from_iterable(graph.outputs):
         uses[abs(x) - 1].append(-1)
     taken: dict[int, tuple[Reference, Reference]] = {}
+    sums = [node.name in ("add", "sub") for node in graph.nodes] + [False]  # the last one: no output is one
     for i in reversed(range(len(graph.nodes))):  # of a sum's two products the later one is fused
-        readers = uses[i] if graph.nodes[i].name == "mul" else [-1]
-        if all(j >= 0 and j not in taken and graph.nodes[j].name in ("add", "sub") for j in readers):
-            pairs = {j: _split(graph.nodes[j], i) for j in readers}
+        if graph.nodes[i].name == "mul" and all(sums[j] and j not in taken for j in uses[i]):
+            pairs = {j: _split(graph.nodes[j], i) for j in uses[i]}
             if all(abs(rest) != i + 1 for _, rest in pairs.values()):
                 taken |= pairs
     return taken

@@ -185,7 +185,7 @@ def composites(chain: Chain) -> dict[int, Expression]:
     for i in reversed(chain.links):
         if i not in chain.platforms:
             parent = chain.links[i].parent
-            out[parent] = out[parent] + moved(out[i + 1], chain.R[i], chain.p[i])
+            out[parent] = plus(out[parent], moved(out[i + 1], chain.R[i], chain.p[i]))
     return out
 
 

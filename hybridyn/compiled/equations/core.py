@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -11,10 +12,10 @@ import numpy as np
 
 from ...linkage.reduction import RANK_TOLERANCE
 from ...spatial import motion_to_base, motion_to_body
-from ...symbols import Expression, dot, is_zero
+from ...symbols import Expression, dot, is_zero, plus
 from .chains import Chain, Placed, sweep
 from .core_rows import CoreRows, write_rows
-from .expressions import plain, zeros
+from .expressions import plain, symbols, zeros
 from .idle.cores import hold_idle, part_idle
 from .legs import PlatformMotion
 from .module_plan import ModulePlan
@@ -71,6 +72,24 @@ def write_core(
     rows = write_rows(chain, parts, tree_q, rates, tree_a, plan.scale, weights)
     rows.guard = hold_idle(plan, rows.K[:, 6:], rows.guard)
     return Core(chain, platforms, rows, list(plan.mechanism.spec.outputs))
+
+
+@dataclass(eq=False)
+class PosedCore:
+    """A module's core at rest in any posture, at which pivots are chosen; it is written when it is asked for.
+
+    Attributes:
+        plan: What is chosen about the module: all but the pivots of its core.
+    """
+
+    plan: ModulePlan
+
+    @cached_property
+    def written(self) -> tuple[ca.SX, Expression, Core]:
+        """The column of the positions of the spanning tree, the positions, and the core."""
+        tree = self.plan.mechanism.spanning
+        column, q = symbols("q", tree.nq)
+        return column, q, write_core(self.plan, q, zeros(tree.nv), zeros(6))
 
 
 def _platforms(
@@ -181,4 +200,4 @@ def rank_guard(plan: ModulePlan, rows: CoreRows, guard: Any, Psi: Expression) ->
 
 def whole(chain: Chain, body: int, s: Expression, J: Expression) -> Expression:
     """Compute a body's acceleration for s, own frame, shape (6,)."""
-    return motion_to_body(chain.R0[body], chain.p0[body], dot(J, s)) + chain.c[body]
+    return np.asarray(plus(motion_to_body(chain.R0[body], chain.p0[body], dot(J, s)), chain.c[body]))

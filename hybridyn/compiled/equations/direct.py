@@ -52,11 +52,11 @@ def quadratic_form(
     for k, col in enumerate(parts.tree_v):
         M[6 + k, 6 + k] = M[6 + k, 6 + k] + options.rotor[col]
     for i in sorted({group[0].platform for group in parts.groups}):
-        S1 = S1 + _add_legs(core, i, M, b, received)
-    M[:6, :6] = M[:6, :6] + inertia_matrix(S1)
+        S1 = plus(S1, _add_legs(core, i, M, b, received))
+    M[:6, :6] = plus(M[:6, :6], inertia_matrix(S1))
     outputs = [_add_output(core, plan, options, o, M, b, received) for o in range(len(core.outputs))]
     at = 6 + np.array(forced, dtype=int)
-    b[at] = b[at] - tau
+    b[at] = minus(b[at], tau)
     return (M, b), outputs
 
 
@@ -69,8 +69,8 @@ def _add_legs(core: Core, i: int, M: Expression, b: Expression, received: GivenC
     M[np.ix_(at, base)] = minus(plus(M[np.ix_(at, base)], B.T), L)
     M[np.ix_(base, at)] = minus(plus(M[np.ix_(base, at)], B), L)
     M[np.ix_(at, at)] = plus(M[np.ix_(at, at)], L)
-    b[:6] = b[:6] + b_base - b_delta
-    b[at] = b[at] + b_delta
+    b[:6] = minus(plus(b[:6], b_base), b_delta)
+    b[at] = plus(b[at], b_delta)
     return S1
 
 
@@ -92,8 +92,8 @@ def _add_output(
     if options.velocity:
         c = classical(V, c)
     at_zero = np.concatenate([dot(R0, c[:3]), dot(R0, c[3:])])
-    at_zero[:3] = at_zero[:3] + dot(hat(p0), at_zero[3:])
-    W = dot(inertia, at_zero) + wrench_to_base(R0, p0, beta)
+    at_zero[:3] = plus(at_zero[:3], dot(hat(p0), at_zero[3:]))
+    W = plus(dot(inertia, at_zero), wrench_to_base(R0, p0, beta))
     M[:] = plus(M, congruence(J, inertia))
     b[:] = plus(b, dot(J.T, W))
     return Needed(body, J, inertia, W)
@@ -246,9 +246,9 @@ def _solve(
     """
     (M, b), Psi_b, y_0, Psi = form, X[:, :6], X[:, 6], X[:, 7:]
     M_yy, M_yb = M[6:, 6:], M[6:, :6]
-    f = b[6:] + dot(M_yy, y_0)
+    f = plus(b[6:], dot(M_yy, y_0))
     A_t = congruence(Psi, M_yy)  # Eq. (43)
-    E = dot(Psi.T, M_yb + dot(M_yy, Psi_b))  # Eq. (42)
+    E = dot(Psi.T, plus(M_yb, dot(M_yy, Psi_b)))  # Eq. (42)
     Q_0 = -dot(Psi.T, f)  # Eq. (44) and the motors
     Q_n = -dot(Psi.T, pushed[6:])
     unforced = rest_idle(plan, options.rotor, (A_t, E, Q_0, Q_n), f)
@@ -293,4 +293,5 @@ def _on_base(
     across = dot(M_yb.T, Psi_b)
     inertia = plus(plus(M[:6, :6], plus(across, across.T)), congruence(Psi_b, M_yy))
     inertia = minus(inertia, symmetric_product(E, G))
-    return inertia, b[:6] + dot(M_yb.T, y_0) + dot(Psi_b.T, f) + dot(E.T, u_0)
+    bias = plus(plus(plus(b[:6], dot(M_yb.T, y_0)), dot(Psi_b.T, f)), dot(E.T, u_0))
+    return inertia, bias

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...spatial import Array, cross, hat
-from ...symbols import Expression, dot, plus
+from ...symbols import Expression, dot, minus, plus
 from .chains import carried, forces, inertial_map, mass_matrix
 from .expressions import congruence, numbers, pack, upper, zeros
 from .legs import PlatformMotion, WrittenLeg, write_leg
@@ -109,17 +109,17 @@ def leg_sums(
     for i, inertia in enumerate(rotor):
         A[i, i] = A[i, i] + inertia
     bias = forces(leg.chain) if velocity else zeros(6 + leg.chain.nv)
-    f = bias[6:] + dot(A, leg.y0) - tau
+    f = minus(plus(bias[6:], dot(A, leg.y0)), tau)
     needed, over_base = f, zeros(leg.chain.nv, 6)
     if leg.idle:
         freed = leg.idle.freed((D, A), (leg.X, leg.y0), f)
         leg, needed, over_base = replace(leg, X=freed.X, y0=freed.y0), freed.needed, freed.over_base
         S1 = np.concatenate([S1[:4], plus(S1[4:], upper(freed.turned))])
     B = dot(D, leg.X)
-    B[:, 3:] = B[:, 3:] - dot(B[:, :3], hat(leg.point))
+    B[:, 3:] = minus(B[:, 3:], dot(B[:, :3], hat(leg.point)))
     sums = {"over_base": over_base, "f": f, "needed": needed, "A": A, "D": D, "S1": S1, "B": B.ravel()} | {
         "L": upper(matrix_moved(congruence(leg.X, A), numbers(np.eye(3)), leg.point)),
-        "b_base": bias[:6] + dot(D, leg.y0),
+        "b_base": plus(bias[:6], dot(D, leg.y0)),
         "b_delta": leg.wrench(dot(leg.X.T, needed)),
     }
     return sums, leg
@@ -127,5 +127,5 @@ def leg_sums(
 
 def leg_accelerations(leg: WrittenLeg, delta: Expression) -> Expression:
     """Compute a leg's joint accelerations from its platform's relative acceleration, base's frame."""
-    at_point = np.concatenate([delta[:3] + cross(delta[3:], leg.point), delta[3:]])
-    return dot(leg.X, at_point) + leg.y0
+    at_point = np.concatenate([plus(delta[:3], cross(delta[3:], leg.point)), delta[3:]])
+    return np.asarray(plus(dot(leg.X, at_point), leg.y0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import casadi as ca
@@ -70,7 +70,7 @@ class Driven:
     @cached_property
     def size(self) -> Any:
         """Size of the terms."""
-        return sum(map(ca.fabs, self.terms), ca.SX(0.0))
+        return reduce(plus, map(ca.fabs, self.terms), ca.SX(0.0))
 
     @cached_property
     def motor_map(self) -> Expression:

@@ -82,7 +82,8 @@ def _entries(part: Any) -> list[Any]:
 
 def sampled(M: Expression, columns: list[ca.SX], points: Iterable[Sequence[Array]]) -> Array:
     """Evaluate a matrix at points, numbers for each column of symbols, shape (points, *M.shape)."""
-    return evaluated(ca.Function("sampled", columns, [pack(M)]), points)[0].reshape(-1, *M.shape)
+    (found,) = evaluated(ca.Function("sampled", columns, [pack(M)]), points)
+    return found.reshape(len(found), *M.shape)
 
 
 def evaluated(function: ca.Function, points: Iterable[Sequence[Array]]) -> list[Array]:

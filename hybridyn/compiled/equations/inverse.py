@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ...spatial import crf, crm, motion_to_body, wrench_to_base
-from ...symbols import Expression, dot
+from ...symbols import Expression, dot, minus, plus
 from .chains import Chain, Placed, forces, motion_map, sweep
 from .core import Core, motions_of, own_inertia, rank_guard
 from .driven import Driven, motor_columns
@@ -112,7 +112,7 @@ def required_forces(
     for i in sorted({group[0].platform for group in parts.groups}):
         b_base, b_delta = (received.take(f"{name} {i}", size) for name, size in LEG_WRENCHES)
         at = core.chain.columns_of(i + 1)
-        b[:6], b[at] = b[:6] + b_base - b_delta, b[at] + b_delta
+        b[:6], b[at] = minus(plus(b[:6], b_base), b_delta), plus(b[at], b_delta)
         terms += _works(b_delta, plan)
     outputs = [_add_output(core, plan, options, o, b, terms, received) for o in range(len(core.outputs))]
     lawful_rows = 6 + np.array(lawful(plan, options), dtype=int)
@@ -141,12 +141,12 @@ def _add_output(
     W = momentum(own, A)
     terms += _works(W, plan)
     if options.velocity:
-        W = W + crf(V, momentum(own, V))
+        W = plus(W, crf(V, momentum(own, V)))
     if options.carries[o]:
         F = received.take(f"F {o}", 6)
-        W = W + F
+        W = plus(W, F)
         terms += received.take(f"size {o}", 1).tolist() if options.measures else _works(F, plan)
-    b[:] = b + dot(motion_map(chain, body).T, wrench_to_base(chain.R0[body], chain.p0[body], W))
+    b[:] = plus(b, dot(motion_map(chain, body).T, wrench_to_base(chain.R0[body], chain.p0[body], W)))
     return W
 
 

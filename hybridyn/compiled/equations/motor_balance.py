@@ -14,8 +14,8 @@ from ...spatial import Array
 from ...structure.module import Module
 from ...symbols import Expression, dot, is_zero, times
 from ..code.scalars import GUARD_LIMIT
-from .core import motions_of, write_core
-from .expressions import evaluated, pack, symbols, zeros
+from .core import motions_of
+from .expressions import evaluated, pack, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, choose_pivots, solve
 from .legs import write_leg
 from .module_plan import ModulePlan
@@ -38,7 +38,8 @@ def motor_pivots(plan: ModulePlan, module: Module, motors: tuple[int, ...]) -> P
         return Pivots((), (), ())
     motions, B, function = _motor_map(plan, motors)
     entries, worst = evaluated(function, [[x] for x in generic_positions(module)])
-    good, samples = worst[:, 0] <= GUARD_LIMIT, entries.reshape(-1, *B.shape)  # B is no better than its guard
+    samples = entries.reshape(len(entries), *B.shape)
+    good = worst[:, 0] <= GUARD_LIMIT  # B is no better than what it comes from
     samples = samples[good if good.any() else np.isfinite(samples).all(axis=(1, 2))]
     if len(motors) > motions:
         usual = np.median(np.abs(samples).max(axis=1), axis=0) if len(samples) else np.zeros(len(motors))
@@ -63,9 +64,9 @@ def _motor_map(plan: ModulePlan, motors: tuple[int, ...]) -> tuple[int, Expressi
     Returns:
         The number of motions; B, shape (motions, motors); a function that computes it and its guard.
     """
-    m, parts, loose = plan.mechanism, plan.parts, Scale(plan.scale.length, 1.0)
-    column, q = symbols("q", m.spanning.nq)
-    core = write_core(plan, q, zeros(m.spanning.nv), zeros(6))
+    parts, loose = plan.parts, Scale(plan.scale.length, 1.0)
+    assert plan.posed is not None
+    column, q, core = plan.posed.written
     X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
     Psi, guard = X[:, 1 + plan.idle :], squares(doubts)
     columns: dict[int, Expression] = dict(zip(parts.tree_v.tolist(), Psi, strict=True))

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...spatial import Array
-from .core import write_core
-from .expressions import sampled, symbols, zeros
+from .core import PosedCore
+from .expressions import sampled
 from .guarded_elimination import Pivots, choose_pivots
 from .idle.legs import other_rates
 from .legs import leg_pivots
@@ -39,17 +39,17 @@ def plan_module(parts: Parts, positions: Array, dtype: str, *, compared: bool = 
     closed = max(GUARD_CLOSED[dtype], OF_ROUNDED * m.rounding if m.reduction.rounded else 0.0)
     wrists = [wrist_pivots(path, positions) for path in parts.paths]
     scale = Scale(m.length, closed, TINY_RATE[dtype], compared, float(np.finfo(dtype).eps))
-    plan = ModulePlan(parts, Pivots((), (), ()), tuple(groups), tuple(wrists), scale)
-    return replace(plan, loop_pivots=_loop_pivots(plan, positions[-len(m.postures) :]))
+    posed = PosedCore(ModulePlan(parts, Pivots((), (), ()), tuple(groups), tuple(wrists), scale))
+    return replace(posed.plan, loop_pivots=_loop_pivots(posed, positions[-len(m.postures) :]), posed=posed)
 
 
-def _loop_pivots(plan: ModulePlan, positions: Array) -> Pivots:
+def _loop_pivots(posed: PosedCore, positions: Array) -> Pivots:
     """Choose the pivots of the core's closures at positions of the spanning tree, shape (samples, nq)."""
-    parts, m = plan.parts, plan.mechanism
+    parts, m = posed.plan.parts, posed.plan.mechanism
     if not len(parts.closure_rows):
         return Pivots((), (), ())
-    column, q = symbols("q", m.spanning.nq)
-    K = write_core(plan, q, zeros(m.spanning.nv), zeros(6)).rows.K[:, 6:]
+    column, _, core = posed.written
+    K = core.rows.K[:, 6:]
     units = m.reduction.col_scale[parts.tree_v]
     scales = m.reduction.row_scale[list(parts.closure_rows)], units
     return choose_pivots(sampled(K, [column], [[x] for x in positions]), parts.rank, *scales)
