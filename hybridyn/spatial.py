@@ -206,9 +206,9 @@ def congruence(B: Array, M: Array) -> Array:
 
 def hat(x: Array) -> Array:
     """Return the skew-symmetric matrix of x, shape (..., 3, 3): its product with y is x cross y."""
-    out = np.zeros((*x.shape, 3)).astype(np.result_type(x, float), copy=False)
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -x[..., 2], x[..., 1], -x[..., 0]
-    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = x[..., 2], -x[..., 1], x[..., 0]
+    out, back = np.zeros((*x.shape, 3)).astype(np.result_type(x, float), copy=False), -x
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = back[..., 2], x[..., 1], back[..., 0]
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = x[..., 2], back[..., 1], x[..., 0]
     return out
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -138,15 +139,21 @@ def snap_point(p: Array, size: float) -> Array:
     return out
 
 
+@cache
+def _triangle(n: int) -> tuple[Index, Index]:
+    """Return `triu_indices`, which takes longer than reading them."""
+    return np.triu_indices(n)
+
+
 def upper(M: Expression) -> Expression:
     """Return the upper triangle of a symmetric matrix, row by row."""
-    return M[np.triu_indices(len(M))]
+    return M[_triangle(len(M))]
 
 
 def symmetric(entries: Expression, n: int) -> Expression:
     """Return a symmetric matrix from its upper triangle."""
     out = np.empty((n, n), dtype=object)
-    rows, cols = np.triu_indices(n)
+    rows, cols = _triangle(n)
     out[rows, cols] = entries
     out[cols, rows] = entries
     return out

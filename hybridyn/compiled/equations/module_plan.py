@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import casadi as ca
 
@@ -13,9 +13,6 @@ from .factors import balanced
 from .guarded_elimination import Pivots, solve
 from .parts import Parts
 from .scales import Scale
-
-if TYPE_CHECKING:
-    from .core import PosedCore
 
 
 @dataclass(frozen=True)
@@ -30,7 +27,7 @@ class ModulePlan:
         scale: Scales of its closure residuals.
         inertias: Ten numbers of each output, including what regrouping moves to it, if they are arguments.
         column: Symbols of the module's arguments, or None.
-        posed: Its core at rest, at which pivots are chosen.
+        posed: Its core at rest, at which pivots are chosen (`core.PosedCore`).
     """
 
     parts: Parts
@@ -40,7 +37,7 @@ class ModulePlan:
     scale: Scale
     inertias: tuple[Expression, ...] | None = None
     column: ca.SX | None = None
-    posed: PosedCore | None = None
+    posed: Any = None
 
     @property
     def mechanism(self) -> Mechanism:

@@ -14,7 +14,7 @@ from ...spatial import Array
 from ...structure.module import Module
 from ...symbols import Expression, dot, is_zero, times
 from ..code.scalars import GUARD_LIMIT
-from .core import motions_of
+from .core import PosedCore, motions_of
 from .expressions import evaluated, pack, zeros
 from .guarded_elimination import TRUSTED_PIVOT, Pivots, choose_pivots, solve
 from .legs import write_leg
@@ -65,8 +65,8 @@ def _motor_map(plan: ModulePlan, motors: tuple[int, ...]) -> tuple[int, Expressi
         The number of motions; B, shape (motions, motors); a function that computes it and its guard.
     """
     parts, loose = plan.parts, Scale(plan.scale.length, 1.0)
-    assert plan.posed is not None
-    column, q, core = plan.posed.written
+    posed: PosedCore = plan.posed
+    column, q, core = posed.written
     X, doubts = motions_of(plan, core.rows.K[:, 6:], zeros(len(core.rows.K), 1))
     Psi, guard = X[:, 1 + plan.idle :], squares(doubts)
     columns: dict[int, Expression] = dict(zip(parts.tree_v.tolist(), Psi, strict=True))

@@ -105,7 +105,10 @@ def cut(drafts: Sequence[Draft]) -> list[Stage]:
         _symbols(*columns.values(), *(one.value for one in passed))
         for columns, passed in zip(wanted, handed, strict=True)
     ]
-    given = [[(name, x, _symbols(x)) for name, x in stage.items()] for stage in inputs]
+    given = [
+        [(name, x, {symbol.element_hash() for symbol in x.nonzeros()}) for name, x in stage.items()]
+        for stage in inputs
+    ]
     return [_stage(s, given, columns, handed, used) for s, columns in enumerate(wanted)]
 
 
