@@ -472,7 +472,7 @@ def test_effects_that_were_not_run_to_the_end_are_told(monkeypatch: pytest.Monke
     scene = Runner(stage(SWING), 2.0)
     scene.compiled = False
     said = "a run came to .* s of 2 s in 4 s of computing: --seconds gives more time"
-    every = every_effect(scene.ready)
+    every = choose(scene.ready.robot, "model")
     refused(lambda: [*scene_effects.worth_at_end(scene, every, 4.0)], hybridyn.HybridynError, said)
     needed, words = scene_effects.checked_together(scene, every, ["gravity", "inertia"], 1e-3, 4.0)
     assert needed == ["gravity", "inertia"]
