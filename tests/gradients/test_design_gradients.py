@@ -172,10 +172,10 @@ def test_the_cost_of_many_parameters(name: str) -> None:
 def test_numbers_that_open_a_loop_have_no_derivative() -> None:
     robot = hybridyn.load("five_bar")
     q, v, a = hybridyn.assemble(robot, motors=[0.1, 0.2])
-    found = hybridyn.DesignGradients(robot, ["position:m1_left_elbow"]).idm(q, v, a)
+    gradients = hybridyn.DesignGradients(robot, ["position:m1_left_elbow"])
+    found = gradients.idm(q, v, a)
     assert np.isnan(found.over[:, 1]).all()
     assert np.isfinite(found.over[:, [0, 2]]).all()
-    gradients = hybridyn.DesignGradients(robot, ["position:m1_left_elbow"])
     slots = gradients.parameters.slot_values(gradients.parameters.nominal[None] + [[0, 0.01, 0]])[0]
     with pytest.raises(HybridynError):
         changed(robot, gradients.parameters, slots)
