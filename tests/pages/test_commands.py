@@ -117,7 +117,7 @@ def test_the_tutorial_runs_from_its_first_to_its_last_line(
     assert isinstance(five, hybridyn.HybridRobot)
     assert five.motors == ("left_drive", "right_drive")
     swing = names["swing"]
-    assert np.ptp(swing.energy) < 1e-4 * swing.kinetic.max()  # type: ignore[attr-defined]  # rtol 1e-6, some 20 steps
+    assert np.ptp(swing.energy) < 1e-4 * swing.kinetic.max()  # type: ignore[attr-defined]  # rtol 1e-6, ten steps
 
 
 #: The robots of the page on formats: language of the block, its motors and the extra that reads it.
