@@ -95,21 +95,17 @@ class Oracle:
     def close(self, q: Numbers, iterations: int = 60) -> Numbers:
         """Close the loops from a guess by Gauss-Newton steps of least norm and limited length.
 
-        Where steps shrink quadratically, the next one after two of sizes `before` and `size` would be
-        size^3 / before^2 long. The steps end where it would be rounding.
-
         Raises:
             ValueError: The residual stays too large, or the loops close with opposite axes.
         """
-        q, before = self.arithmetic.array(q), 0.0
+        q = self.arithmetic.array(q)
         for _ in range(iterations):
             posture = self.posture(q)
             x = self.tree.least_change(posture, self.tree.values(posture, q))
             size = largest(x / self.unit)
             q = self.integrate(q, -x * min(1.0, 0.3 / size if size else 1.0))
-            if size * min(1.0, size / before if before else 1.0) ** 2 < 4 * self.arithmetic.epsilon:
+            if size < 4 * self.arithmetic.epsilon:
                 break
-            before = size
         posture = self.posture(q)
         left = largest(self.tree.values(posture, q) / posture.scale)
         if left > CLOSED_TOLERANCE or self.tree.turned(posture).size:

@@ -65,7 +65,7 @@ class Row:
 def slide(A: Frame, B: Frame, axis: int, on_b: bool = False) -> Row:
     """Build the row "slide along e", with e an axis of A, or of B."""
     e, d = (B if on_b else A).E[:, axis], B.x - A.x
-    at_a = np.concatenate([-e, cross(e, d + A.r)])
+    at_a = np.concatenate([-e, cross(e, d) - cross(A.r, e)])
 
     def drift(V_A: Numbers, V_B: Numbers) -> Any:
         """Compute the second derivative of the row's value at zero accelerations."""
