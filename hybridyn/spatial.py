@@ -38,9 +38,9 @@ LARGEST = 1e50
 
 #: For each number of axes, the order that brings the samples from the first to the last place, and back.
 _SAMPLES_LAST = [((*range(1, n), 0), (n - 1, *range(n - 1))) if n else ((), ()) for n in range(8)]
-#: Entries up to which a product of vectors takes its time for calls of NumPy, not for numbers.
+#: Entries up to which a product of vectors with equally many axes takes its time for calls of NumPy.
 _FEW = 10_000
-#: The same of vectors with different numbers of axes.
+#: The same where the numbers of axes differ.
 _COPIED = 300
 #: The components after each of x, y, z, then those before; and the reverse.
 _PLUS_MINUS, _MINUS_PLUS = np.array([1, 2, 0, 2, 0, 1]), np.array([2, 0, 1, 1, 2, 0])
@@ -344,7 +344,7 @@ def vector_from_quaternion(quat: Array) -> Array:
     sine = np.sqrt(einsum("...i,...i->...", v, v))[..., None]
     known = sine > 1e-9
     half = np.arctan2(sine, np.abs(w)) / np.where(known, sine, 1.0)
-    out: Array = np.copysign(np.where(known, 2.0 * half, 2.0), w) * v
+    out: Array = np.copysign(np.where(known, 2.0 * half, 2.0), w + 0.0) * v  # -0 turns as 0 does
     return out
 
 

@@ -122,7 +122,9 @@ def _likes(
     try:
         _, _, of_file = source.of_states(q, f * v, f**2 * a)
     except HybridynError:
-        return dict.fromkeys(factors, 0.0)
+        if len(factors) == 1:
+            return {factors[0]: 0.0}
+        return {factor: _likes(source, states, measured, [factor])[factor] for factor in factors}
     each = np.split(of_file, len(factors))
     return {factor: _alike(measured, one)[0] for factor, one in zip(factors, each, strict=True)}
 

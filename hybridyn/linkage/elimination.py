@@ -123,6 +123,8 @@ def null_basis(
 def full_rank_solution(A: Array, b: Array, least: float) -> tuple[Array, Mask]:
     """Compute the least-squares solution of A x = b by QR, for A of full column rank.
 
+    There are no pivots: a matrix that is nearly singular can pass, and its x is as large as with an SVD.
+
     Args:
         A: Matrices, shape (B, m, n), n at most m.
         b: Right-hand sides, shape (B, m).

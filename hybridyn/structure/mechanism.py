@@ -183,31 +183,32 @@ class Mechanism:
         if not len(self.postures):
             return
         self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
-        if tolerance is None and self._decide_by_home(open_by, at_home):
-            motion = self.tree.sweep(self.postures)
+        if tolerance is None:
+            motion = self._decide_by_home(open_by, at_home) or motion
         residual = self.closures.residual(self.postures, motion)
         worst = float(np.abs(residual * self.reduction.row_scale).max(initial=0.0))
         self.rounding = 4.0 * max(worst, self.reduction.report.dropped)
 
-    def _decide_by_home(self, open_by: float, at_home: Motion) -> bool:
+    def _decide_by_home(self, open_by: float, at_home: Motion) -> Motion | None:
         """Count doubtful rows as independent if home closes too well for these rows to be rounding.
 
-        Then the postures are others. Return whether they are.
+        Then the postures are others. Return the motion of `tree` there.
 
         Args:
             open_by: Largest residual at home, relative to the length.
             at_home: Motion of `tree` at home.
         """
-        evidence = rank_by_home(self.closures, self.reduction, self.home, open_by)
+        evidence, motion = rank_by_home(self.closures, self.reduction, self.home, open_by), None
         if evidence:
             self.postures, self.rank_tolerance = evidence.postures, evidence.tolerance
-            self.generic_K = self.closures.matrix(self.tree.sweep(self.postures))
+            motion = self.tree.sweep(self.postures)
+            self.generic_K = self.closures.matrix(motion)
             self.reduction.fix_ranks(self.generic_K, self.rank_tolerance)
             self.reduction.report = self.reduction.report._replace(doubted=None)
         said = [evidence.words if evidence else dropped_rows(self.reduction.report, open_by)]
         said.append(singular_home(self.closures, self.reduction, at_home, open_by))
         self.rank_decision = "; ".join(filter(None, said))
-        return evidence is not None
+        return motion
 
     @property
     def mobility(self) -> int:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from hybridyn.description import cache_folder
-from hybridyn.description.side_cars import model_toml
+from hybridyn.description.side_cars import beside, model_toml
 from hybridyn.description.urdf import xacro
 from hybridyn.errors import CompileError, ModelError
 from tests.robots.robot_texts import FOUR_BAR, save
@@ -110,6 +110,21 @@ def test_a_model_file_is_checked_once(at: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("HYBRIDYN_CACHE", str(at / "cache"))
     for _ in range(2):
         refused(lambda: model_toml.read_model_file(b"home.drive = ''", "m.toml"), ModelError, "valid number")
+
+
+def test_a_place_of_a_model_file_that_cannot_be_looked_at_is_an_error(
+    at: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its motors and effects would be lost in silence."""
+    look = os.stat
+
+    def closed(path: Any, *args: Any, **kwargs: Any) -> os.stat_result:
+        if "models" in os.fspath(path):
+            raise PermissionError(13, "Permission denied", path)
+        return look(path, *args, **kwargs)
+
+    monkeypatch.setattr(beside.os, "stat", closed)
+    refused(lambda: beside.find_model_file(str(at / "r.urdf")), PermissionError, r"models/r/model.toml")
 
 
 def test_the_entries_used_least_recently_are_removed(at: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -268,10 +268,11 @@ def test_nothing_else_is_read(
 
 
 def test_a_home_folder_is_nobodys_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HOME", str(tmp_path))
     save(tmp_path, "secret", "secret.yaml")
     file = save(tmp_path / "urdf", "<robot/>", "arm.xacro")
-    refused(lambda: folders(file).read(str(tmp_path / "secret.yaml")), ModelError, "outside")
+    for home in (tmp_path, f"{tmp_path.parent}//{tmp_path.name}", f"{tmp_path.parent}/./{tmp_path.name}/"):
+        monkeypatch.setenv("HOME", str(home))
+        refused(lambda: folders(file).read(str(tmp_path / "secret.yaml")), ModelError, "outside")
 
 
 INCLUDE = '<xacro:include filename="{}"/>'

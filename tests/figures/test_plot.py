@@ -76,14 +76,17 @@ def test_nothing_to_draw_is_said() -> None:
     refused(lambda: chart_of_rows(["time"], ROWS[:, 0], ROWS[:, :1]), TrajectoryError, "no column of a joint")
 
 
-@pytest.mark.parametrize(("ending", "head"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
-def test_the_command_draws_a_file(tmp_path: Path, ending: str, head: bytes) -> None:
+@pytest.mark.parametrize(
+    ("name", "head"),
+    [("run.png", b"\x89PNG"), ("run.svg", b"<?xml"), ("run.pdf", b"%PDF"), (".png", b"\x89PNG")],
+)
+def test_the_command_draws_a_file(tmp_path: Path, name: str, head: bytes) -> None:
     table = tmp_path / "run.csv"
     table.write_text("# a remark\n" + table_text(COLUMNS[:2], ROWS[:, :2]))
-    target = tmp_path / f"run.{ending}"
+    target = tmp_path / name
     assert main(["plot", str(table), "-o", str(target)]) == 0
     assert target.read_bytes().startswith(head)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.csv", f"run.{ending}"]
+    assert {p.name for p in tmp_path.iterdir()} == {"run.csv", name}
 
 
 LOADS = """motor,peak_effort,effort_unit,rms_effort,peak_speed,speed_unit,rms_speed,\

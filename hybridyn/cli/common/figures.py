@@ -73,11 +73,7 @@ def save(drawn: PanelFigure | Figure, target: str) -> None:
         return
     figure = figure_of_chart(drawn) if isinstance(drawn, PanelFigure) else drawn
     import matplotlib
-    from matplotlib.backend_bases import get_registered_canvas_class
 
-    kind = os.path.splitext(target)[1][1:].lower()
-    figure.set_dpi(DPI)
-    write = getattr(get_registered_canvas_class(kind)(figure), f"print_{kind}")  # `savefig` draws it twice
     # Text stays text in SVG: it can be searched, and the file is small.
     with appearing(target) as partial, matplotlib.rc_context({"svg.fonttype": "none"}):
-        write(partial)
+        figure.savefig(partial, dpi=DPI, format=target.rpartition(".")[2].lower())

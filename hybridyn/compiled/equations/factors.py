@@ -73,7 +73,7 @@ class Definite:
         """Solve for right-hand sides, shape (n, k)."""
         x = self.halfway(right)
         for i in reversed(range(len(x))):
-            x[i] = [times(self.inverses[i], y) for y in x[i]]
+            x[i] = times(self.inverses[i : i + 1], x[i])
             for j in range(i + 1, len(x)):
                 take(x, i, self.lower[j, i], j)
         return x

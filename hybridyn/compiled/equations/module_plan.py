@@ -27,7 +27,7 @@ class ModulePlan:
         scale: Scales of its closure residuals.
         inertias: Ten numbers of each output, including what regrouping moves to it, if they are arguments.
         column: Symbols of the module's arguments, or None.
-        posed: Its core at rest, at which pivots are chosen (`core.PosedCore`).
+        posed: Its core at rest, of the constants, at which pivots are chosen (`core.PosedCore`).
     """
 
     parts: Parts

@@ -10,6 +10,7 @@ import contextlib
 import fnmatch
 import os
 import re
+import stat
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -24,8 +25,16 @@ def find_side_car(file: str) -> Path | None:
 
 
 def _first(places: Iterable[str]) -> Path | None:
-    """Return the first path that is a file; as text, paths are tried in a third of the time."""
-    return next(map(Path, filter(os.path.isfile, places)), None)
+    """Return the first path that is a file; as text, paths are tried in a third of the time.
+
+    Raises:
+        OSError: A place cannot be looked at.
+    """
+    for place in places:
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            if stat.S_ISREG(os.stat(place).st_mode):
+                return Path(place)
+    return None
 
 
 def files_like(folder: str | Path, pattern: str) -> list[Path]:

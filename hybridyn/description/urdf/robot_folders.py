@@ -198,7 +198,7 @@ def _own_folder(file: str) -> str:
 
     A folder is a package if it contains package.xml, or if the file is in one of its folders of robot files.
     """
-    place, home = os.path.dirname(file), os.path.expanduser("~")
+    place, home = os.path.dirname(file), os.path.normpath(os.path.expanduser("~"))
     folder, inner = place, ""
     while folder != os.path.dirname(folder) and not f"{home}{os.sep}".startswith(f"{folder}{os.sep}"):
         if inner in MARKS or os.path.isfile(os.path.join(folder, STATEMENT)):
