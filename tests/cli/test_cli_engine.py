@@ -17,6 +17,8 @@ from hybridyn.tables.layout import Layout
 from tests import ROOT
 from tests.robots.robot_texts import door, save
 from tests.support.command_line import Said, read_table, table_text
+from tests.support.files import beginning
+from tests.support.samples import slow
 
 Run = Callable[..., Said]
 TRAJECTORY = ROOT / "models/five_bar/traj.csv"
@@ -65,7 +67,7 @@ def worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def table(tmp_path: Path) -> Path:
     """Return the first rows of the five-bar's motion."""
-    return save(tmp_path, "".join(TRAJECTORY.read_text().splitlines(keepends=True)[:101]), "motion.csv")
+    return beginning(tmp_path, "five_bar", 100)
 
 
 @pytest.mark.parametrize("command", ["idm", "ddm", "simulate"])
@@ -148,10 +150,18 @@ def near_singular() -> Motion:
     return Motion(robot, q, v, a)
 
 
-@pytest.mark.parametrize("command", ["idm", "ddm"])
+@pytest.mark.parametrize(("command", "processes"), [("idm", "none"), ("ddm", "none"), slow("ddm", "real")])
 def test_samples_by_the_general_path_are_counted_in_every_process(
-    near_singular: Motion, run: Run, tmp_path: Path, monkeypatch: Any, one_process: None, command: str
+    near_singular: Motion,
+    run: Run,
+    tmp_path: Path,
+    monkeypatch: Any,
+    command: str,
+    processes: str,
+    request: pytest.FixtureRequest,
 ) -> None:
+    if processes == "none":
+        request.getfixturevalue("one_process")
     robot, q, v, a = near_singular
     compiled = hybridyn.compile(robot)
     tau = compiled.idm(q, v, a)

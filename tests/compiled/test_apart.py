@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import hybridyn
+from hybridyn.assembly import walk
 from hybridyn.compiled.library.closed_rows import BLOCK
 from hybridyn.compiled.programs.closing.apart import Apart
 from hybridyn.compiled.programs.closing.own_requests import requests_of_motors
@@ -39,15 +40,20 @@ def test_they_are_those_that_are_closed_alone(name: str) -> None:
     assert len(doubtful) == 0  # C closed all of them
 
 
-def test_those_in_doubt_are_closed_alone_and_named() -> None:
+def test_those_in_doubt_are_closed_alone_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """A start whose loops are open; one that leaves its branch; one that is no number."""
+    monkeypatch.setattr(walk, "FINEST", 16)  # a shorter search for a way that is not there
     fast, starts, (position, *levels) = drawn("five_bar")
     starts[3] += 1e-6
     few = fast.close(position[:4], *(x[:4] for x in levels), last=starts[:4])
     for one, rows in zip(fast.close(position, *levels, last=starts), few, strict=True):
         close_to(one[:4], rows, 1e-8)  # as far as the loops were open
     for number, error, words in (
-        ([1e4, 0.0], hybridyn.AssemblyError, "at sample 5"),
+        (
+            [-1.5, 1.5],
+            hybridyn.AssemblyError,
+            "at sample 5 straight from the guess: it would jump to another assembly branch",
+        ),
         (np.nan, hybridyn.TrajectoryError, "position is not finite at sample 5"),
     ):
         wrong = position.copy()

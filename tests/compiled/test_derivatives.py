@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.typing import ArrayLike
 
 import hybridyn
 from benchmarks.operations import total
@@ -114,7 +115,7 @@ def test_states_without_derivatives_are_refused(
 
 def test_where_pivots_vanish_the_general_path_judges(interpreted: None) -> None:
     robot = hybridyn.load("five_bar")
-    q = near_a_lost_pivot(robot, 1e-4, np.array(LOST_PIVOT))
+    q = near_a_lost_pivot(robot, 1e-4)
     v, tau = np.zeros(robot.nv), np.array([0.3, -0.2])
     derive = Derivatives(robot, "ddm")
     assert derive._interpreted.batch("ddm_jacobian", q[None], v[None], tau[None])[1] > GUARD_LIMIT
@@ -132,10 +133,13 @@ def test_where_pivots_vanish_the_general_path_judges(interpreted: None) -> None:
         refused(partial(of, q, v, tau), hybridyn.SingularityError, words)
 
 
-def near_a_lost_pivot(robot: hybridyn.HybridRobot, distance: float, guess: np.ndarray) -> np.ndarray:
+def near_a_lost_pivot(
+    robot: hybridyn.HybridRobot, distance: float, guess: ArrayLike = LOST_PIVOT
+) -> np.ndarray:
     """Return a posture of the five-bar near one at which a pivot vanishes, though no rank is lost."""
     values = [distance - 1.0703831736303813, 0.88]
-    return hybridyn.assemble(robot, motors=dict(zip(robot.motors, values, strict=True)), guess=guess)[0]
+    motors = dict(zip(robot.motors, values, strict=True))
+    return hybridyn.assemble(robot, motors=motors, guess=np.array(guess))[0]
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from hybridyn.compiled.compiling import interpreted_model
 from hybridyn.compiled.equations.request import request
 from hybridyn.compiled.equations.states import moving_states
 from hybridyn.compiled.programs.inverse import rubbing_program
-from hybridyn.compiled.programs.quantities.transmitted import transmitted, transmitting
+from hybridyn.compiled.programs.quantities.transmitted import transmitted
 from hybridyn.compiled.programs.reactions import reactions_program
 from hybridyn.compiled.programs.unpacking import computed_alone, reactions_in
 from hybridyn.compiled.programs.whole_robot import Interpreted
@@ -81,16 +81,16 @@ def test_joints_and_redundant_closures_of_a_planar_loop() -> None:
 
 
 def test_friction_and_rotors_act_along_their_joints() -> None:
-    """The library is that of the robot without them."""
+    """The program of reactions is that of the robot without them."""
     robot = hybridyn.load("five_bar")
     rubs = ViscousFriction(dict.fromkeys(robot.joints, 0.3))
     effects = ["default", rubs, RotorInertia(dict.fromkeys(robot.motors, 0.02))]
-    on, states = choose(robot, effects), balanced(robot, effects)
-    library, (tau, wanted) = transmitting(robot, on), hybridyn.idm(robot, *states, effects=on, reactions=True)
-    assert library is not None
-    _, found, guard = transmitted(robot, library, on, states, tau, 1)
-    assert (guard <= 1.0).all()
+    states, compiled = balanced(robot, effects), interpreted_model(robot, effects, "idm")
+    tau, found = compiled.idm(*states, reactions=True)
+    wanted_tau, wanted = hybridyn.idm(robot, *states, effects=effects, reactions=True)
+    close_to(tau, wanted_tau, ROUNDED)
     same(found, wanted)
+    assert not compiled.recomputed
 
 
 def written(robot: HybridRobot) -> None:

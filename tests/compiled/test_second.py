@@ -445,6 +445,6 @@ def test_what_has_no_second_derivative_is_refused(interpreted: None) -> None:
     ]
     for call, error, words in refusals:
         refused(call, error, words)
-    near = near_a_lost_pivot(robot, 1e-6, np.array([-1.07, 3.77, 0.88, 0.69]))
+    near = near_a_lost_pivot(robot, 1e-6)
     lost = partial(second.product, near, 0 * v, 0 * v, still, [still] * 3)
     refused(lost, hybridyn.SingularityError, "not to be trusted at sample 0: a pivot")

@@ -18,7 +18,7 @@ from tests import ROOT
 from tests.extending.packages import PAGE, install_workshop
 from tests.support.command_line import call
 from tests.support.extras import needs
-from tests.support.files import save
+from tests.support.files import beginning, save
 from tests.support.snippets import Block, blocks, stand_where_a_user_does
 
 
@@ -60,13 +60,12 @@ def test_own_names_ask_for_no_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(extensions, "_points", None)  # a call would fail
-    rows = (ROOT / "models" / "five_bar" / "traj.csv").read_text().splitlines()[:4]
-    table = save(tmp_path, "\n".join([*rows, ""]), "t.csv")
+    table = beginning(tmp_path, "five_bar", 3)
     call(capsys, "idm", "five_bar", table, "--effects", "default,spring", status=1, says="no numbers for")
     call(capsys, "idm", "five_bar", table, "--effects", "model", "-o", tmp_path / "out.csv")
     call(capsys, "info", "five_bar")
     designs = "[designs]\nmethod = 'grid'\n[parameters]\nmass = { values = [0.3] }"
-    task = "[tasks.t]\ntrajectory = 't.csv'\nmeasure = ['peak_effort', 'stroke_margin']"
+    task = "[tasks.t]\ntrajectory = 'motion.csv'\nmeasure = ['peak_effort', 'stroke_margin']"
     numbers = "[numbers]\n'mass:m1_left_lower' = 'mass'"
     save(tmp_path, f"robot.file = 'five_bar'\n{designs}\n{numbers}\n{task}\n", "study.toml")
     source = read_study(tmp_path / "study.toml")

@@ -21,7 +21,7 @@ from hybridyn.figures.workspace import figure_of_workspace
 from tests import ROOT
 from tests.support.command_line import call, table_text
 from tests.support.comparing import refused
-from tests.support.files import save
+from tests.support.files import beginning, save
 
 COLUMNS = ["time", "a/position", "b/position", "a/effort", "energy/kinetic", "energy/total", "residual"]
 ROWS = np.column_stack([np.linspace(0, 1, 5)] + [np.full(5, float(i)) for i in range(1, 6)] + [np.zeros(5)])
@@ -198,8 +198,7 @@ def test_extremes_keep_every_peak_of_long_tables(each: int) -> None:
 @pytest.mark.parametrize("ending", ["png", "svg", "html"])
 def test_idm_draws_what_it_computes(tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str) -> None:
     words = ("-o", tmp_path / "efforts.csv", "--plot", tmp_path / f"efforts.{ending}")
-    rows = (ROOT / "models/tanev/traj.csv").read_text().splitlines(keepends=True)[:11]
-    call(capsys, "idm", "tanev", save(tmp_path, "".join(rows), "motion.csv"), *words)
+    call(capsys, "idm", "tanev", beginning(tmp_path, "tanev", 10), *words)
     drawn = (tmp_path / f"efforts.{ending}").read_bytes()
     if ending != "png":
         for expected in (b"m1_platform", b"m2_platform"):

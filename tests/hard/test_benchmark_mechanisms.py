@@ -197,7 +197,7 @@ def test_flyball_governor(claim: Claim, duration: float, method: str, rtol: floa
 
 @pytest.mark.parametrize("duration", [0.005, slow(0.2)])
 def test_heavy_top(claim: Claim, duration: float) -> None:
-    """Orientation during one and a half turns of spin, and thirty."""
+    """Orientation while the spin turns by three quarters of a radian, and by thirty radians."""
     ready = stage(SCENES["heavy_top"])
     result = run(ready, duration)
     rtol = ready.source.scene.solver.rtol

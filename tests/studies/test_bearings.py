@@ -9,9 +9,8 @@ import pytest
 import hybridyn
 from hybridyn.structure.robot import HybridRobot
 from hybridyn.studies.bearings import Bearings, bearing_rows
-from tests import ROOT
 from tests.support.command_line import call
-from tests.support.files import save
+from tests.support.files import beginning, save
 
 ROUNDING = 1e-12
 TIME = np.linspace(0.0, 1.0, 21)
@@ -60,8 +59,7 @@ def test_a_loop_in_a_plane_shares_what_acts_out_of_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The command ranks joints by force, and says which loads have no number."""
-    rows = (ROOT / "models/five_bar/traj.csv").read_text().splitlines(keepends=True)[:51]
-    words = "idm", "five_bar", save(tmp_path, "".join(rows), "motion.csv"), "--bearings", "-q"
+    words = "idm", "five_bar", beginning(tmp_path, "five_bar", 50), "--bearings", "-q"
     out = call(capsys, *words, "-o", tmp_path / "b.csv", "--plot", tmp_path / "b.html").out
     with open(tmp_path / "b.csv", encoding="utf-8") as file:
         told = list(csv.DictReader(file))

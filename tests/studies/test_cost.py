@@ -45,7 +45,7 @@ from tests.support.clocks import Clock
 from tests.support.command_line import call, table_text
 from tests.support.comparing import refused
 from tests.support.extras import needs
-from tests.support.files import save
+from tests.support.files import beginning, save
 
 EXACT = 1e-12
 #: Loops closed in C are open by some units in the thirteenth digit.
@@ -605,9 +605,7 @@ def test_a_scene_that_takes_too_long_is_measured_at_its_beginning(monkeypatch: p
 @pytest.mark.slow
 def test_one_row_is_enough(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     needs("compiled")
-    rows = (ROOT / "models/five_bar/traj.csv").read_text().splitlines()
-    table = save(tmp_path, "\n".join(rows[:2]), "one.csv")
-    out = call(capsys, "cost", "five_bar", table, "--all")
+    out = call(capsys, "cost", "five_bar", beginning(tmp_path, "five_bar", 1), "--all")
     assert "(usual)" in out.out
     assert "120 rows or more" in out.out
 

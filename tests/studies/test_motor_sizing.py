@@ -18,9 +18,8 @@ from hybridyn.figures.reports import chart_of_sizing
 from hybridyn.streams import one_pass
 from hybridyn.streams.departures import departures
 from hybridyn.studies.sizing import CLOUD, Sizing, motor_rows
-from tests import ROOT
 from tests.support.command_line import call, table_text
-from tests.support.files import save
+from tests.support.files import beginning, save
 
 MASS, LENGTH, GRAVITY = 2.5, 0.4, 9.81
 EFFORT_LIMIT, SPEED_LIMIT = 20.0, 1.0
@@ -58,12 +57,6 @@ def write(folder: Path, kind: str, table: np.ndarray, header: list[str] = HEADER
 def single(folder: Path) -> hybridyn.HybridRobot:
     """Return a robot of one slide."""
     return hybridyn.load(save(folder, robot_text("prismatic"), "single.urdf"))
-
-
-def beginning(folder: Path) -> Path:
-    """Write the first rows of the five-bar's motion."""
-    rows = (ROOT / "models/five_bar/traj.csv").read_text().splitlines(keepends=True)[:101]
-    return save(folder, "".join(rows), "motion.csv")
 
 
 def sized(
@@ -187,7 +180,7 @@ def test_numbers_are_those_of_the_inverse_model(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, one_process: None
 ) -> None:
     monkeypatch.setattr(one_pass, "MOST_ROWS", 40)
-    robot, motion = hybridyn.load("five_bar"), beginning(tmp_path)
+    robot, motion = hybridyn.load("five_bar"), beginning(tmp_path, "five_bar", 100)
     report = tmp_path / "report.json"
     call(capsys, "idm", "--loads", "five_bar", motion, "-o", report, "--jobs", "2")
     efforts = tmp_path / "efforts.csv"
@@ -216,7 +209,8 @@ def test_a_table_without_time_has_no_energy(tmp_path: Path, capsys: pytest.Captu
 def test_a_page_shows_what_the_report_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Samples, peak, RMS and limits of every motor, one entry in the legend for each, no network."""
     page, report = tmp_path / "cloud.html", tmp_path / "report.json"
-    call(capsys, "idm", "--loads", "five_bar", beginning(tmp_path), "-o", report, "--plot", page)
+    motion = beginning(tmp_path, "five_bar", 100)
+    call(capsys, "idm", "--loads", "five_bar", motion, "-o", report, "--plot", page)
     text = page.read_text()
     assert not re.search(r"<(script|link)[^>]+(src|href)=.https?:", text)
     start = text.index("[", text.index("Plotly.newPlot(", text.rindex("<script")))

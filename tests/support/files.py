@@ -5,6 +5,7 @@ from pathlib import Path
 from lxml import etree
 
 from hybridyn.description.reading import open_robot
+from tests import ROOT
 
 
 def save(folder: Path, text: str | bytes, name: str = "four_bar.urdf") -> Path:
@@ -13,6 +14,12 @@ def save(folder: Path, text: str | bytes, name: str = "four_bar.urdf") -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
+
+
+def beginning(folder: Path, robot: str, rows: int) -> Path:
+    """Write the header and the first rows of a shipped robot's motion to "motion.csv", and give its path."""
+    lines = (ROOT / "models" / robot / "traj.csv").read_text().splitlines(keepends=True)
+    return save(folder, "".join(lines[: rows + 1]), "motion.csv")
 
 
 def expanded(file: Path) -> str:
