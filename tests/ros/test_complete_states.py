@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.errors import CompileError, HybridynError
+from hybridyn.errors import HybridynError
 from hybridyn.ros import ros_model
 from hybridyn.ros.complete_states import CompleteStates
 from hybridyn.ros.health import Health
 from hybridyn.ros.joint_numbers import JointNumbers
 from hybridyn.ros.ros_model import RosModel
 from tests.quantities.ankle import MOTORS, ankle, leg
+from tests.ros.conftest import no_compiler
 from tests.ros.judge import open_by
 
 #: Loops close to rounding; what is built of arms of a metre and angles of a radian adds some of it.
@@ -20,20 +21,9 @@ CLOSED = 1e-12
 LEFT, RIGHT = "m1_left_drive", "m1_right_drive"
 
 
-def without(*_: object, **__: object) -> None:
-    """Have no compiler."""
-    raise CompileError("no compiler")
-
-
-@pytest.fixture
-def slowly(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ros_model, "compile", without)
-
-
 @pytest.fixture(scope="module")
 def model() -> RosModel:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ros_model, "compile", without)
+    with no_compiler():
         return RosModel(hybridyn.load("five_bar"))
 
 

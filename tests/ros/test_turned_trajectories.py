@@ -6,28 +6,17 @@ import numpy as np
 import pytest
 
 import hybridyn
-from hybridyn.errors import CompileError, TrajectoryError
-from hybridyn.ros import ros_model
+from hybridyn.errors import TrajectoryError
 from hybridyn.ros.ros_model import RosModel
 from hybridyn.ros.turned_trajectories import JointPoint, turned
 from hybridyn.structure.bodies import Payload
 from tests.quantities.ankle import JOINTS, MOTORS, ankle, closed_form, leg
-
-
-def without(*_: object, **__: object) -> None:
-    """Have no compiler."""
-    raise CompileError("no compiler")
-
-
-@pytest.fixture
-def slowly(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ros_model, "compile", without)
+from tests.ros.conftest import no_compiler
 
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> RosModel:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ros_model, "compile", without)
+    with no_compiler():
         return RosModel(ankle(tmp_path_factory.mktemp("ankle")), JOINTS)
 
 
