@@ -108,14 +108,16 @@ def link_motions(robot: HybridRobot, q: Array, v: Array, links: Iterable[str]) -
 
     Only the modules between the root and these links are computed.
     """
+    places = {link: robot.bodies.place[link] for link in links}
+    if not places:
+        return {}
     wanted: set[int] = set()
-    for link in links:
-        k = robot.body_owner[robot.bodies.place[link][0]][0]
+    for body, _, _ in places.values():
+        k = robot.body_owner[body][0]
         while k >= 0 and k not in wanted:
             wanted.add(k)
             k = robot.modules[k].parent
     bodies = body_motions(robot, q, v, np.zeros_like(v), wanted)
-    places = {link: robot.bodies.place[link] for link in links}
     return {link: bodies[b].then(Motion.at_rest(len(q), R, p)) for link, (b, R, p) in places.items()}
 
 
